@@ -1,0 +1,91 @@
+# Needs make, gcc, git or not, and any Python >= 3.11; everything else goes into $(VENV).
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+.PHONY: help demo test lint unit verify bench docs explore clean
+
+VENV ?= .venv
+WORKERS ?= 2
+# The first interpreter that starts and is recent enough. Name your own with `make PYTHON=/path/to/python ...`.
+PYTHON ?= $(shell for p in python3.11 python3 python3.12 python3.13 python; do \
+	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && echo $$p && break; done)
+
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+RIG := examples/pmma_slider.toml
+
+help:
+	@echo 'make demo      predict and simulate $(RIG), with pictures in demo/'
+	@echo 'make test      every check: style, types, imports, equations, tests'
+	@echo 'make lint      the same without the tests'
+	@echo "make verify    the paper's claims and solver against solver (slower)"
+	@echo 'make bench     each fast path beside the plain loop it replaces'
+	@echo 'make docs      the documentation, in docs/_build'
+	@echo 'make explore   the browser app'
+	@echo 'make clean     remove $(VENV), demo/ and all caches'
+
+# ---------------------------------------------------------------- what a person runs
+
+demo: $(VENV)/.runtime
+	@mkdir -p demo
+	$(BIN)/stickslip predict $(RIG) --plot demo/predict.png
+	$(BIN)/stickslip simulate $(RIG) -o demo/run.nc --plot demo/run.png
+	@echo
+	@echo 'The verdict is drawn in $(CURDIR)/demo/predict.png'
+	@echo 'The run is drawn in     $(CURDIR)/demo/run.png and kept in $(CURDIR)/demo/run.nc'
+
+test: lint unit
+
+lint: $(VENV)/.dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/python tools/equations.py
+
+unit: $(VENV)/.dev
+	$(BIN)/python -m pytest -q -n $(WORKERS) -m 'not slow'
+
+verify: $(VENV)/.dev
+	$(BIN)/python -m pytest -q verification
+	$(BIN)/python -m pytest -q -m slow || [ $$? -eq 5 ]  # 5: no test is marked slow
+
+bench: $(VENV)/.dev
+	$(BIN)/python -m pytest -q benchmarks --benchmark-only --benchmark-columns=min,median,rounds
+
+docs: $(VENV)/.docs
+	$(BIN)/python -m sphinx -q -W -b html docs docs/_build/html
+	@echo 'Open $(CURDIR)/docs/_build/html/index.html'
+
+explore: $(VENV)/.explorer
+	$(BIN)/stickslip explore
+
+clean:
+	rm -rf $(VENV) demo build dist docs/_build htmlcov .benchmarks .coverage .hypothesis
+	rm -rf .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
+	find src tests verification benchmarks tools examples -name __pycache__ -prune -exec rm -rf {} + 2>/dev/null || true
+
+# ---------------------------------------------------------------- the environment, made on first use
+
+$(VENV)/bin/python:
+	@[ -n '$(PYTHON)' ] || { echo 'No Python >= 3.11 found; name one with PYTHON=...' >&2; exit 1; }
+	@$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
+		echo 'Could not make a virtual environment with $(PYTHON); on Debian: apt-get install python3-venv' >&2; exit 1; }
+
+# A stamp is older than pyproject.toml when the dependencies may have changed.
+$(VENV)/.runtime: pyproject.toml | $(VENV)/bin/python
+	@echo 'Installing stickslip into $(VENV) (the first time takes a minute or two)'
+	$(PIP) -e .
+	@touch $@
+
+$(VENV)/.dev: pyproject.toml | $(VENV)/bin/python
+	@echo 'Installing stickslip and its development tools into $(VENV) (the first time takes some minutes)'
+	$(PIP) -e '.[dev]'
+	@touch $(VENV)/.runtime $(VENV)/.explorer $@
+
+$(VENV)/.docs: pyproject.toml | $(VENV)/bin/python
+	$(PIP) -e '.[docs]'
+	@touch $(VENV)/.runtime $@
+
+$(VENV)/.explorer: pyproject.toml | $(VENV)/bin/python
+	$(PIP) -e '.[explorer]'
+	@touch $(VENV)/.runtime $@
