@@ -1,7 +1,7 @@
 """Every equation of the paper that the code cites has a test, and every tested equation is cited.
 
 A citation is ``Eq. (8)``, ``Eqs. (1)-(4)`` or ``Eqs. (1), (3) and (8)`` anywhere in ``src/**/*.py``;
-a test in ``tests/`` or ``verification/`` says ``@pytest.mark.eq(8)`` (or ``pytestmark = pytest.mark.eq(1, 2)``).
+a test in ``tests/`` or ``verification/`` says ``@pytest.mark.eq(8)``, alone or as part of ``pytestmark``.
 One line for each equation that has only one of the two, and exit status 1.
 
     python tools/equations.py [ROOT]
