@@ -1,0 +1,120 @@
+"""What pulls: the far end of the driving spring, moved at a velocity that is linear in time piece by piece.
+
+Drives are values: comparable, printable, joined by `Drive.then`.
+
+>>> loop = ramp(0.1, 3.0, duration=200).then(ramp(3.0, 0.1, duration=200))
+>>> loop.duration
+400.0
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stickslip.errors import InputError, instance, number
+
+
+@dataclass(frozen=True)
+class Travel:
+    """Condition: the slider has moved this far (either way) since the piece of the drive began."""
+
+    distance: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "distance", number("Travel.distance", self.distance, above=0, hint="in x_s"))
+
+
+@dataclass(frozen=True)
+class ForceAbove:
+    """Condition: the driving force per contact has reached this value."""
+
+    force: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "force", number("ForceAbove.force", self.force, hint="in f_s"))
+
+
+@dataclass(frozen=True)
+class ForceBelow:
+    """Condition: the driving force per contact has fallen to this value."""
+
+    force: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "force", number("ForceBelow.force", self.force, hint="in f_s"))
+
+
+Condition = Travel | ForceAbove | ForceBelow
+
+
+@dataclass(frozen=True, kw_only=True)
+class Piece:
+    """A stretch of time in which the drive's velocity goes linearly from `start` to `end`.
+
+    `until`, if given, ends the piece early, at the first sample of the run where the condition holds.
+    """
+
+    start: float
+    end: float
+    duration: float
+    until: Condition | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "start", number("drive velocity", self.start))
+        object.__setattr__(self, "end", number("drive velocity", self.end))
+        object.__setattr__(self, "duration", number("drive duration", self.duration, above=0))
+        if self.until is not None:
+            instance("drive until", self.until, Condition, "Travel, ForceAbove or ForceBelow")
+
+    @property
+    def acceleration(self) -> float:
+        """Rate of change of the drive's velocity."""
+        return (self.end - self.start) / self.duration
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A sequence of pieces; made with `hold` and `ramp`."""
+
+    pieces: tuple[Piece, ...]
+
+    def __post_init__(self) -> None:
+        if not self.pieces:
+            raise InputError("Drive.pieces: must hold at least one piece; make one with hold() or ramp()")
+
+    @property
+    def duration(self) -> float:
+        """Time the whole drive lasts if no condition ends a piece early."""
+        return sum(piece.duration for piece in self.pieces)
+
+    def then(self, other: Drive) -> Drive:
+        """Return this drive followed by another."""
+        instance("Drive.then", other, Drive, "a drive, made with hold() or ramp()")
+        return Drive(self.pieces + other.pieces)
+
+    def until(self, condition: Condition) -> Drive:
+        """Return the drive with its last piece ended early, at the first sample where the condition holds."""
+        return Drive((*self.pieces[:-1], replace(self.pieces[-1], until=condition)))
+
+    def velocity(self, t: ArrayLike) -> NDArray[np.float64]:
+        """Velocity of the drive at times `t`, conditions aside; constant beyond both ends."""
+        times, values = [], []
+        begin = 0.0
+        for piece in self.pieces:
+            times += [begin, begin + piece.duration]
+            values += [piece.start, piece.end]
+            begin += piece.duration
+        return np.interp(np.asarray(t, dtype=float), times, values)
+
+
+def hold(velocity: float, duration: float) -> Drive:
+    """Pull at a constant velocity (in ``x_s`` per time) for a time."""
+    return Drive((Piece(start=velocity, end=velocity, duration=duration),))
+
+
+def ramp(start: float, end: float, duration: float) -> Drive:
+    """Pull at a velocity that goes linearly from `start` to `end`."""
+    return Drive((Piece(start=start, end=end, duration=duration),))

@@ -1,0 +1,97 @@
+"""One error for every wrong input, and the checks that raise it.
+
+Each message names the place, the value found there and what would be right, so that the command line can print it
+as it is.
+"""
+
+from __future__ import annotations
+
+import math
+from numbers import Real
+
+
+class InputError(ValueError):
+    """What the user gave cannot be used; the message says where, what and how to put it right."""
+
+
+class UndecidedError(RuntimeError):
+    """The question has no answer on the evidence at hand; the message gives the evidence."""
+
+
+def number(
+    place: str,
+    value: object,
+    *,
+    above: float | None = None,
+    at_least: float | None = None,
+    below: float | None = None,
+    at_most: float | None = None,
+    infinite: bool = False,
+    hint: str = "",
+) -> float:
+    """Return `value` as a float if it is a real number in the range, else raise `InputError`.
+
+    Parameters
+    ----------
+    place : str
+        Where the value stands, for the message: ``"Slider.mass"``.
+    value : object
+        What was given there.
+    above, at_least, below, at_most : float, optional
+        Open and closed bounds.
+    infinite : bool
+        Whether infinity is allowed.
+    hint : str
+        What the number means, with its unit.
+
+    Raises
+    ------
+    InputError
+        If the value is not a number, is NaN, or is out of range.
+    """
+    wanted = _range_in_words(above, at_least, below, at_most) + (f" ({hint})" if hint else "")
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise InputError(f"{place} = {value!r}: must be a number{wanted}")
+    result = float(value)
+    out_of_range = (
+        math.isnan(result)
+        or (math.isinf(result) and not infinite)
+        or (above is not None and result <= above)
+        or (at_least is not None and result < at_least)
+        or (below is not None and result >= below)
+        or (at_most is not None and result > at_most)
+    )
+    if out_of_range:
+        kind = "a number" if infinite else "a finite number"
+        raise InputError(f"{place} = {result:g}: must be {kind}{wanted}")
+    return result
+
+
+def whole(place: str, value: object, *, at_least: int, at_most: int | None = None, hint: str = "") -> int:
+    """Return `value` as an int if it is a whole number in the range, else raise `InputError`."""
+    result = number(place, value, at_least=at_least, at_most=at_most, hint=hint)
+    if result != int(result):
+        raise InputError(f"{place} = {result:g}: must be a whole number" + (f" ({hint})" if hint else ""))
+    return int(result)
+
+
+def instance(place: str, value: object, kind: type | tuple[type, ...], hint: str) -> None:
+    """Raise `InputError` unless `value` is of the kind asked for."""
+    if not isinstance(value, kind):
+        raise InputError(f"{place} = {value!r}: must be {hint}")
+
+
+def _range_in_words(
+    above: float | None, at_least: float | None, below: float | None, at_most: float | None
+) -> str:
+    words = [
+        f"{word} {bound:g}"
+        for word, bound in (
+            ("above", above),
+            ("at least", at_least),
+            ("below", below),
+            ("at most", at_most),
+        )
+        if bound is not None
+    ]
+    return " " + " and ".join(words) if words else ""

@@ -1,0 +1,1 @@
+"""Pure functions on arrays and numbers: numpy and numba only, nothing else of ours."""

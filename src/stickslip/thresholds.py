@@ -1,0 +1,697 @@
+"""Laws for the thresholds of contacts and for their initial stretchings.
+
+Every law answers the same few questions (`Law`), so that every solver takes every law. A threshold is a stretching
+at which a contact breaks, hence positive: a law that reaches below zero is conditioned on positive values by
+`positive` when it is used for thresholds, and taken as it is when it is used for initial stretchings.
+
+Natural units: stretchings in units of ``x_s = f_s/k``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Protocol, Self, cast, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import special
+
+from stickslip.errors import InputError, number
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+NEGLIGIBLE = 1e-16
+"""Probability below which the tail of a law is left out of a table (double precision of a probability)."""
+
+
+@runtime_checkable
+class Law(Protocol):
+    """A probability law on stretchings.
+
+    A new law gives `density`, `partial_moment`, `inverse_survival`, `laplace` and `positive`; the rest follows.
+    """
+
+    def density(self, x: ArrayLike) -> Array:
+        """Probability density at stretching `x`."""
+        ...
+
+    def partial_moment(self, x: ArrayLike, order: int) -> Array:
+        """Integral of ``y**order`` times the density over ``y > x``."""
+        ...
+
+    def inverse_survival(self, probability: ArrayLike) -> Array:
+        """Stretching exceeded with the given probability."""
+        ...
+
+    def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
+        """Mean of ``x**order * exp(-q x)`` at complex `q`: minus the slope of the transform for order 1."""
+        ...
+
+    def positive(self) -> Law:
+        """Return the law conditioned on positive values."""
+        ...
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """Stretchings where the density jumps (a solver may have to look at both sides)."""
+        return ()
+
+    def survival(self, x: ArrayLike) -> Array:
+        """Probability ``J_c(x)`` of a threshold beyond `x`, Eq. (3)."""
+        return self.partial_moment(x, 0)
+
+    def hazard(self, x: ArrayLike) -> Array:
+        """Breaking rate per unit stretching ``P(x) = P_c(x)/J_c(x)``, Eq. (3); infinite beyond the support."""
+        density, survival = self.density(x), self.survival(x)
+        return np.divide(density, survival, out=np.full_like(density, np.inf), where=survival > 0)
+
+    def moment(self, order: int) -> float:
+        """Mean of ``x**order``."""
+        return float(self.partial_moment(-np.inf, order))
+
+    def standard_deviation(self) -> float:
+        """Root mean square distance from the mean."""
+        mean = self.moment(1)
+        return math.sqrt(max(self.moment(2) - mean * mean, 0.0))
+
+    def sample(self, rng: np.random.Generator, size: int) -> Array:
+        """Draw `size` independent values with the generator handed in."""
+        return self.inverse_survival(rng.random(size))
+
+    def sample_beyond(self, rng: np.random.Generator, bound: ArrayLike) -> Array:
+        """Draw one value for each entry of `bound`, conditioned on exceeding it."""
+        bound = np.asarray(bound, dtype=float)
+        uniform = 1.0 - rng.random(bound.shape)
+        return np.maximum(self.inverse_survival(uniform * self.survival(bound)), bound)
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """Interval that holds all but a negligible part of the probability on each side."""
+        low, high = self.inverse_survival(np.array([1.0 - NEGLIGIBLE, NEGLIGIBLE]))
+        return float(low), float(high)
+
+
+def excess(law: Law, x: ArrayLike, order: int) -> Array:
+    """Mean of ``max(x_s - x, 0)**order / order!``: the survival function integrated `order` times from above."""
+    x = np.asarray(x, dtype=float)
+    total = np.zeros_like(x)
+    for power in range(order + 1):
+        factor = math.comb(order, power) / math.factorial(order)
+        total += factor * (-x) ** (order - power) * law.partial_moment(x, power)
+    return total
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gaussian(Law):
+    """Gaussian law, optionally cut off from below; a spread of zero puts all stretchings at the mean.
+
+    Parameters
+    ----------
+    mean, spread : float
+        Centre and standard deviation before the cut, in units of ``x_s``. The paper's ``Delta f_s/f_s`` and
+        ``Delta f_0/f_s`` are spreads.
+    lower : float
+        Values at or below it are drawn again.
+    """
+
+    mean: float
+    spread: float
+    lower: float = -math.inf
+
+    def __post_init__(self) -> None:
+        _set(self, "mean", number("Gaussian.mean", self.mean))
+        _set(self, "spread", number("Gaussian.spread", self.spread, at_least=0))
+        _set(self, "lower", number("Gaussian.lower", self.lower, infinite=True))
+        if self._beyond_lower() < 1e-6:
+            raise InputError(
+                f"Gaussian.lower = {self.lower:g}: less than one value in a million lies above it; "
+                f"raise the mean ({self.mean:g}) or the spread ({self.spread:g})"
+            )
+
+    def _z(self, x: ArrayLike) -> Array:
+        return (np.asarray(x, dtype=float) - self.mean) / self.spread
+
+    def _beyond_lower(self) -> float:
+        if self.spread == 0:
+            return float(self.mean > self.lower)
+        return float(special.ndtr(-self._z(self.lower)))
+
+    def density(self, x: ArrayLike) -> Array:
+        """Probability density at `x`."""
+        if self.spread == 0:
+            raise InputError(
+                "Gaussian.spread = 0: a law with all its values at one point has no density; "
+                "give a spread above 0, or use the method Contacts"
+            )
+        x = np.asarray(x, dtype=float)
+        bell = np.exp(-0.5 * self._z(x) ** 2) / (math.sqrt(2 * math.pi) * self.spread)
+        return np.where(x >= self.lower, bell / self._beyond_lower(), 0.0)
+
+    def partial_moment(self, x: ArrayLike, order: int) -> Array:
+        """Integral of ``y**order`` times the density over ``y > x``, by recursion in the order."""
+        x = np.maximum(np.asarray(x, dtype=float), self.lower)
+        if self.spread == 0:
+            return np.where(x < self.mean, self.mean**order, 0.0)
+        finite = np.where(np.isfinite(x), x, 0.0)
+        z = self._z(x)
+        edge = self.spread * np.exp(-0.5 * z**2) / math.sqrt(2 * math.pi)
+        moments = [special.ndtr(-z)]
+        for n in range(1, order + 1):
+            earlier = (n - 1) * self.spread**2 * moments[n - 2] if n > 1 else 0.0
+            moments.append(self.mean * moments[n - 1] + earlier + finite ** (n - 1) * edge)
+        return np.asarray(moments[order] / self._beyond_lower())
+
+    def inverse_survival(self, probability: ArrayLike) -> Array:
+        """Stretching exceeded with the given probability."""
+        tail = np.asarray(probability, dtype=float) * self._beyond_lower()
+        return np.asarray(self.mean - self.spread * special.ndtri(tail))
+
+    def sample(self, rng: np.random.Generator, size: int) -> Array:
+        """Draw `size` values; those at or below `lower` are drawn again."""
+        values = rng.normal(self.mean, self.spread, size)
+        while (again := np.flatnonzero(values <= self.lower)).size:
+            values[again] = rng.normal(self.mean, self.spread, again.size)
+        return values
+
+    def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
+        """Mean of ``x**order * exp(-q x)``, through the scaled error function so that nothing overflows early."""
+        q = np.asarray(q, dtype=complex)
+        if self.spread == 0:
+            return np.asarray(self.mean**order * np.exp(-q * self.mean))
+        variance = self.spread**2
+        bell = np.exp(-q * self.mean + 0.5 * q * q * variance)
+        kept, edge = bell, np.zeros_like(bell)
+        if math.isfinite(self.lower):
+            # erfcx keeps exp(large) * erfc(large) together: no overflow on either side of the cut.
+            z = (self.lower - self.mean + q * variance) / (self.spread * math.sqrt(2))
+            at_cut = np.exp(-q * self.lower - 0.5 * float(self._z(self.lower)) ** 2)
+            right = z.real >= 0
+            part = 0.5 * at_cut * special.erfcx(np.where(right, z, -z))
+            kept = np.where(right, part, np.where(right, 0.0, bell) - part)
+            edge = at_cut / math.sqrt(2 * math.pi) * self.spread
+        if order == 1:
+            kept = (self.mean - q * self.spread**2) * kept + edge
+        elif order != 0:
+            raise InputError(f"laplace(order={order}): only orders 0 and 1 are defined")
+        return np.asarray(kept / self._beyond_lower())
+
+    def positive(self) -> Gaussian:
+        """Return the law cut off at zero."""
+        return replace(self, lower=max(self.lower, 0.0))
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """The cut, where there is one, or the single value of a law without spread."""
+        if self.spread == 0:
+            return (self.mean,)
+        return () if math.isinf(self.lower) else (self.lower,)
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """Interval that holds all but a negligible part of the probability on each side."""
+        reach = 8.3 * self.spread
+        return max(self.lower, self.mean - reach), self.mean + reach
+
+
+@dataclass(frozen=True, kw_only=True)
+class Uniform(Law):
+    """Rectangular law on ``[low, high]``."""
+
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        _set(self, "low", number("Uniform.low", self.low))
+        _set(self, "high", number("Uniform.high", self.high, above=self.low))
+
+    def density(self, x: ArrayLike) -> Array:
+        """Probability density at `x`."""
+        x = np.asarray(x, dtype=float)
+        return np.where((x >= self.low) & (x <= self.high), 1.0 / (self.high - self.low), 0.0)
+
+    def partial_moment(self, x: ArrayLike, order: int) -> Array:
+        """Integral of ``y**order`` times the density over ``y > x``."""
+        x = np.clip(np.asarray(x, dtype=float), self.low, self.high)
+        return np.asarray((self.high ** (order + 1) - x ** (order + 1)) / ((order + 1) * (self.high - self.low)))
+
+    def inverse_survival(self, probability: ArrayLike) -> Array:
+        """Stretching exceeded with the given probability."""
+        return np.asarray(self.high - np.asarray(probability, dtype=float) * (self.high - self.low))
+
+    def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
+        """Mean of ``x**order * exp(-q x)``."""
+        return _laplace_of_bins(q, np.array([self.low, self.high]), np.array([1.0]), order)
+
+    def positive(self) -> Uniform:
+        """Return the law on the positive part of its interval."""
+        if self.high <= 0:
+            raise InputError(f"Uniform.high = {self.high:g}: must be above 0 for a law of thresholds")
+        return replace(self, low=max(self.low, 0.0))
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """The two ends."""
+        return (self.low, self.high)
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """The interval itself."""
+        return self.low, self.high
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exponential(Law):
+    """Exponential law: a contact that has no memory of its stretching."""
+
+    mean: float
+
+    def __post_init__(self) -> None:
+        _set(self, "mean", number("Exponential.mean", self.mean, above=0))
+
+    def density(self, x: ArrayLike) -> Array:
+        """Probability density at `x`."""
+        x = np.asarray(x, dtype=float)
+        return np.where(x >= 0, np.exp(-np.maximum(x, 0.0) / self.mean) / self.mean, 0.0)
+
+    def partial_moment(self, x: ArrayLike, order: int) -> Array:
+        """Integral of ``y**order`` times the density over ``y > x``."""
+        u = np.maximum(np.asarray(x, dtype=float), 0.0) / self.mean
+        scale = self.mean**order * math.factorial(order)
+        return np.asarray(scale * special.gammaincc(order + 1.0, u))
+
+    def inverse_survival(self, probability: ArrayLike) -> Array:
+        """Stretching exceeded with the given probability."""
+        return np.asarray(-self.mean * np.log(np.asarray(probability, dtype=float)))
+
+    def sample(self, rng: np.random.Generator, size: int) -> Array:
+        """Draw `size` values."""
+        return rng.exponential(self.mean, size)
+
+    def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
+        """Mean of ``x**order * exp(-q x)``."""
+        return np.asarray(
+            math.factorial(order) * self.mean**order / (1 + self.mean * np.asarray(q, dtype=complex)) ** (order + 1)
+        )
+
+    def positive(self) -> Exponential:
+        """Return the law itself: it is positive."""
+        return self
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """Zero, where the density starts."""
+        return (0.0,)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gamma(Law):
+    """Gamma law with the given mean and standard deviation."""
+
+    mean: float
+    spread: float
+
+    def __post_init__(self) -> None:
+        _set(self, "mean", number("Gamma.mean", self.mean, above=0))
+        _set(self, "spread", number("Gamma.spread", self.spread, above=0))
+
+    @property
+    def shape(self) -> float:
+        """Shape parameter ``(mean/spread)**2``."""
+        return (self.mean / self.spread) ** 2
+
+    @property
+    def scale(self) -> float:
+        """Scale parameter ``spread**2/mean``."""
+        return self.spread**2 / self.mean
+
+    def density(self, x: ArrayLike) -> Array:
+        """Probability density at `x`."""
+        u = np.asarray(x, dtype=float) / self.scale
+        inside = np.maximum(u, np.finfo(float).tiny)
+        bell = np.exp((self.shape - 1) * np.log(inside) - inside - special.gammaln(self.shape)) / self.scale
+        return np.where(u >= 0, bell, 0.0)
+
+    def partial_moment(self, x: ArrayLike, order: int) -> Array:
+        """Integral of ``y**order`` times the density over ``y > x``."""
+        u = np.maximum(np.asarray(x, dtype=float), 0.0) / self.scale
+        scale = self.scale**order * float(special.poch(self.shape, order))
+        return np.asarray(scale * special.gammaincc(self.shape + order, u))
+
+    def inverse_survival(self, probability: ArrayLike) -> Array:
+        """Stretching exceeded with the given probability."""
+        return np.asarray(self.scale * special.gammainccinv(self.shape, np.asarray(probability, dtype=float)))
+
+    def sample(self, rng: np.random.Generator, size: int) -> Array:
+        """Draw `size` values; an underflow to zero is lifted to the smallest number."""
+        return np.maximum(rng.gamma(self.shape, self.scale, size), np.finfo(float).tiny)
+
+    def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
+        """Mean of ``x**order * exp(-q x)``."""
+        factor = self.scale**order * float(special.poch(self.shape, order))
+        return np.asarray(factor * (1 + self.scale * np.asarray(q, dtype=complex)) ** (-self.shape - order))
+
+    def positive(self) -> Gamma:
+        """Return the law itself: it is positive."""
+        return self
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """Zero, where the density may start with a jump."""
+        return (0.0,)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogNormal(Law):
+    """Log-normal law with the given mean and standard deviation (of the stretching, not of its logarithm)."""
+
+    mean: float
+    spread: float
+
+    def __post_init__(self) -> None:
+        _set(self, "mean", number("LogNormal.mean", self.mean, above=0))
+        _set(self, "spread", number("LogNormal.spread", self.spread, above=0))
+
+    @property
+    def log_spread(self) -> float:
+        """Standard deviation of the logarithm."""
+        return math.sqrt(math.log1p((self.spread / self.mean) ** 2))
+
+    @property
+    def log_mean(self) -> float:
+        """Mean of the logarithm."""
+        return math.log(self.mean) - 0.5 * self.log_spread**2
+
+    def _z(self, x: ArrayLike) -> Array:
+        logarithm = np.log(np.maximum(np.asarray(x, dtype=float), np.finfo(float).tiny))
+        return np.asarray((logarithm - self.log_mean) / self.log_spread)
+
+    def density(self, x: ArrayLike) -> Array:
+        """Probability density at `x`."""
+        x = np.asarray(x, dtype=float)
+        bell = np.exp(-0.5 * self._z(x) ** 2) / (math.sqrt(2 * math.pi) * self.log_spread)
+        return np.where(x > 0, bell / np.maximum(x, np.finfo(float).tiny), 0.0)
+
+    def partial_moment(self, x: ArrayLike, order: int) -> Array:
+        """Integral of ``y**order`` times the density over ``y > x``."""
+        scale = math.exp(order * self.log_mean + 0.5 * (order * self.log_spread) ** 2)
+        x = np.asarray(x, dtype=float)
+        return np.where(x > 0, scale * special.ndtr(order * self.log_spread - self._z(x)), scale)
+
+    def inverse_survival(self, probability: ArrayLike) -> Array:
+        """Stretching exceeded with the given probability."""
+        z = -special.ndtri(np.asarray(probability, dtype=float))
+        return np.asarray(np.exp(self.log_mean + self.log_spread * z))
+
+    def sample(self, rng: np.random.Generator, size: int) -> Array:
+        """Draw `size` values."""
+        return rng.lognormal(self.log_mean, self.log_spread, size)
+
+    def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
+        """Mean of ``x**order * exp(-q x)``, by quadrature in the logarithm (there is no closed form)."""
+        z, weight = _panels(-8.5, 8.5, self._panel_count(q))
+        x = np.exp(self.log_mean + self.log_spread * z)
+        return _laplace_of_nodes(q, x, weight * np.exp(-0.5 * z * z) / math.sqrt(2 * math.pi), order)
+
+    def _panel_count(self, q: ArrayLike) -> int:
+        # The phase q x turns fastest where the density is still felt, about five deviations up.
+        fastest = float(np.max(np.abs(np.imag(q)), initial=0.0)) * float(self.inverse_survival(1e-7))
+        return 12 + int(17 * fastest * self.log_spread / 6)
+
+    def positive(self) -> LogNormal:
+        """Return the law itself: it is positive."""
+        return self
+
+
+@dataclass(frozen=True, kw_only=True)
+class Weibull(Law):
+    """Weibull law: ``J_c(x) = exp(-(x/scale)**shape)``, the weakest link of many."""
+
+    scale: float
+    shape: float
+
+    def __post_init__(self) -> None:
+        _set(self, "scale", number("Weibull.scale", self.scale, above=0))
+        _set(self, "shape", number("Weibull.shape", self.shape, at_least=0.1))
+
+    def density(self, x: ArrayLike) -> Array:
+        """Probability density at `x`."""
+        u = np.asarray(x, dtype=float) / self.scale
+        inside = np.maximum(u, np.finfo(float).tiny)
+        bell = self.shape / self.scale * inside ** (self.shape - 1) * np.exp(-(inside**self.shape))
+        return np.where(u >= 0, bell, 0.0)
+
+    def partial_moment(self, x: ArrayLike, order: int) -> Array:
+        """Integral of ``y**order`` times the density over ``y > x``."""
+        u = (np.maximum(np.asarray(x, dtype=float), 0.0) / self.scale) ** self.shape
+        a = 1.0 + order / self.shape
+        return np.asarray(self.scale**order * special.gamma(a) * special.gammaincc(a, u))
+
+    def inverse_survival(self, probability: ArrayLike) -> Array:
+        """Stretching exceeded with the given probability."""
+        return np.asarray(self.scale * (-np.log(np.asarray(probability, dtype=float))) ** (1 / self.shape))
+
+    def sample(self, rng: np.random.Generator, size: int) -> Array:
+        """Draw `size` values; an underflow to zero is lifted to the smallest number."""
+        return np.maximum(self.scale * rng.weibull(self.shape, size), np.finfo(float).tiny)
+
+    def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
+        """Mean of ``x**order * exp(-q x)``, by quadrature in the logarithm of the hazard (no closed form)."""
+        fastest = float(np.max(np.abs(np.imag(q)), initial=0.0)) * float(self.inverse_survival(1e-9))
+        y, weight = _panels(-40.0, 3.7, 24 + int(4 * fastest / self.shape))
+        t = np.exp(y)
+        return _laplace_of_nodes(q, self.scale * t ** (1 / self.shape), weight * t * np.exp(-t), order)
+
+    def positive(self) -> Weibull:
+        """Return the law itself: it is positive."""
+        return self
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """Zero, where the density may start with a jump."""
+        return (0.0,)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Empirical(Law):
+    """A measured law: a histogram, its density constant within each bin.
+
+    Parameters
+    ----------
+    edges : sequence of float, shape (n + 1,)
+        Rising edges of the bins.
+    weights : sequence of float, shape (n,)
+        Non-negative weights of the bins; stored normalised to a sum of one.
+
+    See Also
+    --------
+    Empirical.from_samples : make the histogram from measured values.
+    """
+
+    edges: tuple[float, ...]
+    weights: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        edges = tuple(number(f"Empirical.edges[{i}]", e) for i, e in enumerate(self.edges))
+        weights = [number(f"Empirical.weights[{i}]", w, at_least=0) for i, w in enumerate(self.weights)]
+        if len(edges) != len(weights) + 1 or len(weights) == 0:
+            raise InputError(
+                f"Empirical: {len(edges)} edges and {len(weights)} weights: must be one edge more than weights"
+            )
+        if any(right <= left for left, right in zip(edges, edges[1:], strict=False)):
+            raise InputError("Empirical.edges: must rise from each edge to the next")
+        total = sum(weights)
+        if total <= 0:
+            raise InputError("Empirical.weights: must have a positive sum")
+        _set(self, "edges", edges)
+        _set(self, "weights", tuple(w / total for w in weights))
+
+    @classmethod
+    def from_samples(cls, samples: ArrayLike, bins: int | None = None) -> Self:
+        """Make the histogram of measured values.
+
+        Parameters
+        ----------
+        samples : array_like
+            At least two different finite values.
+        bins : int, optional
+            Number of equal bins; by default numpy's rule ``"auto"``.
+
+        Raises
+        ------
+        InputError
+            If there are fewer than two different values, or one is not finite.
+        """
+        values = np.ravel(np.asarray(samples, dtype=float))
+        if values.size == 0 or not np.all(np.isfinite(values)) or np.ptp(values) == 0:
+            raise InputError("Empirical.from_samples: needs at least two different values, all finite")
+        counts, edges = np.histogram(values, bins="auto" if bins is None else bins)
+        return cls(edges=tuple(edges.tolist()), weights=tuple(counts.astype(float).tolist()))
+
+    def density(self, x: ArrayLike) -> Array:
+        """Probability density at `x`."""
+        x = np.asarray(x, dtype=float)
+        edges, weights = np.array(self.edges), np.array(self.weights)
+        bin_ = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, weights.size - 1)
+        inside = (x >= edges[0]) & (x <= edges[-1])
+        return np.where(inside, (weights / np.diff(edges))[bin_], 0.0)
+
+    def partial_moment(self, x: ArrayLike, order: int) -> Array:
+        """Integral of ``y**order`` times the density over ``y > x``."""
+        edges, weights = np.array(self.edges), np.array(self.weights)
+        heights = weights / np.diff(edges)
+        x = np.clip(np.asarray(x, dtype=float), edges[0], edges[-1])
+        powers = edges ** (order + 1) / (order + 1)
+        beyond = np.append(np.cumsum((heights * np.diff(powers))[::-1])[::-1], 0.0)
+        bin_ = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, weights.size - 1)
+        rest = heights[bin_] * (powers[bin_ + 1] - x ** (order + 1) / (order + 1))
+        return np.asarray(rest + beyond[bin_ + 1])
+
+    def inverse_survival(self, probability: ArrayLike) -> Array:
+        """Stretching exceeded with the given probability."""
+        survival = np.append(np.cumsum(np.array(self.weights)[::-1])[::-1], 0.0)
+        return np.interp(np.asarray(probability, dtype=float), survival[::-1], np.array(self.edges)[::-1])
+
+    def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
+        """Mean of ``x**order * exp(-q x)``."""
+        return _laplace_of_bins(q, np.array(self.edges), np.array(self.weights), order)
+
+    def positive(self) -> Empirical:
+        """Return the part of the histogram above zero."""
+        if self.edges[0] >= 0:
+            return self
+        if self.edges[-1] <= 0:
+            raise InputError(f"Empirical.edges[-1] = {self.edges[-1]:g}: a law of thresholds needs values above 0")
+        first = int(np.searchsorted(self.edges, 0.0, side="right")) - 1
+        left, right = self.edges[first], self.edges[first + 1]
+        share = self.weights[first] * right / (right - left)
+        return Empirical(edges=(0.0, *self.edges[first + 1 :]), weights=(share, *self.weights[first + 1 :]))
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """All edges."""
+        return self.edges
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """The first and the last edge."""
+        return self.edges[0], self.edges[-1]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SteadyState(Law):
+    """Stretchings of smooth sliding without delay: ``Q_s(x) = J_c(x)/<x_s>``, the fixed point of Eq. (1).
+
+    Used as ``initial=``, it makes the interface start in the state it ends in: the force stays at ``F_k``.
+
+    Parameters
+    ----------
+    thresholds : Law
+        The law of thresholds of the same interface.
+    """
+
+    thresholds: Law
+
+    def __post_init__(self) -> None:
+        _set(self, "thresholds", self.thresholds.positive())
+
+    @property
+    def _scale(self) -> float:
+        return self.thresholds.moment(1)
+
+    def density(self, x: ArrayLike) -> Array:
+        """Probability density at `x`."""
+        x = np.asarray(x, dtype=float)
+        return np.where(x >= 0, self.thresholds.survival(np.maximum(x, 0.0)) / self._scale, 0.0)
+
+    def partial_moment(self, x: ArrayLike, order: int) -> Array:
+        """Integral of ``y**order`` times the density over ``y > x``, by parts."""
+        x = np.maximum(np.asarray(x, dtype=float), 0.0)
+        law, n = self.thresholds, order + 1
+        beyond = np.where(np.isfinite(x), np.where(np.isfinite(x), x, 0.0) ** n * law.survival(x), 0.0)
+        return np.asarray((law.partial_moment(x, n) - beyond) / (n * self._scale))
+
+    def inverse_survival(self, probability: ArrayLike) -> Array:
+        """Stretching exceeded with the given probability, by Newton steps from a table."""
+        wanted = np.asarray(probability, dtype=float)
+        grid, survival = _steady_table(self)
+        x = np.interp(wanted, survival[::-1], grid[::-1])
+        for _ in range(3):
+            slope = np.maximum(self.density(x), 1e-300)
+            step = (self.survival(x) - wanted) / slope
+            x = np.where(np.abs(step) < grid[1] - grid[0], np.maximum(x + step, 0.0), x)
+        return np.asarray(x)
+
+    def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
+        """Mean of ``x**order * exp(-q x)``, by quadrature between the knots."""
+        low, high = 0.0, self.thresholds.support[1]
+        fastest = float(np.max(np.abs(np.imag(q)), initial=0.0))
+        x, weight = _panels(low, high, 64 + int(fastest * high / 4))
+        return _laplace_of_nodes(q, x, weight * self.density(x), order)
+
+    def positive(self) -> SteadyState:
+        """Return the law itself: it is positive."""
+        return self
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """Zero, where the density starts."""
+        return (0.0,)
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """From zero to the largest threshold."""
+        return 0.0, self.thresholds.support[1]
+
+
+LAWS: tuple[type[Law], ...] = (Gaussian, Uniform, Exponential, Gamma, LogNormal, Weibull, Empirical, SteadyState)
+
+
+@lru_cache(maxsize=16)
+def _steady_table(law: SteadyState) -> tuple[Array, Array]:
+    grid = np.linspace(0.0, law.thresholds.support[1], 4001)
+    return grid, law.survival(grid)
+
+
+def _set(record: object, field: str, value: object) -> None:
+    object.__setattr__(record, field, value)
+
+
+@lru_cache(maxsize=64)
+def _panels(low: float, high: float, count: int) -> tuple[Array, Array]:
+    """Nodes and weights of composite Gauss-Legendre quadrature with `count` panels of 16 nodes."""
+    node, weight = np.polynomial.legendre.leggauss(16)
+    edges = np.linspace(low, high, count + 1)
+    half = 0.5 * np.diff(edges)[:, None]
+    x = edges[:-1, None] + half * (1 + node)
+    return x.ravel(), (half * weight).ravel()
+
+
+def _laplace_of_nodes(q: ArrayLike, x: Array, weight: Array, order: int) -> ComplexArray:
+    q = np.asarray(q, dtype=complex)
+    weighted = weight * x**order
+    flat = np.array([np.exp(-value * x) @ weighted for value in q.ravel()], dtype=complex)
+    return flat.reshape(q.shape)
+
+
+def _laplace_of_bins(q: ArrayLike, edges: Array, weights: Array, order: int) -> ComplexArray:
+    """Transform of a histogram, bin by bin about its middle: ``exp(-q c) sinh(q w)/(q w)`` and its slope."""
+    q = np.asarray(q, dtype=complex)[..., None]
+    centre, half = 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges)
+    z = q * half
+    small = np.abs(z) < 1e-2
+    safe = np.where(small, 1.0, z)
+    # The shift by exp(-q left) keeps sinh of a large argument from overflowing.
+    ratio = np.where(small, 0.0, -np.expm1(-2 * safe) / (2 * safe))
+    even = np.where(small, (1 + z * z / 6 + z**4 / 120) * np.exp(-z), ratio)
+    start = np.exp(-q * (centre - half))
+    if order == 0:
+        return cast(ComplexArray, np.sum(weights * start * even, axis=-1))
+    if order != 1:
+        raise InputError(f"laplace(order={order}): only orders 0 and 1 are defined")
+    cosh = 0.5 * (1 + np.exp(-2 * safe))
+    odd = np.where(small, (z / 3 + z**3 / 30) * np.exp(-z), (cosh - even) / safe)
+    return cast(ComplexArray, np.sum(weights * start * (centre * even - half * odd), axis=-1))
