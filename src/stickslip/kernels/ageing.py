@@ -1,0 +1,566 @@
+"""Contacts whose thresholds age while they live, Eqs. (13)-(18).
+
+Everything is per contact and in natural units (contact stiffness 1). A threshold follows the Langevin equation
+
+    df = rate^2 (mean - f) dt + rate spread sqrt(2) dW,        Eqs. (13), (15), (16)
+
+with ``rate`` the paper's beta, ``mean`` its f_s and ``spread`` its delta f_s. A contact breaks when its stretching
+``|x|`` first meets its threshold ``f``; it is reborn at ``x = 0`` with the threshold ``newborn``. The *gap*
+``y = f - |x|`` is what is left until it breaks.
+
+With ``newborn = 0`` a contact is born on its own breaking boundary. It then breaks and is reborn infinitely often
+before it leaves the boundary for good, as Brownian motion returns to zero: the rate of breaking is infinite, while
+force, stretchings and thresholds are finite. All solvers here therefore count *excursions* of the gap from zero, by
+its local time there, and never breaks:
+
+- `advance_contacts` samples N contacts;
+- `steady_friction` and `steady_moments` solve the stationary kinetic equation, N to infinity;
+- `advance_density` solves the kinetic equation with a moving slider;
+- `dynamic_stiffness_ageing` linearises it about steady sliding;
+- `closure_friction` and `advance_closure` are the paper's own approximation, Eqs. (1)-(3) with (18).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._jit import jit
+
+Floats = NDArray[np.float64]
+
+# ---------------------------------------------------------------- grids and exponentially fitted rates
+
+
+@jit
+def _bernoulli(z: float) -> float:
+    """Bernoulli function ``z / (exp(z) - 1)`` of the Scharfetter-Gummel flux."""
+    if abs(z) < 1e-3:
+        return 1.0 - 0.5 * z + z * z / 12.0
+    if z > 700.0:
+        return 0.0
+    return z / np.expm1(z)
+
+
+@jit
+def _graded(end: float, cells: int, first: float) -> Floats:
+    """Nodes from 0 to `end`, spacing `first` at 0 and growing as a sinh; uniform where that is finer."""
+    nodes = np.arange(cells + 1) * (end / cells)
+    if first < 0.999 * end / cells:
+        low, high = 1e-6, 60.0
+        for _ in range(60):
+            k = 0.5 * (low + high)
+            if end * np.sinh(k / cells) / np.sinh(k) > first:
+                low = k
+            else:
+                high = k
+        for i in range(cells + 1):
+            nodes[i] = end * np.sinh(k * i / cells) / np.sinh(k)
+    return nodes
+
+
+@jit
+def _gap_nodes(u: float, delta: float, newborn: float, cells: int) -> Floats:
+    """Nodes of the gap in units of the spread, from the boundary to where the density is below 1e-15.
+
+    The drift of the gap at birth is ``c = (1-u)/delta``, in the potential ``z^2/2 - c z``.
+    """
+    c = (1.0 - u) / delta
+    end = c + np.sqrt((c * c if c < 0.0 else 0.0) + 72.0)
+    end = max(end, newborn / delta + 8.5)
+    layer = 1.0 / max(1.0, abs(c))  # the boundary layer of the drift against the noise
+    return _graded(end, cells, 5.0 * layer / cells)
+
+
+@jit
+def _age_nodes(u: float, delta: float, newborn: float, steps: int) -> Floats:
+    """Nodes of the age in units of 1/rate^2, from birth to where survivors are fewer than exp(-30).
+
+    Where the drift ``c(a)`` of the gap is negative, survivors decay at least as exp(-int c^2/4 da).
+    """
+    c, r = (1.0 - u) / delta, u / delta
+    if c < 0.0:
+        end = ((360.0 * r - c**3) ** (1.0 / 3.0) + c) / r
+    else:
+        end = c / r + (360.0 / r**2) ** (1.0 / 3.0)
+    z = newborn / delta
+    if z > 0.0:  # the way down to the boundary, were there no noise
+        end += min(np.sqrt(2.0 * z / r), z / max(-c, 1e-9))
+    return _graded(end, steps, 2.0 / steps)
+
+
+@jit
+def _chain(z: Floats, c: float, up: Floats, down: Floats) -> None:
+    """Rates of the nearest-neighbour chain for the gap: drift ``c - z``, diffusion 1, out at ``z = 0``.
+
+    Scharfetter-Gummel: positive, conservative, and the stationary Gaussian of Eq. (17) is its exact fixed point up
+    to the second order of the cells. ``up[i]`` leads from node i to i+1, ``down[i]`` to i-1; node 0 absorbs.
+    """
+    m = z.size - 1
+    for i in range(m):
+        h = z[i + 1] - z[i]
+        d = (c - 0.5 * (z[i] + z[i + 1])) * h
+        b = _bernoulli(d)
+        if i > 0:
+            up[i] = (b + d) / (h * 0.5 * (z[i + 1] - z[i - 1]))
+        width = 0.5 * (z[i + 2] - z[i]) if i + 2 <= m else 0.5 * h
+        down[i + 1] = b / (h * width)
+    up[m] = 0.0
+
+
+# ---------------------------------------------------------------- steady sliding, N to infinity
+
+
+@jit
+def _steady_moments(u: float, delta: float, newborn: float, cells: int, steps: int) -> tuple[float, float]:
+    """Moments of one life at one resolution, see `steady_moments`; in units of `mean` and 1/rate^2."""
+    z = _gap_nodes(u, delta, newborn, cells)
+    age = _age_nodes(u, delta, newborn, steps)
+    m = z.size - 1
+    c0, r = (1.0 - u) / delta, u / delta
+    up, down, upper = np.zeros(m + 1), np.zeros(m + 1), np.zeros(m + 1)
+    life, work = np.zeros(m + 1), np.zeros(m + 1)  # what is still to come, as a function of the gap
+    b0, b1 = np.zeros(m + 1), np.zeros(m + 1)
+    for j in range(steps - 1, -1, -1):
+        da = age[j + 1] - age[j]
+        middle = 0.5 * (age[j + 1] + age[j])
+        _chain(z, c0 - r * middle, up, down)
+        # Crank-Nicolson rings on the abrupt start; the oldest ages, which hardly anyone reaches, damp that.
+        implicit = 0.5 if j < steps - 8 else 1.0
+        explicit = (1.0 - implicit) * da
+        implicit *= da
+        for i in range(1, m + 1):
+            k = min(i + 1, m)
+            b0[i] = life[i] + explicit * (down[i] * (life[i - 1] - life[i]) + up[i] * (life[k] - life[i])) + da
+            b1[i] = (
+                work[i]
+                + explicit * (down[i] * (work[i - 1] - work[i]) + up[i] * (work[k] - work[i]))
+                + da * u * middle
+            )
+            below = implicit * down[i]
+            pivot = 1.0 / (1.0 + below + implicit * up[i] - below * upper[i - 1])
+            b0[i] = (b0[i] + below * b0[i - 1]) * pivot
+            b1[i] = (b1[i] + below * b1[i - 1]) * pivot
+            upper[i] = implicit * up[i] * pivot
+        life[m], work[m] = b0[m], b1[m]
+        for i in range(m - 1, 0, -1):
+            life[i] = b0[i] + upper[i] * life[i + 1]
+            work[i] = b1[i] + upper[i] * work[i + 1]
+    if newborn > 0.0:
+        place = newborn / delta
+        i = np.searchsorted(z, place)
+        w = (place - z[i - 1]) / (z[i] - z[i - 1])
+        return (1.0 - w) * life[i - 1] + w * life[i], (1.0 - w) * work[i - 1] + w * work[i]
+    # Slopes at the boundary, from W'' + c W' + g = 0 there: g = 1 for the life, 0 for the work.
+    h = z[1]
+    slope = 1.0 / (h * (1.0 - 0.5 * c0 * h))
+    return (life[1] + 0.5 * h * h) * slope, work[1] * slope
+
+
+@jit
+def _resolution(u: float, delta: float, newborn: float, cells: int) -> tuple[int, int]:
+    """Cells of the gap and steps of the age that keep the same accuracy everywhere.
+
+    A narrow law makes thin layers, a newborn that must come down to its boundary makes a travelling pulse, and a
+    slow slide takes many times 1/rate^2.
+    """
+    peclet = newborn * max(u - 1.0, 0.0) / delta**2
+    more = min(max(1.0, 0.1 / delta, peclet / 60.0), 16.0)
+    gaps = int(cells * more)
+    return gaps, gaps * (4 if u < 0.02 else 2)
+
+
+@jit
+def steady_moments(u: float, delta: float, newborn: float, cells: int) -> tuple[float, float]:
+    """Moments of one life of a contact in sliding at constant velocity, by the kinetic equation, Eqs. (13)-(17).
+
+    With ``a`` the age in units of 1/rate^2 and ``S(a)`` the survivors, the moments are ``int S da`` and
+    ``int u a S da``; their ratio is the mean stretching of attached contacts in units of `mean`.
+
+    The backward (adjoint) equation is solved: what is still to come, as a function of age and gap, is smooth where
+    the density is singular. Chang-Cooper / Scharfetter-Gummel rates in the gap, Crank-Nicolson in the age, and one
+    Richardson extrapolation.
+
+    Parameters
+    ----------
+    u : float
+        ``velocity / (rate^2 mean)``, above 0.
+    delta : float
+        ``spread / mean``, above 0.
+    newborn : float
+        Threshold at birth in units of `mean`. For 0 a contact is born on the boundary of breaking; the moments are
+        then those of an excursion, per unit of its entrance law (their slope in the gap, in units of the spread).
+    cells : int
+        Cells of the coarser grid; 100 gives 1e-5 (for 1e-5 <= u <= 50 and delta >= 0.1).
+
+    Returns
+    -------
+    life, work : float
+        ``int S da`` and ``int u a S da``.
+    """
+    gaps, steps = _resolution(u, delta, newborn, cells)
+    life, work = _steady_moments(u, delta, newborn, gaps, steps)
+    finer_life, finer_work = _steady_moments(u, delta, newborn, 2 * gaps, 2 * steps)
+    # The error of a ratio is extrapolated, not those of its parts: they share most of it.
+    ratio = (4.0 * finer_work / finer_life - work / life) / 3.0
+    finer_life += (finer_life - life) / 3.0
+    return finer_life, ratio * finer_life
+
+
+@jit
+def steady_friction(
+    velocity: Floats,
+    rate: float,
+    spread: float,
+    newborn: float = 0.0,
+    mean: float = 1.0,
+    delay: float = 0.0,
+    cells: int = 100,
+) -> Floats:
+    """Force of the contacts in smooth sliding, N to infinity, from Eqs. (13)-(17).
+
+    A function of ``u = velocity/(rate^2 mean)`` alone (without delay); it falls as ``spread^2/mean u/(u-1)^2`` at
+    large u.
+
+    Parameters
+    ----------
+    velocity : ndarray, shape (n,)
+        Sliding velocities, not 0. The force has the sign of the velocity.
+    rate, spread, mean, newborn : float
+        Of Eqs. (15) and (16): beta, delta f_s, f_s, and the threshold of a newborn contact.
+    delay : float
+        Mean time a broken contact stays detached. With ``newborn = 0`` no contact ever holds for it.
+    cells : int
+        See `steady_moments`.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Force per contact.
+    """
+    force = np.zeros(velocity.size)
+    time = 1.0 / (rate * rate)
+    for i in range(velocity.size):
+        v = velocity[i]
+        if delay > 0.0 and newborn <= 0.0:
+            continue
+        life, work = steady_moments(abs(v) * time / mean, spread / mean, newborn / mean, cells)
+        force[i] = np.sign(v) * mean * work / (life + delay / time)
+    return force
+
+
+# ---------------------------------------------------------------- the slider
+
+
+@jit
+def drive_at(drive: Floats, time: float) -> tuple[float, float, float, float]:
+    """Place, velocity and acceleration of the drive at a time, and the time of its next knot.
+
+    Parameters
+    ----------
+    drive : ndarray, shape (segments, 4)
+        Rows ``(start time, displacement at the start, velocity at the start, acceleration)``, in order of time. The
+        last row lasts for ever, the first holds before its start as well.
+    time : float
+        A knot belongs to the segment that it opens.
+
+    Returns
+    -------
+    displacement, velocity, acceleration, knot : float
+    """
+    row = 0
+    while row + 1 < drive.shape[0] and drive[row + 1, 0] <= time:
+        row += 1
+    s = time - drive[row, 0]
+    knot = drive[row + 1, 0] if row + 1 < drive.shape[0] else np.inf
+    v, a = drive[row, 2], drive[row, 3]
+    return drive[row, 1] + s * (v + 0.5 * a * s), v + a * s, a, knot
+
+
+@jit
+def _oscillator(
+    X: float, V: float, k: float, mass: float, damping: float, g0: float, g1: float, g2: float, dt: float
+) -> tuple[float, float, float]:
+    """Exact step of ``M X'' + M eta X' + k X = g0 + g1 t + g2 t^2``, Eq. (11) between breaks.
+
+    Returns the new X and V, and the amplitude of the free oscillation about the forced motion.
+    """
+    p2 = g2 / k
+    p1 = (g1 - 2.0 * mass * damping * p2) / k
+    p0 = (g0 - mass * damping * p1 - 2.0 * mass * p2) / k
+    x, v = X - p0, V - p1
+    half = 0.5 * damping
+    square = k / mass - half * half
+    w = np.sqrt(abs(square))
+    if w * dt < 1e-6:  # critically damped
+        c, s = 1.0, dt
+    elif square > 0.0:
+        c, s = np.cos(w * dt), np.sin(w * dt) / w
+    else:
+        c, s = np.cosh(w * dt), np.sinh(w * dt) / w
+    decay = np.exp(-half * dt)
+    new_x = decay * (c * x + s * (v + half * x))
+    new_v = decay * (c * v - s * (half * v + k / mass * x))
+    amplitude = np.sqrt(x * x + (v + half * x) ** 2 / max(w * w, k / mass * 1e-6))
+    return new_x + p0 + dt * (p1 + p2 * dt), new_v + p1 + 2.0 * p2 * dt, amplitude
+
+
+# ---------------------------------------------------------------- N contacts
+
+
+@jit
+def _inverse_gaussian(mu: float, shape: float, rng: np.random.Generator) -> float:
+    """Inverse Gaussian number of mean `mu` (may be huge) and given shape, after Michael, Schucany and Haas."""
+    z = rng.standard_normal()
+    q = 0.5 * mu * z * z / shape
+    x = mu / (1.0 + q + np.sqrt(q * (2.0 + q)))
+    if rng.random() * (mu + x) > mu:
+        return mu * mu / x
+    return x
+
+
+@jit
+def _crossing(start: float, end: float, variance: float, rng: np.random.Generator) -> float:
+    """Share of a step after which a Brownian bridge of the gap first meets zero, given that it does.
+
+    The bridge is a Brownian motion with drift in the clock ``t/(1-t)``, whose first passage is inverse Gaussian.
+    """
+    if start <= 0.0:
+        return 0.0
+    clock = _inverse_gaussian(start / max(abs(end), 1e-12 * start), start * start / variance, rng)
+    return clock / (1.0 + clock)
+
+
+@jit
+def _regenerate(drift: float, noise: float, time: float, rng: np.random.Generator) -> tuple[float, float]:
+    """Gap of a contact that starts on its boundary and is reborn there whenever it returns; and its age.
+
+    The gap is a Brownian motion with drift, reflected at 0: free motion less its running minimum. The time since
+    the last visit to 0 is the time since the minimum. Both are sampled exactly (the minimum by its bridge law, its
+    time as a mixture of two inverse Gaussians), so that a step may hold any number of breaks.
+
+    Parameters
+    ----------
+    drift, noise : float
+        Drift of the gap, and the square of its noise, ``<dy^2>/dt``.
+    time : float
+        How long it goes on.
+    """
+    variance = noise * time
+    if variance <= 0.0:
+        return max(drift, 0.0) * time, time if drift > 0.0 else 0.0
+    free = drift * time + np.sqrt(variance) * rng.standard_normal()
+    below = 0.5 * (np.sqrt(free * free + 2.0 * variance * rng.standard_exponential()) - free)
+    gap = free + below
+    if below <= 0.0 or gap <= 0.0:
+        return max(gap, 0.0), time if gap > 0.0 else 0.0
+    if rng.random() * (below + gap) < below:
+        ratio = _inverse_gaussian(gap / below, gap * gap / variance, rng)
+    else:
+        ratio = 1.0 / _inverse_gaussian(below / gap, below * below / variance, rng)
+    return gap, time * ratio / (1.0 + ratio)
+
+
+@jit
+def _gap_drift(rate: float, mean: float, noise: float, speed: float, time: float) -> float:
+    """Constant drift of the gap that stands for ``rate^2 (mean - f) - speed`` near the boundary.
+
+    The threshold ``f`` of a contact near its boundary is small, not 0. Long after the last memory (relaxation time
+    noise/drift^2) its effect on the force is that of 2.25 mean gaps and 2.8 mean ways, the first order of the
+    stationary kinetic equation at large speed; after a short time it is that of the growth so far.
+    """
+    drift = rate * rate * mean - speed
+    if drift >= 0.0:
+        gap, way = 0.7 * np.sqrt(noise * time), 0.5 * speed * time
+    else:
+        gap = 1.0 / (1.0 / (0.7 * np.sqrt(noise * time)) - 2.0 * drift / (2.25 * noise))
+        way = speed / (2.0 / time + 2.0 * drift * drift / (2.8 * noise))
+    return drift - rate * rate * (gap + way)
+
+
+@jit
+def _age_contacts(
+    stretching: Floats,
+    threshold: Floats,
+    attach: Floats,
+    now: float,
+    dt: float,
+    dX: float,
+    law: Floats,
+    delays: Floats,
+    bridge: bool,
+    rng: np.random.Generator,
+) -> tuple[float, float]:
+    """One step of all contacts while the slider moves by `dX` at constant velocity.
+
+    Returns the sum of the stretchings of the attached contacts and the number of them.
+    """
+    rate, mean, spread, newborn = law[0], law[1], law[2], law[3]
+    decay = np.exp(-rate * rate * dt)
+    kick = spread * np.sqrt(1.0 - decay * decay)
+    # Of the bridge, in the clock that makes an Ornstein-Uhlenbeck process a Brownian motion.
+    variance = 2.0 * spread * spread * np.sinh(rate * rate * dt)
+    noise = 2.0 * (rate * spread) ** 2
+    v = dX / dt
+    total, attached = 0.0, 0
+    for i in range(stretching.size):
+        x, f = stretching[i], threshold[i]
+        left, rest = dt, 0.0
+        if attach[i] > now:  # detached
+            rest = attach[i] - now
+            if rest >= dt:
+                continue
+            left, x, f = dt - rest, 0.0, newborn
+        while True:
+            if left == dt:
+                e, sigma, var = decay, kick, variance
+            else:
+                e = np.exp(-rate * rate * left)
+                sigma = spread * np.sqrt(1.0 - e * e)
+                var = 2.0 * spread * spread * np.sinh(rate * rate * left)
+            new_x = x + v * left
+            new_f = mean + (f - mean) * e + sigma * rng.standard_normal()
+            y0, y1 = f - abs(x), new_f - abs(new_x)
+            broken = y1 <= 0.0
+            if not broken and bridge:
+                hidden = 2.0 * y0 * y1 / var
+                broken = hidden < 40.0 and rng.random() < np.exp(-hidden)
+            if not broken:
+                x, f = new_x, new_f
+                break
+            if not bridge:  # the plain Euler reference: seen at the end of the step only
+                x, f = 0.0, newborn
+                break
+            left *= 1.0 - _crossing(y0, y1, var, rng)
+            if newborn > 0.0:
+                x, f = 0.0, newborn
+                left -= delays[int(rng.random() * delays.size)]
+                if left <= 0.0:
+                    break
+            else:
+                f, age = _regenerate(_gap_drift(rate, mean, noise, abs(v), left), noise, left, rng)
+                x = v * age
+                f += abs(x)
+                left = 0.0
+                break
+        if left < 0.0:
+            attach[i] = now + dt - left
+            stretching[i], threshold[i] = 0.0, newborn
+        else:
+            attach[i] = now
+            stretching[i], threshold[i] = x, f
+            total += x
+            attached += 1
+    return total, float(attached)
+
+
+@jit
+def advance_contacts(
+    state: Floats,
+    stretching: Floats,
+    threshold: Floats,
+    attach: Floats,
+    drive: Floats,
+    slider: Floats,
+    law: Floats,
+    delays: Floats,
+    times: Floats,
+    step: float,
+    reach: float,
+    rng: np.random.Generator,
+) -> Floats:
+    """Advance N ageing contacts and the slider to the last of `times`, Eqs. (11) and (13)-(16).
+
+    Per contact and step: an exact Ornstein-Uhlenbeck step of the threshold, a Brownian-bridge test for breaking
+    inside the step, the exact law of the moment of breaking, and for contacts born on their boundary the exact law
+    of gap and age after any number of breaks (`_regenerate`). Between updates the slider is the exact oscillator of
+    stiffness K + (attached share), driven by the drive and by the loss of force that the previous step showed.
+
+    Parameters
+    ----------
+    state : ndarray, shape (4,)
+        Time, X, V and the present loss of force to breaking per time (0 at the start); changed in place.
+    stretching, threshold, attach : ndarray, shape (N,)
+        Stretchings, thresholds, and the times from which contacts hold (not later than now: attached); changed in
+        place.
+    drive : ndarray, shape (segments, 4)
+        See `drive_at`.
+    slider : ndarray, shape (3,)
+        K, M, eta of Eq. (11), per contact. ``K = inf`` is rigid motion: the slider is the drive.
+    law : ndarray, shape (4,)
+        rate, mean, spread, newborn.
+    delays : ndarray, shape (n,)
+        Delays after breaking, one drawn at random for each break; ``[0.]`` for none. A delay needs a newborn
+        threshold above 0.
+    times : ndarray, shape (m,)
+        When to sample, ascending, none before now.
+    step : float
+        Largest step in units of 1/rate^2; negative for the plain Euler reference without bridges, of fixed step.
+    reach : float
+        Largest way of the slider in a step, in units of `mean`.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    ndarray, shape (m, 5)
+        X, V, driving force F_d, contact force F_c (both per contact), share of attached contacts.
+    """
+    rate, mean = law[0], law[1]
+    K, mass, damping = slider[0], slider[1], slider[2]
+    rigid = np.isinf(K)
+    bridge = step > 0.0
+    n = stretching.size
+    now, X, V, loss = state[0], state[1], state[2], state[3]
+    if law[3] <= 0.0 and np.max(delays) > 0.0:
+        raise ValueError("a delay after breaking needs a newborn threshold above 0")
+    total, count = 0.0, 0.0
+    for i in range(n):
+        if attach[i] <= now:
+            total += stretching[i]
+            count += 1.0
+    longest = abs(step) / rate**2
+    amplitude = 0.0
+    samples = np.empty((times.size, 5))
+    for j in range(times.size):
+        while now < times[j]:
+            D, v_d, a_d, knot = drive_at(drive, now)
+            F, share = total / n, count / n
+            dt = longest
+            if bridge:
+                fast = abs(v_d) + abs(a_d) * dt if rigid else max(abs(V), abs(v_d) + abs(a_d) * dt)
+                dt = min(dt, reach * mean / max(fast, 1e-300))
+                # The free oscillation, where it matters, is followed by eighteen steps a period.
+                if not rigid and amplitude > 0.1 * reach * mean:
+                    dt = min(dt, 0.35 / np.sqrt((K + share) / mass))
+            target = min(times[j], knot)
+            # A sliver of a step before a sample is shared with the step before it.
+            if now + 1.0000001 * dt >= target:
+                dt = target - now
+            elif now + 2.0 * dt > target:
+                dt = 0.5 * (target - now)
+            if rigid:
+                dX = dt * (v_d + 0.5 * a_d * dt)
+                X, V = D + dX, v_d + a_d * dt
+            else:
+                before = X
+                X, V, amplitude = _oscillator(
+                    X,
+                    V,
+                    K + share,
+                    mass,
+                    damping,
+                    K * D - F + share * X,
+                    K * v_d + loss,
+                    0.5 * K * a_d,
+                    dt,
+                )
+                dX = X - before
+            total, count = _age_contacts(
+                stretching, threshold, attach, now, dt, dX, law, delays, bridge, rng
+            )
+            loss = (F + share * dX - total / n) / dt
+            now = target if dt == target - now else now + dt
+        D, v_d, a_d, knot = drive_at(drive, times[j])
+        samples[j, 0], samples[j, 1] = X, V
+        samples[j, 3], samples[j, 4] = total / n, count / n
+        samples[j, 2] = samples[j, 3] if rigid else K * (D - X)
+    state[0], state[1], state[2], state[3] = now, X, V, loss
+    return samples
