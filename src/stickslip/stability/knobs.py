@@ -1,0 +1,529 @@
+"""Critical values: where smooth sliding loses or regains stability as one parameter is turned.
+
+A `Knob` reads and sets one parameter of a `Setting`; `critical` finds every crossing along it. The named functions
+(`critical_velocities`, `critical_delay`, ...) are that, with a knob chosen. All are linear: they say where smooth sliding is unstable to
+the smallest disturbance, not where stick-slip, once started, dies.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import groupby
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip.errors import InputError, UndecidedError, number
+from stickslip.model import Delay, Interface, RandomDelay
+from stickslip.stability.modes import Neutral, neutral_frequencies
+from stickslip.stability.response import respond
+from stickslip.stability.rigs import Rig, impedance
+from stickslip.thresholds import Empirical, Gamma, Gaussian, LogNormal, Uniform
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setting:
+    """A rig at work: the interface, what holds the slider, and the speed of smooth sliding in ``x_s`` per time."""
+
+    interface: Interface
+    rig: Rig
+    velocity: float
+
+    def __post_init__(self) -> None:
+        number("velocity", self.velocity, above=0, hint="in x_s per time")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Knob:
+    """One positive parameter of a `Setting` that can be read and set.
+
+    Parameters
+    ----------
+    name, unit : str
+        What it is called, and its unit in natural units.
+    get : callable
+        The value in a setting.
+    set : callable
+        The same setting with another value.
+    """
+
+    name: str
+    unit: str
+    get: Callable[[Setting], float] = field(repr=False)
+    set: Callable[[Setting, float], Setting] = field(repr=False)
+
+
+def _of_rig(attribute: str, unit: str) -> Knob:
+    def get(setting: Setting) -> float:
+        if not hasattr(setting.rig, attribute):
+            raise InputError(f"rig = {setting.rig!r}: has no {attribute} to vary; use a Slider, or a Knob of your own")
+        return float(getattr(setting.rig, attribute))
+
+    def set_(setting: Setting, value: float) -> Setting:
+        get(setting)
+        rig: Any = setting.rig
+        return replace(setting, rig=replace(rig, **{attribute: value}))
+
+    return Knob(name=attribute, unit=unit, get=get, set=set_)
+
+
+def _get_delay(setting: Setting) -> float:
+    delay = setting.interface.delay
+    match delay:
+        case Delay():
+            return delay.time
+        case RandomDelay():
+            return delay.mean
+    raise InputError(f"Interface.delay = {delay!r}: has no known time to vary; use Delay, RandomDelay, or a Knob of your own")
+
+
+def _set_delay(setting: Setting, value: float) -> Setting:
+    delay = setting.interface.delay
+    match delay:
+        case Delay():
+            new: Delay | RandomDelay = Delay(value)
+        case RandomDelay() if delay.mean > 0:
+            new = replace(delay, mean=value, spread=delay.spread * value / delay.mean)
+        case _:
+            raise InputError(f"Interface.delay = {delay!r}: cannot be scaled; use Delay(time) or RandomDelay with a mean above 0")
+    return replace(setting, interface=replace(setting.interface, delay=new))
+
+
+def _get_spread(setting: Setting) -> float:
+    law = setting.interface.thresholds
+    match law:
+        case Gaussian() | Gamma() | LogNormal():
+            return law.spread
+        case Uniform() | Empirical():
+            return law.standard_deviation()
+    raise InputError(
+        f"Interface.thresholds = {law!r}: has no spread of its own to vary; use Gaussian, Gamma, LogNormal, Uniform "
+        "or Empirical, or a Knob of your own"
+    )
+
+
+def _set_spread(setting: Setting, value: float) -> Setting:
+    law = setting.interface.thresholds
+    match law:
+        case Gaussian() | Gamma() | LogNormal():
+            new: Gaussian | Gamma | LogNormal | Uniform | Empirical = replace(law, spread=value)
+        case Uniform():
+            middle = 0.5 * (law.low + law.high)
+            new = Uniform(low=middle - math.sqrt(3) * value, high=middle + math.sqrt(3) * value)
+        case Empirical():
+            mean, ratio = law.moment(1), value / law.standard_deviation()
+            new = replace(law, edges=tuple(mean + ratio * (edge - mean) for edge in law.edges))
+        case _:
+            _get_spread(setting)
+            raise AssertionError
+    return replace(setting, interface=replace(setting.interface, thresholds=new))
+
+
+STIFFNESS = _of_rig("stiffness", "k")
+"""Stiffness of the driving spring ``K/N``."""
+MASS = _of_rig("mass", "f_s time^2/x_s")
+"""Mass ``M/N``, at constant ``eta``."""
+DAMPING = _of_rig("damping", "1/time")
+"""``eta`` of Eq. (11)."""
+VELOCITY = Knob(
+    name="velocity",
+    unit="x_s/time",
+    get=lambda setting: setting.velocity,
+    set=lambda setting, value: replace(setting, velocity=value),
+)
+"""Speed of smooth sliding."""
+DELAY = Knob(name="delay", unit="time", get=_get_delay, set=_set_delay)
+"""Delay time; for a `RandomDelay` its mean, the spread kept in proportion."""
+SPREAD = Knob(name="spread", unit="x_s", get=_get_spread, set=_set_spread)
+"""Spread of the thresholds at constant mean: the law's own ``spread``, else its standard deviation."""
+
+KNOBS: tuple[Knob, ...] = (STIFFNESS, VELOCITY, MASS, DAMPING, DELAY, SPREAD)
+
+
+def knob_named(knob: Knob | str) -> Knob:
+    """Return the knob itself, or the one of this module with that name.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    if isinstance(knob, Knob):
+        return knob
+    for known in KNOBS:
+        if known.name == knob:
+            return known
+    raise InputError(f"over = {knob!r}: must be one of {', '.join(k.name for k in KNOBS)}, or a Knob")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Crossing:
+    """A value of a knob at which a pair of modes of smooth sliding is neutral.
+
+    Parameters
+    ----------
+    value : float
+        Of the knob, in its natural unit.
+    frequency : float
+        Angular frequency of the neutral mode, in 1/time.
+    unstable_below, unstable_above : int
+        Number of growing modes just below and just above the value.
+    """
+
+    value: float
+    frequency: float
+    unstable_below: int
+    unstable_above: int
+
+    @property
+    def loses_stability(self) -> bool:
+        """Whether smooth sliding is stable just below the value and unstable just above it."""
+        return self.unstable_below == 0 < self.unstable_above
+
+    @property
+    def regains_stability(self) -> bool:
+        """Whether smooth sliding is unstable just below the value and stable just above it."""
+        return self.unstable_below > 0 == self.unstable_above
+
+
+@dataclass(frozen=True, kw_only=True)
+class Crossings:
+    """All crossings along a knob, rising, and the range in which they were looked for; empty is an answer too.
+
+    Parameters
+    ----------
+    knob, unit : str
+        What was varied, and its natural unit.
+    searched : (float, float)
+        Range of the knob.
+    unstable_at_ends : (int, int)
+        Number of growing modes at its two ends.
+    found : tuple of Crossing
+        Every crossing of any mode; `edges` are those where stability itself changes.
+    """
+
+    knob: str
+    unit: str
+    searched: tuple[float, float]
+    unstable_at_ends: tuple[int, int]
+    found: tuple[Crossing, ...]
+
+    def __iter__(self) -> Iterator[Crossing]:
+        return iter(self.found)
+
+    def __len__(self) -> int:
+        return len(self.found)
+
+    def __getitem__(self, index: int) -> Crossing:
+        return self.found[index]
+
+    @property
+    def edges(self) -> tuple[Crossing, ...]:
+        """Crossings where smooth sliding loses or regains stability."""
+        return tuple(c for c in self.found if c.loses_stability or c.regains_stability)
+
+    def __str__(self) -> str:
+        low, high = self.searched
+        where = f"for {self.knob} from {low:g} to {high:g} {self.unit}"
+        if not self.edges:
+            state = "unstable" if self.unstable_at_ends[0] else "stable"
+            return f"smooth sliding is {state} all the way {where}: no boundary there"
+        words = [
+            f"{'loses' if c.loses_stability else 'regains'} stability at {c.value:.7g} (angular frequency {c.frequency:.7g})"
+            for c in self.edges
+        ]
+        return f"{where}, smooth sliding " + ", ".join(words)
+
+
+def critical(knob: Knob | str, interface: Interface, rig: Rig, velocity: float, *, between: tuple[float, float]) -> Crossings:
+    """Find every value of a knob in a range at which a mode of smooth sliding is neutral.
+
+    The number of growing modes is counted along the range, on a logarithmic grid that is refined wherever a pair of
+    crossings may hide between two points; each crossing is then polished by Newton's method in the value and the frequency.
+
+    Parameters
+    ----------
+    knob : Knob or str
+        What to vary: `STIFFNESS`, `VELOCITY`, `MASS`, `DAMPING`, `DELAY`, `SPREAD`, their names, or a knob of your own.
+    interface, rig, velocity
+        The setting; the knob's own value in it does not matter.
+    between : (float, float)
+        Range searched, in the knob's natural unit, both above 0.
+
+    Returns
+    -------
+    Crossings
+        Possibly none, with the range searched.
+
+    Raises
+    ------
+    InputError
+        If the range is empty, or there is no steady sliding in it.
+    """
+    turned = knob_named(knob)
+    low = number("between[0]", between[0], above=0, hint=turned.unit)
+    high = number("between[1]", between[1], above=low, hint=turned.unit)
+    start = Setting(interface=interface, rig=rig, velocity=velocity)
+    return _search(turned, start, low, high)
+
+
+def critical_velocities(interface: Interface, rig: Rig, between: tuple[float, float]) -> Crossings:
+    """Find every speed in a range at which smooth sliding loses or regains stability (linear; ``v1`` of the paper).
+
+    Parameters
+    ----------
+    interface : Interface
+        The contacts.
+    rig : Slider or Impedance
+        What holds the slider.
+    between : (float, float)
+        Range of speeds, in ``x_s`` per time.
+
+    Returns
+    -------
+    Crossings
+        With the frequency of the neutral mode and the direction of each; none is an answer, with the range searched.
+    """
+    return critical(VELOCITY, interface, rig, between[0], between=between)
+
+
+def critical_spring(interface: Interface, rig: Rig, velocity: float) -> float:
+    """Return ``K_c(v)``: the softest driving spring with which smooth sliding is stable, and stays so for all stiffer ones.
+
+    The rig keeps its mass and damping. No search: at each frequency with ``Im(Z + kappa) = 0`` the spring
+    that makes it neutral is known. For a rig without a ``stiffness`` of its own the spring is put in addition at the interface, and
+    the answer counts from its present static stiffness.
+
+    Parameters
+    ----------
+    interface : Interface
+        The contacts.
+    rig : Slider or Impedance
+        What holds the slider; its stiffness does not matter.
+    velocity : float
+        Speed of smooth sliding, in ``x_s`` per time.
+
+    Returns
+    -------
+    float
+        In units of ``k`` per contact; 0 if smooth sliding is stable on any spring. Linear: stick-slip once started may live on
+        stiffer ones.
+
+    Raises
+    ------
+    UndecidedError
+        If there is no such spring as far as one can see: a rig without damping.
+    """
+    speed = number("velocity", velocity, above=0, hint="in x_s per time")
+    z = impedance(rig)
+    (neutral,) = neutral_frequencies(respond(interface), z, [speed], softest=1e-9)
+    base = float(getattr(rig, "stiffness", 0.0))
+    return max(0.0, base + float(np.max(neutral.extra, initial=-math.inf)))
+
+
+def critical_delay(
+    interface: Interface, rig: Rig, velocity: float, between: tuple[float, float] | None = None
+) -> float:
+    """Return the linear critical delay: the shortest with which smooth sliding is unstable.
+
+    Not the paper's ``tau*``, which is the shortest delay with which stick-slip, started from a narrow distribution, lasts.
+
+    Parameters
+    ----------
+    interface : Interface
+        The contacts; a `RandomDelay` is scaled as a whole, and its mean is what is returned.
+    rig : Slider or Impedance
+        What holds the slider.
+    velocity : float
+        Speed of smooth sliding, in ``x_s`` per time.
+    between : (float, float), optional
+        Range searched; by default 1e-3 to 1e2 times ``<x_s>/v``.
+
+    Returns
+    -------
+    float
+        In the unit of time.
+
+    Raises
+    ------
+    UndecidedError
+        If smooth sliding is stable all through the range, or unstable already at its lower end; the message gives it.
+    """
+    return _first_loss(DELAY, interface, rig, velocity, between, interface.threshold_law.moment(1) / velocity)
+
+
+def critical_mass(
+    interface: Interface, rig: Rig, velocity: float, between: tuple[float, float]
+) -> Crossings:
+    """Find every mass in a range at which a mode of smooth sliding is neutral, at constant ``eta``; see `critical`."""
+    return critical(MASS, interface, rig, velocity, between=between)
+
+
+def critical_damping(interface: Interface, rig: Rig, velocity: float, between: tuple[float, float]) -> Crossings:
+    """Find every damping ``eta`` in a range at which a mode of smooth sliding is neutral; see `critical`."""
+    return critical(DAMPING, interface, rig, velocity, between=between)
+
+
+def critical_spread(interface: Interface, rig: Rig, velocity: float, between: tuple[float, float]) -> Crossings:
+    """Find every spread of the thresholds in a range at which a mode of smooth sliding is neutral; see `critical`."""
+    return critical(SPREAD, interface, rig, velocity, between=between)
+
+
+def _first_loss(
+    knob: Knob, interface: Interface, rig: Rig, velocity: float, between: tuple[float, float] | None, unit: float
+) -> float:
+    answer = critical(knob, interface, rig, velocity, between=between or (1e-3 * unit, 1e2 * unit))
+    if answer.unstable_at_ends[0] > 0 or not answer.edges:
+        raise UndecidedError(f"no critical {knob.name}: {answer}")
+    return answer.edges[0].value
+
+
+# ---------------------------------------------------------------- the search
+
+
+class _Point(NamedTuple):
+    """The neutral frequencies at one value of the knob."""
+
+    value: float
+    neutral: Neutral
+    unstable: int
+
+
+def _look(knob: Knob, setting: Setting, values: Sequence[float]) -> list[_Point]:
+    """Count the growing modes at each value; values that share interface and rig are counted together."""
+    points: list[_Point] = []
+    there = [knob.set(setting, value) for value in values]
+    for (interface, rig), group in groupby(there, key=lambda here: (here.interface, here.rig)):
+        speeds = [here.velocity for here in group]
+        for neutral in neutral_frequencies(respond(interface), impedance(rig), speeds):
+            points.append(_Point(values[len(points)], neutral, neutral.unstable()))
+    return points
+
+
+def _search(knob: Knob, setting: Setting, low: float, high: float) -> Crossings:
+    count = 1 + max(12, math.ceil(16 * math.log10(high / low)))
+    values = np.geomspace(low, high, count).tolist()
+    values[0], values[-1] = low, high
+    points = _look(knob, setting, values)
+    found = [c for pair in zip(points, points[1:], strict=False) for c in _between(knob, setting, *pair)]
+    for before, here, after in zip(points, points[1:], points[2:], strict=False):
+        found += _hidden(knob, setting, before, here, after, 6)
+    return Crossings(
+        knob=knob.name,
+        unit=knob.unit,
+        searched=(low, high),
+        unstable_at_ends=(points[0].unstable, points[-1].unstable),
+        found=tuple(sorted(found, key=lambda crossing: crossing.value)),
+    )
+
+
+def _between(knob: Knob, setting: Setting, left: _Point, right: _Point) -> list[Crossing]:
+    """Crossings between two points, by halving until each half holds at most one branch that changes sign."""
+    changing = [
+        (w, u) for w, e, u, f in _matched(left.neutral, right.neutral) if (e > 0) != (f > 0)
+    ]
+    if left.unstable == right.unstable and not changing:
+        return []
+    single = abs(left.unstable - right.unstable) == 2 and len(changing) <= 1
+    if single:
+        starts = [math.sqrt(w * u) for w, u in changing]
+        starts += [float(w) for p in (left, right) for w in _nearest(p.neutral)]
+        for start in starts:
+            polished = polish(knob, setting, math.sqrt(left.value * right.value), start)
+            if polished is not None and left.value <= polished[0] * (1 + 1e-12) and polished[0] <= right.value * (1 + 1e-12):
+                return [_crossing(polished, left, right)]
+    if right.value <= left.value * (1 + 1e-12):
+        if left.unstable == right.unstable:
+            return []
+        omega = next(iter(_nearest(left.neutral)), math.nan)
+        return [_crossing((left.value, float(omega)), left, right)]
+    (middle,) = _look(knob, setting, [math.sqrt(left.value * right.value)])
+    return [*_between(knob, setting, left, middle), *_between(knob, setting, middle, right)]
+
+
+def _crossing(at: tuple[float, float], left: _Point, right: _Point) -> Crossing:
+    return Crossing(
+        value=at[0], frequency=at[1], unstable_below=left.unstable, unstable_above=right.unstable
+    )
+
+
+def _nearest(neutral: Neutral) -> Array:
+    """Finite neutral frequencies, the one that lacks least spring first."""
+    order = np.argsort(np.abs(neutral.extra))
+    omega = neutral.omega[order]
+    return omega[np.isfinite(omega)][:4]
+
+
+def _matched(one: Neutral, two: Neutral) -> list[tuple[float, float, float, float]]:
+    """Branches present in both: frequency and lacking spring in one, then in the other."""
+    pairs = []
+    for w, e, m in zip(*one, strict=True):
+        same = np.flatnonzero((two.modes == m) & np.isfinite(two.omega))
+        if same.size and math.isfinite(w):
+            k = same[np.argmin(np.abs(np.log(two.omega[same] / w)))]
+            if abs(math.log(two.omega[k] / w)) < 0.4:
+                pairs.append((float(w), float(e), float(two.omega[k]), float(two.extra[k])))
+    return pairs
+
+
+def _hidden(
+    knob: Knob, setting: Setting, before: _Point, here: _Point, after: _Point, depth: int
+) -> list[Crossing]:
+    """Pairs of crossings about a point where a branch comes near to changing sign and turns back."""
+    if not before.unstable == here.unstable == after.unstable or depth == 0:
+        return []
+    earlier = {w: f for w, _, _, f in _matched(here.neutral, before.neutral)}
+    later = {w: f for w, _, _, f in _matched(here.neutral, after.neutral)}
+    for w, e in zip(here.neutral.omega.tolist(), here.neutral.extra.tolist(), strict=True):
+        if w not in earlier or w not in later:
+            continue
+        side = 1.0 if e > 0 else -1.0
+        a, b, c = side * earlier[w], side * e, side * later[w]
+        bend = a - 2 * b + c
+        if not (0 < b <= min(a, c) and bend > 0) or b - (c - a) ** 2 / (8 * bend) > 0.3 * b:
+            continue
+        fine = np.geomspace(before.value, after.value, 9)[1:-1].tolist()
+        points = [before, *_look(knob, setting, fine), after]
+        if any(p.unstable != here.unstable for p in points):
+            return [c for pair in zip(points, points[1:], strict=False) for c in _between(knob, setting, *pair)]
+        return [
+            c
+            for triple in zip(points, points[1:], points[2:], strict=False)
+            for c in _hidden(knob, setting, *triple, depth - 1)
+        ]
+    return []
+
+
+def neutral_residual(knob: Knob, setting: Setting, log_value: float, log_omega: float) -> complex:
+    """``Z + kappa`` at ``s = i omega``."""
+    here = knob.set(setting, math.exp(log_value))
+    s = np.array([1j * math.exp(log_omega)])
+    return complex(impedance(here.rig)(s)[0] + respond(here.interface).stiffness(here.velocity, s)[0])
+
+
+def polish(knob: Knob, setting: Setting, value: float, omega: float) -> tuple[float, float] | None:
+    """Newton's method in (log value, log omega) for ``Z + kappa = 0`` at ``s = i omega``; None if it does not settle."""
+    x, y, last, d = math.log(value), math.log(omega), math.inf, 1e-6
+    for _ in range(20):
+        f = neutral_residual(knob, setting, x, y)
+        fx = (neutral_residual(knob, setting, x + d, y) - neutral_residual(knob, setting, x - d, y)) / (2 * d)
+        fy = (neutral_residual(knob, setting, x, y + d) - neutral_residual(knob, setting, x, y - d)) / (2 * d)
+        det = (fx.conjugate() * fy).imag
+        if det == 0 or not math.isfinite(det):
+            return None
+        dx, dy = -(f.conjugate() * fy).imag / det, -(fx.conjugate() * f).imag / det
+        step = max(abs(dx), abs(dy))
+        if step > 0.3:
+            dx, dy = 0.3 * dx / step, 0.3 * dy / step
+        x, y = x + dx, y + dy
+        if abs(x) > 80 or abs(y) > 80:
+            return None
+        if step < 1e-14 or (step < 1e-10 and step >= 0.5 * last):
+            return math.exp(x), math.exp(y)
+        last = step
+    return None

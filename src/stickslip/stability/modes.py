@@ -1,0 +1,542 @@
+"""Modes of smooth sliding: how many grow, how fast the fastest one does, and which spring would stop them.
+
+Roots of ``Z(s) + kappa(s) = 0``. On the imaginary axis the interface and the rig separate: with ``kappa`` computed once,
+each frequency with ``Im(Z + kappa) = 0`` is neutral for exactly one extra spring at the interface, ``-Re(Z + kappa)``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip.errors import UndecidedError, number
+from stickslip.model import Interface
+from stickslip.stability.response import SCAN_LIMIT, STEP, Axis, Response, respond
+from stickslip.stability.rigs import (
+    Impedance,
+    Modes,
+    RadiationDamping,
+    Rig,
+    SpringMassDamper,
+    impedance,
+    is_plain,
+    natural_frequencies,
+    poles,
+    resonances,
+)
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+def unstable_modes(interface: Interface, rig: Rig, velocity: float) -> int:
+    """Count the growing modes of smooth sliding: roots of ``Z(s) + kappa(s) = 0`` with ``Re s > 0``.
+
+    The argument principle along the imaginary axis. Between two neighbouring frequencies the curve stays inside an
+    ellipse about its two values, of a size that follows from the moments of the laws; frequencies are added until no
+    ellipse holds 0, so that no turn is missed (for a rig given as a function its slope is sampled instead).
+
+    Parameters
+    ----------
+    interface : Interface
+        The contacts.
+    rig : Slider or Impedance
+        What holds the slider.
+    velocity : float
+        Speed of smooth sliding, in ``x_s`` per time.
+
+    Returns
+    -------
+    int
+        Number of unstable roots, a complex pair counting 2; 0 if smooth sliding is stable.
+
+    Raises
+    ------
+    InputError
+        If there is no steady sliding, see `dynamic_stiffness`.
+    UndecidedError
+        If a root lies on the imaginary axis to within rounding.
+    """
+    speed = number("velocity", velocity, above=0, hint="in x_s per time")
+    response, z = respond(interface), impedance(rig)
+    if response.inert:
+        return 0
+    scan = _scan(response, z, speed)
+    if scan.omega.size == 0:
+        return 0
+    start, end = _quiet_below(response, z, speed), float(scan.omega[-1])
+    if start >= end:
+        return 0
+    omega = np.union1d(scan.omega[(scan.omega > start)], np.geomspace(start, end, 200))
+    omega[0], omega[-1] = start, end
+    product, denominator = _product(response, z, speed, 1j * omega)
+    for _ in range(60):
+        gap = np.diff(omega)
+        slope = _slope_bound(response, z, speed, omega)
+        sure = np.abs(product[1:]) + np.abs(product[:-1]) > slope * gap
+        if sure.all():
+            break
+        if omega.size > SCAN_LIMIT or np.min(gap[~sure] / omega[1:][~sure]) < 1e-12:
+            at = float(omega[1:][~sure][np.argmin(np.abs(product[1:][~sure]))])
+            raise UndecidedError(
+                f"smooth sliding at velocity {speed:g} is neutral to within rounding, at angular frequency {at:.9g}: "
+                "on its stability boundary; move a parameter to one side"
+            )
+        new = 0.5 * (omega[1:] + omega[:-1])[~sure]
+        new_product, new_denominator = _product(response, z, speed, 1j * new)
+        order = np.argsort(np.concatenate([omega, new]), kind="stable")
+        omega = np.concatenate([omega, new])[order]
+        product = np.concatenate([product, new_product])[order]
+        denominator = np.concatenate([denominator, new_denominator])[order]
+    turned = float(np.sum(np.angle(product[1:] / product[:-1])))
+    # Re(denominator) > 0 and Im Z >= 0 on the axis: their angles need no following.
+    turned -= float(np.angle(denominator[-1]) - np.angle(denominator[0]))
+    first, last = product[0] / denominator[0], product[-1] / denominator[-1]
+    z_last = z(1j * omega[-1:])[0]
+    angle_z = math.atan2(max(z_last.imag, 0.0), z_last.real)
+    loops = (turned + np.angle(first) - angle_z - np.angle(last / z_last)) / (2 * math.pi)
+    return -2 * round(loops)
+
+
+def growth_rate(interface: Interface, rig: Rig, velocity: float) -> complex:
+    """Return the root of ``Z(s) + kappa(s) = 0`` with the largest real part: growth rate plus ``i`` angular frequency.
+
+    Newton's method from starts all along the axis finds candidates; the argument principle on a line just left of the
+    best one confirms that there is no other to its right.
+
+    Parameters
+    ----------
+    interface : Interface
+        The contacts.
+    rig : Slider or Impedance
+        What holds the slider.
+    velocity : float
+        Speed of smooth sliding, in ``x_s`` per time.
+
+    Returns
+    -------
+    complex
+        In 1/time, with an imaginary part of 0 or above. A negative real part is the slowest decay, of the slider or of
+        the contacts' own ringing.
+
+    Raises
+    ------
+    InputError
+        If there is no steady sliding, see `dynamic_stiffness`.
+    UndecidedError
+        If smooth sliding is stable but no mode dies out exponentially: a law of thresholds with a heavy tail, or a rig
+        without mass nor losses on an interface without delay.
+    """
+    speed = number("velocity", velocity, above=0, hint="in x_s per time")
+    response, z = respond(interface), impedance(rig)
+    limit = -math.inf if response.inert else response.leftmost * speed
+    reach = response.reach(speed) / speed
+    for density in (0.7, 0.2, 0.05):
+        roots = _roots(response, z, speed, density, limit)
+        if roots.size == 0:
+            continue
+        best = roots[0]
+        after = roots[roots.real < best.real - 1e-6 / reach]
+        gap = best.real - (float(after[0].real) if after.size else max(limit, best.real - 0.2 / reach))
+        line = best.real - min(0.5 * gap, 0.1 / reach)
+        # A line to the left of 0 would count the root at 0 that the denominator brings in; stay clear of it.
+        if abs(line) < 1e-9 / reach:
+            line = 0.5 * (line + best.real)
+        found = sum(2 if abs(root.imag) > 0 else 1 for root in roots if root.real > line)
+        if _count_right_of(response, z, speed, line) == found:
+            return complex(best)
+    if math.isfinite(limit) and unstable_modes(interface, rig, speed) == 0:
+        raise UndecidedError(
+            f"smooth sliding at velocity {speed:g} is stable, but no mode dies out more slowly than the tail of the law "
+            f"of thresholds (Re s = {limit:g}): there is no slowest mode to give; unstable_modes() says 0"
+        )
+    raise UndecidedError(
+        f"smooth sliding at velocity {speed:g}: no root of Z(s) + kappa(s) could be confirmed as the one furthest right; "
+        "unstable_modes() still counts those that grow"
+    )
+
+
+# ---------------------------------------------------------------- neutral frequencies
+
+
+class Neutral(NamedTuple):
+    """Frequencies at which some extra spring at the interface makes a mode neutral.
+
+    With less extra stiffness than `extra`, `modes` more modes grow (2, or -2).
+    """
+
+    omega: Array
+    extra: Array
+    modes: NDArray[np.int64]
+
+    def unstable(self, added: float = 0.0) -> int:
+        """Number of growing modes with a spring `added` at the interface."""
+        return int(np.sum(self.modes[self.extra > added]))
+
+
+NOTHING = Neutral(np.empty(0), np.empty(0), np.empty(0, dtype=np.int64))
+
+
+def neutral_frequencies(
+    response: Response, rig: Impedance, velocities: Sequence[float], *, softest: float | None = None
+) -> list[Neutral]:
+    """Return all zeros of ``Im(Z + kappa)`` on the axis that bear on the rig, or on it and all stiffer ones, per velocity.
+
+    With `softest` given the answer holds for every rig that has the same losses and masses and a total static stiffness
+    of at least `softest`, else for the rig itself only.
+    """
+    if response.inert:
+        return [NOTHING for _ in velocities]
+    scans = [_scan(response, rig, velocity, softest) for velocity in velocities]
+    brackets = [_brackets(response, rig, velocity, scan) for velocity, scan in zip(velocities, scans, strict=True)]
+    # All velocities at once: a call costs the same for one frequency and for a hundred.
+    counts = [left.size for left, _, _ in brackets]
+    speed = np.repeat(np.asarray(velocities, dtype=float), counts)
+    left, right = (np.concatenate([b[k] for b in brackets]) for k in (0, 1))
+    omega = extra = left
+    if left.size:
+        omega = _bracketed_zeros(lambda w: _loss(response, rig, speed, w), left, right)
+        s = 1j * omega
+        extra = -(rig(s) + response.stiffness(speed, s)).real
+    answers = []
+    ends = np.cumsum([0, *counts])
+    for k, (scan, (_, _, rising)) in enumerate(zip(scans, brackets, strict=True)):
+        w, e, modes = omega[ends[k] : ends[k + 1]], extra[ends[k] : ends[k + 1]], np.where(rising, 2, -2)
+        if softest is None and scan.omega.size and scan.value[-1] < 0:
+            # Cut off where |kappa| < |Z|: if just past half a turn, the turn is never completed.
+            if _past_half_a_turn(response, rig, velocities[k], float(scan.omega[-1])):
+                w, e, modes = np.append(w, np.inf), np.append(e, np.inf), np.append(modes, 2)
+        order = np.argsort(w)
+        answers.append(Neutral(w[order], e[order], modes[order]))
+    return answers
+
+
+def _brackets(
+    response: Response, rig: Impedance, velocity: float, scan: _Scan
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Intervals of frequency in which ``Im(Z + kappa)`` changes sign, and whether it rises there."""
+    omega, value = scan
+    negative = value < 0
+    at = np.flatnonzero(negative[1:] != negative[:-1])
+    left, right, rising = omega[at], omega[at + 1], negative[at]
+    touching = _nearly_touching(value)
+    if touching.size:
+        fine = omega[touching - 1, None] + (omega[touching + 1] - omega[touching - 1])[:, None] * np.linspace(0, 1, 33)
+        below = _loss(response, rig, velocity, fine) < 0
+        row, column = np.nonzero(below[:, 1:] != below[:, :-1])
+        left = np.concatenate([left, fine[row, column]])
+        right = np.concatenate([right, fine[row, column + 1]])
+        rising = np.concatenate([rising, below[row, column]])
+    return left, right, rising
+
+
+def _past_half_a_turn(response: Response, rig: Impedance, velocity: float, omega: float) -> bool:
+    """Whether ``Z + kappa`` has gone through the negative real axis at a frequency where ``|kappa| < |Z|``."""
+    z = complex(rig(np.array([1j * omega]))[0])
+    total = z + complex(response.stiffness(velocity, np.array([1j * omega]))[0])
+    return math.atan2(total.imag, total.real) - math.atan2(max(z.imag, 0.0), z.real) < -math.pi
+
+
+class _Scan(NamedTuple):
+    omega: Array
+    value: Array
+
+
+def _scan(response: Response, rig: Impedance, velocity: float, softest: float | None = None) -> _Scan:
+    """Sample ``Im(Z + kappa) |denominator|^2`` up to where nothing can happen any more."""
+    scale = float(response.scale(velocity))
+    count = 1 << max(8, math.ceil(math.log2(8.0 / response.law.standard_deviation() / STEP * response.reach(velocity))))
+    held = 0.0 if softest is None else softest - float(rig(np.zeros(1, dtype=complex))[0].real)
+    while True:
+        if count > SCAN_LIMIT:
+            raise UndecidedError(
+                f"smooth sliding at velocity {velocity:g}: after {SCAN_LIMIT} frequencies the interface may still "
+                "outweigh the rig; give the rig some damping, or the thresholds more spread"
+            )
+        axis = response.axis(velocity, count)
+        omega = velocity * axis.y
+        z = rig(1j * omega)
+        clear = _clear(z, axis.centre, scale, held, softest is not None)
+        tail = axis.centre[-(count // 4) :]
+        if clear[-(count // 4) :].all() and _clear_beyond(rig, float(omega[-1]), tail, scale, held, softest is not None):
+            break
+        count *= 2
+    doubtful = np.flatnonzero(~clear)
+    if doubtful.size == 0:
+        return _Scan(np.empty(0), np.empty(0))
+    stop = doubtful[-1] + 2
+    part = Axis(
+        y=axis.y[:stop], complement=axis.complement[:stop], shape=axis.shape[:stop], centre=axis.centre[:stop]
+    )
+    omega, z = omega[:stop], z[:stop]
+    numerator, denominator = response.axis_parts(velocity, part)
+    value = z.imag * np.abs(denominator) ** 2 + (numerator * np.conj(denominator)).imag
+    if not is_plain(rig):
+        more = _features(rig, omega, z)
+        order = np.argsort(np.concatenate([omega, more]), kind="stable")
+        value = np.concatenate([value, _loss(response, rig, velocity, more)])[order]
+        omega = np.concatenate([omega, more])[order]
+    return _Scan(omega, value)
+
+
+def _clear(z: ComplexArray, centre: ComplexArray, scale: float, held: float, all_springs: bool) -> NDArray[np.bool_]:
+    """Whether no delay law at all could make the mode at this frequency neutral, from the disc that holds kappa."""
+    radius = np.abs(centre)
+    lossy = z.imag * scale >= radius - centre.imag - 1e-14 * radius
+    real = z.real + held
+    distance = np.where(real > 0, np.hypot(real, z.imag), np.abs(z.imag)) if all_springs else np.abs(z)
+    return np.asarray(lossy | (distance * scale > 2 * (1 + 1e-9) * radius))
+
+
+def _clear_beyond(
+    rig: Impedance, omega: float, tail: ComplexArray, scale: float, held: float, all_springs: bool
+) -> bool:
+    """Whether it stays so above the scan: the response only shrinks there, the rig may have features."""
+    worst = float(np.max(np.abs(tail)))
+    deficit = float(np.max(np.abs(tail) * (1 - 1e-14) - tail.imag))
+    if is_plain(rig) and rig(np.array([1j * omega]))[0].imag * scale >= deficit:
+        return True
+    beyond = np.concatenate([omega * np.geomspace(1, 1e6, 400), np.abs(natural_frequencies(rig)), resonances(rig)])
+    z = rig(1j * beyond[beyond >= omega])
+    centre = np.full(z.shape, complex(math.sqrt(max(worst**2 - (worst - max(deficit, 0)) ** 2, 0)), worst - deficit))
+    return bool(_clear(z, centre, scale, held, all_springs).all())
+
+
+def _features(rig: Impedance, omega: Array, z: ComplexArray) -> Array:
+    """Frequencies to add to a scan where the impedance turns quickly."""
+    known = resonances(rig)
+    added = known[(known > omega[0]) & (known < omega[-1])]
+    for _ in range(40):
+        grid = np.union1d(omega, added)
+        z = rig(1j * grid)
+        turn = np.abs(np.angle(z[1:] * np.conj(z[:-1])))
+        coarse = (turn > 0.3) & (np.diff(grid) > 1e-9 * grid[1:])
+        if not coarse.any() or grid.size > SCAN_LIMIT:
+            break
+        added = np.union1d(added, 0.5 * (grid[1:] + grid[:-1])[coarse])
+    return np.setdiff1d(added, omega)
+
+
+def _loss(response: Response, rig: Impedance, velocity: float | Array, omega: Array) -> Array:
+    """``Im(Z + kappa) |denominator|^2``: the same zeros as ``Im(Z + kappa)``, without its sharp peaks."""
+    s = 1j * omega
+    numerator, denominator = response.parts(velocity, s)
+    return np.asarray(rig(s).imag * np.abs(denominator) ** 2 + (numerator * np.conj(denominator)).imag)
+
+
+def _nearly_touching(value: Array) -> NDArray[np.intp]:
+    """Indices of local minima of ``|value|`` where a parabola through three points comes near zero."""
+    before, here, after = value[:-2], value[1:-1], value[2:]
+    side = np.sign(here)
+    inner = (before * side > 0) & (after * side > 0) & (here * side <= before * side) & (here * side <= after * side)
+    k = np.flatnonzero(inner)
+    if k.size == 0:
+        return k
+    bend = (before - 2 * here + after)[k] * side[k]
+    vertex = here[k] * side[k] - (after[k] - before[k]) ** 2 / (8 * np.maximum(bend, 1e-300))
+    return k[vertex < 0.3 * np.abs(here[k])] + 1
+
+
+def _bracketed_zeros(function, left: Array, right: Array) -> Array:  # type: ignore[no-untyped-def]
+    """Chandrupatla's method on many brackets at once: bisection that jumps by inverse quadratic interpolation."""
+    b, a = left.copy(), right.copy()
+    fb, fa = function(b), function(a)
+    c, fc = a.copy(), fa.copy()
+    t = np.full(a.shape, 0.5)
+    best = np.where(np.abs(fa) < np.abs(fb), a, b)
+    for _ in range(60):
+        x = a + t * (b - a)
+        fx = function(x)
+        same = np.sign(fx) == np.sign(fa)
+        c, fc = np.where(same, a, b), np.where(same, fa, fb)
+        b, fb = np.where(same, b, a), np.where(same, fb, fa)
+        a, fa = x, fx
+        best = np.where(np.abs(fa) < np.abs(fb), a, b)
+        width = np.abs(b - a)
+        tolerance = 2e-15 * np.abs(best)
+        if np.all((width <= 2 * tolerance) | (fa == 0)):
+            break
+        with np.errstate(divide="ignore", invalid="ignore"):
+            xi, phi = (a - b) / (c - b), (fa - fb) / (fc - fb)
+            quadratic = (phi**2 < xi) & ((1 - phi) ** 2 < 1 - xi)
+            guess = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
+            least = tolerance / np.maximum(width, 1e-300)
+        t = np.clip(np.where(quadratic & np.isfinite(guess), guess, 0.5), np.minimum(least, 0.5), np.maximum(1 - least, 0.5))
+    return np.asarray(best)
+
+
+# ---------------------------------------------------------------- the argument principle
+
+
+def _product(
+    response: Response, rig: Impedance, velocity: float, s: ComplexArray
+) -> tuple[ComplexArray, ComplexArray]:
+    """``(Z + kappa)`` times the denominator of kappa, and that denominator."""
+    if response.inert:
+        return rig(s), np.ones_like(s)
+    numerator, denominator = response.parts(velocity, s)
+    return rig(s) * denominator + numerator, denominator
+
+
+def _quiet_below(response: Response, rig: Impedance, velocity: float) -> float:
+    """Frequency below which ``|kappa| < Z(0)/2`` and ``|Z - Z(0)| < Z(0)/4``: no root there."""
+    m1, m2 = response.law.moment(1), response.law.moment(2)
+    tau1, tau2 = response.delay.moment(1), response.delay.moment(2)
+    cycle, square = m1 / velocity + tau1, m2 / velocity**2 + 2 * m1 * tau1 / velocity + tau2
+    held = float(rig(np.zeros(1, dtype=complex))[0].real)
+    omega = min(cycle / square, held * (velocity * cycle) ** 2 / (2 * m2 * tau1))
+    while abs(complex(rig(np.array([1j * omega]))[0]) - held) > 0.25 * held:
+        omega *= 0.5
+    return omega
+
+
+def _slope_bound(response: Response, rig: Impedance, velocity: float, omega: Array) -> Array:
+    """Bound of ``|d product / d omega|`` on each interval, from ``|E|, |P^| <= 1`` and the moments."""
+    m1, m2, tau1 = response.law.moment(1), response.law.moment(2), response.delay.moment(1)
+    z = rig(1j * omega)
+    left, right = omega[:-1], omega[1:]
+    match rig:
+        case SpringMassDamper(mass=mass):
+            drag = mass * rig.damping
+        case RadiationDamping(mass=mass):
+            drag = rig.radiation
+        case _:
+            middle = rig(0.5j * (left + right))
+            z_slope = 3 * np.maximum(np.abs(middle - z[:-1]), np.abs(z[1:] - middle)) / (0.5 * (right - left))
+            z_size = 1.5 * np.maximum(np.maximum(np.abs(z[:-1]), np.abs(z[1:])), np.abs(middle))
+            return np.asarray(
+                z_size * (tau1 + m1 / velocity)
+                + 2 * z_slope
+                + (3 * m2 / velocity + 2 * m1 * tau1) / response.scale(velocity)
+            )
+    z_slope = np.hypot(2 * mass * right, drag)
+    z_size = np.hypot(np.maximum(np.abs(z[:-1].real), np.abs(z[1:].real)), z[1:].imag)
+    return np.asarray(
+        z_size * (tau1 + m1 / velocity)
+        + 2 * z_slope
+        + (3 * m2 / velocity + 2 * m1 * tau1) / response.scale(velocity)
+    )
+
+
+def _count_right_of(response: Response, rig: Impedance, velocity: float, line: float) -> int | None:
+    """Number of roots with ``Re s > line``, by the argument principle; None where phases cannot be followed."""
+    reach = response.reach(velocity) / velocity
+    own = natural_frequencies(rig)
+    held = poles(rig)
+    top = max(
+        8.0 * velocity / max(response.law.standard_deviation(), 1e-9),
+        2.0 * float(np.max(np.abs(own), initial=0.0)),
+        2.0 * float(np.max(np.abs(held), initial=0.0)),
+        10 / reach,
+    )
+    fine_top = 8.0 * velocity / max(response.law.standard_deviation(), 1e-9)
+    near = [root.imag + max(abs(root.real - line), 1e-9 * abs(root)) * np.sinh(np.linspace(-6, 6, 121)) for root in own]
+    for _ in range(30):
+        fine = np.arange(0.0, min(top, fine_top), STEP / reach)
+        omega = np.union1d(np.concatenate([fine, np.zeros(1), resonances(rig), *near]), np.geomspace(1e-6 / reach, top, 400))
+        omega = omega[(omega >= 0) & (omega <= top)]
+        with np.errstate(all="ignore"):
+            s = line + 1j * omega
+            product, denominator = _product(response, rig, velocity, s)
+            ratio = product / rig(s)
+        if not np.all(np.isfinite(product)):
+            return None
+        if np.all(np.abs(ratio[omega >= 0.7 * top] - 1) < 0.7):
+            break
+        top *= 2
+        if top > fine_top * 2:
+            fine_top *= 2
+        if fine.size > SCAN_LIMIT // 8:
+            return None
+    for _ in range(40):
+        with np.errstate(all="ignore"):
+            turn = np.angle(product[1:] / product[:-1])
+        coarse = ~(np.abs(turn) < 0.7) & (np.diff(omega) > 1e-12 * top)
+        if not coarse.any():
+            break
+        new = 0.5 * (omega[1:] + omega[:-1])[coarse]
+        order = np.argsort(np.concatenate([omega, new]), kind="stable")
+        product = np.concatenate([product, _product(response, rig, velocity, line + 1j * new)[0]])[order]
+        omega = np.concatenate([omega, new])[order]
+    along = float(np.sum(np.angle(product[1:] / product[:-1])))
+    end = line + 1j * omega[-1]
+    arc = abs(end) * np.exp(1j * np.linspace(0.0, np.angle(end), 2001))
+    z = rig(arc)
+    around = float(np.sum(np.angle(z[1:] / z[:-1])))
+    around += float(np.angle(product[-1] / z[-1]))
+    zeros = (around - along) / math.pi
+    if abs(zeros - round(zeros)) > 0.1:
+        return None
+    brought_in = 1 if line < 0 and not response.inert else 0  # the denominator vanishes at s = 0
+    return round(zeros) - brought_in + int(np.sum(held.real > line))
+
+
+def _roots(response: Response, rig: Impedance, velocity: float, density: float, limit: float) -> ComplexArray:
+    """Distinct roots reached by Newton's method from starts along the axis; one of each pair, rightmost first."""
+    reach = response.reach(velocity) / velocity
+    own = natural_frequencies(rig)
+    own = own[own.imag >= 0]
+    starts = [own, own * 1.01 + 0.1 / reach, np.array([0.05 / reach + 0j])]
+    if not response.inert:
+        top = 5.0 * velocity / max(response.law.standard_deviation(), 1e-3)
+        count = int(np.clip(top * reach / density, 8, 4000))
+        along = 1j * np.linspace(density / reach, top, count)
+        starts += [along, along - 0.3 / reach, neutral_starts(response, rig, velocity)]
+    elif isinstance(rig, Modes | SpringMassDamper | RadiationDamping):
+        starts = [own]
+    else:
+        starts += [1j * np.geomspace(1e-3, 1e6, int(200 / density))]
+    s = np.concatenate(starts)
+    features = np.abs(np.concatenate([own.real, 1 / np.array([reach])]))
+    radius = 1e-3 * float(np.min(features[features > 0])) if isinstance(rig, Modes) else 1e-3 / reach
+    with np.errstate(all="ignore"):
+        s, settled = _newton(response, rig, velocity, s, radius, 1.0 / reach)
+    s = s[settled & (s.real > limit) & np.isfinite(s)]
+    s = np.where(s.imag < 0, np.conj(s), s)
+    s = np.where(np.abs(s.imag) < 1e-9 / reach, s.real + 0j, s)
+    distinct: list[complex] = []
+    for root in s[np.argsort(-s.real, kind="stable")]:
+        if not any(abs(root - other) < 1e-8 * (abs(root) + 1 / reach) for other in distinct):
+            distinct.append(complex(root))
+    return np.array(distinct, dtype=complex)
+
+
+def neutral_starts(response: Response, rig: Impedance, velocity: float) -> ComplexArray:
+    """Frequencies at which some spring would make a mode neutral, as starts for a search."""
+    omega = neutral_frequencies(response, rig, [velocity])[0].omega
+    return 1j * omega[np.isfinite(omega)]
+
+
+def _newton(
+    response: Response, rig: Impedance, velocity: float, s: ComplexArray, radius: float, longest: float
+) -> tuple[ComplexArray, NDArray[np.bool_]]:
+    """Newton's method on ``product/s`` from many starts; slopes from Cauchy's integral on a small circle."""
+    corner = np.exp(1j * math.pi * np.array([0.25, 0.75, 1.25, 1.75]))[:, None]
+
+    def reduced(points: ComplexArray) -> ComplexArray:
+        value = _product(response, rig, velocity, points)[0]
+        return value if response.inert else value / points
+
+    settled = np.zeros(s.shape, dtype=bool)
+    active = np.arange(s.size)
+    for _ in range(60):
+        here = s[active]
+        around = reduced((here + radius * corner).ravel()).reshape(4, -1)
+        slope = np.mean(around * np.conj(corner), axis=0) / radius
+        step = -reduced(here) / slope
+        size = np.abs(step)
+        step = np.where(size > longest, step * longest / size, step)
+        s[active] = here + step
+        done = size < 4e-16 * np.abs(here) + 1e-15 * longest
+        near = size < 1e-11 * (np.abs(here) + longest)
+        settled[active] = near
+        active = active[~done & np.isfinite(s[active])]
+        if active.size == 0:
+            break
+    return s, settled
+
+

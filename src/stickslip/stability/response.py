@@ -1,0 +1,276 @@
+"""The dynamic stiffness of an interface: how its force answers a small shake of a smoothly sliding slider.
+
+With ``P^`` the Laplace transform of the law of thresholds, ``E(s) = <exp(-s tau)>`` that of the delay, ``q = s/v`` and
+``h(q) = Int x J_c(x) exp(-q x) dx``,
+
+    kappa(s) = - q h(q) (1 - E(s)) / [(m1 + v <tau>) (1 - E(s) P^(q))]
+
+per contact, in units of ``k``. It is not in the paper: it is Eqs. (1)-(4) with the delay, linearised about the steady
+state. Two facts carry the search for unstable modes:
+
+* ``1 - E P^`` has a positive real part for ``Re s >= 0, s != 0``, so ``kappa`` has no pole there;
+* whatever the delay, ``E`` lies in the unit disc, so ``kappa(i w)`` lies in the disc through 0 about
+  ``c = -q h (1 - conj P^)/((1 - |P^|^2)(m1 + v <tau>))``. A frequency at which ``-Z`` lies outside that disc holds no mode.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stickslip.errors import InputError, UndecidedError, number
+from stickslip.model import Delay, DelayLaw, Interface
+from stickslip.thresholds import Exponential, Gamma, Law, LogNormal, Weibull
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+STEP = 0.2
+"""Phase (rad) that the fastest part of the response may turn between neighbours of a scan; a full turn is 6.3."""
+
+SCAN_LIMIT = 1 << 21
+"""Largest number of frequencies in a scan."""
+
+
+def dynamic_stiffness(interface: Interface, velocity: float, s: ArrayLike) -> ComplexArray:
+    """Force of the interface over displacement for motion ``v t + small exp(s t)``, per contact.
+
+    Parameters
+    ----------
+    interface : Interface
+        The contacts. Without delay the answer is 0 at every `s`.
+    velocity : float
+        Speed of smooth sliding, in ``x_s`` per time.
+    s : array_like of complex
+        Growth rate plus ``i`` times angular frequency, in 1/time; on the imaginary axis and to its right for every
+        law, to its left as far as the law of thresholds has a transform.
+
+    Returns
+    -------
+    ndarray of complex, shape of `s`
+        ``kappa(s)`` in units of ``k``; tends to ``s dF_k/dv`` for ``s -> 0``.
+
+    Raises
+    ------
+    InputError
+        If contacts never come back (no steady sliding), age, or all share one threshold and one delay; if `s` lies
+        where the transform does not exist or overflows.
+
+    Notes
+    -----
+    Laws without a closed transform (`LogNormal`, `Weibull`) cost more the larger ``|Im s|/v``. The relative error is about
+    1e-12, for laws with very heavy tails down to 1e-8 at small `s`.
+    """
+    speed = number("velocity", velocity, above=0, hint="in x_s per time")
+    response = respond(interface)
+    points = np.asarray(s, dtype=complex)
+    furthest = float(np.min(points.real, initial=0.0))
+    if furthest <= response.leftmost * speed and furthest < 0:
+        raise InputError(
+            f"s = {furthest:g}: the law of thresholds has no transform at or left of "
+            f"Re s = {response.leftmost * speed:g}; stay to its right"
+        )
+    with np.errstate(over="ignore", invalid="ignore"):
+        kappa = response.stiffness(speed, points)
+    if not np.all(np.isfinite(kappa)):
+        raise InputError(f"s = {furthest:g}: too far left of the imaginary axis, exp(-s x/v) overflows; stay nearer 0")
+    return kappa
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Axis:
+    """What a law of thresholds contributes on the imaginary axis ``q = i y``, whatever the delay and the speed."""
+
+    y: Array
+    complement: ComplexArray
+    """``1 - P^``."""
+    shape: ComplexArray
+    """``H = q h(q)``."""
+    centre: ComplexArray
+    """Centre of the disc that holds ``kappa`` times ``m1 + v <tau>``, for any delay."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Response:
+    """The linear response of contacts with a law of thresholds and a delay."""
+
+    law: Law
+    delay: DelayLaw
+
+    @property
+    def inert(self) -> bool:
+        """Whether ``kappa = 0`` at every `s`: contacts that come back at once."""
+        return self.delay.moment(1) == 0
+
+    @property
+    def leftmost(self) -> float:
+        """Abscissa of convergence of the transform of the law, in ``q = s/v``."""
+        return _abscissa(self.law)
+
+    def scale(self, velocity: ArrayLike) -> Array:
+        """``m1 + v <tau>``: mean distance the slider goes between two births of a contact, in ``x_s``."""
+        return np.asarray(self.law.moment(1) + np.asarray(velocity, dtype=float) * self.delay.moment(1))
+
+    def reach(self, velocity: float) -> float:
+        """Distance over which the response remembers, in ``x_s``: the largest threshold and the longest delay."""
+        return _largest(self.law) + velocity * _longest(self.delay)
+
+    def stiffness(self, velocity: ArrayLike, s: ArrayLike) -> ComplexArray:
+        """``kappa(s)``; `velocity` and `s` broadcast."""
+        speed, s = np.asarray(velocity, dtype=float), np.asarray(s, dtype=complex)
+        if self.inert:
+            return np.zeros(np.broadcast_shapes(speed.shape, s.shape), dtype=complex)
+        numerator, denominator = self.parts(speed, s)
+        return np.asarray(np.divide(numerator, denominator, out=np.zeros_like(numerator), where=denominator != 0))
+
+    def parts(self, velocity: ArrayLike, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """Numerator and denominator of ``kappa``, both without poles where the transforms exist."""
+        complement, shape = transforms(self.law, s / np.asarray(velocity, dtype=float))
+        late = 1.0 - absence(self.delay, s)
+        return -shape * (1.0 - late) / self.scale(velocity), (1.0 - late) + late * complement
+
+    def axis_parts(self, velocity: float, axis: Axis) -> tuple[ComplexArray, ComplexArray]:
+        """`parts` on the imaginary axis, with the share of the law taken from a table."""
+        missing = absence(self.delay, 1j * velocity * axis.y)
+        return -axis.shape * missing / self.scale(velocity), missing + (1.0 - missing) * axis.complement
+
+    def axis(self, velocity: float, count: int) -> Axis:
+        """Table of the law with at least `count` points, fine enough for this speed and delay."""
+        # Steps are powers of 2, so that neighbouring speeds share a table.
+        step = 2.0 ** math.floor(math.log2(STEP / self.reach(velocity)))
+        return _axis(self.law, step, count)
+
+
+@lru_cache(maxsize=256)
+def _respond(law: Law, delay: DelayLaw) -> Response:
+    mean = delay.moment(1)
+    if not math.isfinite(mean):
+        raise InputError(
+            "Interface.delay: contacts never come back, so there is no smooth sliding to be stable or not; "
+            "give a finite delay"
+        )
+    if mean > 0 and isinstance(delay, Delay) and _one_valued(law):
+        raise InputError(
+            "Interface.thresholds: all contacts share one threshold and one delay, and never forget how they started: "
+            "no steady sliding; give the thresholds a spread above 0"
+        )
+    return Response(law=law, delay=delay)
+
+
+def respond(interface: Interface) -> Response:
+    """Return the linear response of an interface. A new kind of ageing is to be answered for here.
+
+    Raises
+    ------
+    InputError
+        If the interface has no steady sliding, or one whose response is not known.
+    """
+    if interface.ageing is not None:
+        # kernels/ageing will give a response of its own kind: the same methods, from the gap's density (PHYSICS.md, 7).
+        raise InputError(
+            f"Interface.ageing = {interface.ageing}: the linear response of ageing thresholds is not available; "
+            "use ageing=None with a delay, or find the regime by simulate()"
+        )
+    return _respond(interface.threshold_law, interface.delay)
+
+
+# ---------------------------------------------------------------- transforms without cancellation
+
+
+def transforms(law: Law, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    """Return ``1 - P^(q)`` and ``H(q) = q h(q) = (1 - P^)/q + P^'``, by series in the moments where `q` is small."""
+    radius, a, b = _series(law)
+    q = np.asarray(q, dtype=complex)
+    small = np.abs(q) < radius
+    if not small.any():
+        complement = 1.0 - law.laplace(q)
+        return complement, complement / q - law.laplace(q, 1)
+    complement, shape = np.empty_like(q), np.empty_like(q)
+    inner = q[small]
+    complement[small] = inner * np.polynomial.polynomial.polyval(inner, a)
+    shape[small] = inner * np.polynomial.polynomial.polyval(inner, b)
+    outer = q[~small]
+    if outer.size:
+        complement[~small] = 1.0 - law.laplace(outer)
+        shape[~small] = complement[~small] / outer - law.laplace(outer, 1)
+    return complement, shape
+
+
+def absence(delay: DelayLaw, s: ComplexArray) -> ComplexArray:
+    """Return ``1 - E(s)`` without cancellation at small `s`."""
+    s = np.asarray(s, dtype=complex)
+    if isinstance(delay, Delay):
+        return np.asarray(-np.expm1(-s * delay.time))
+    missing = np.asarray(1.0 - delay.laplace(s))
+    one, two, three = (delay.moment(n) for n in (1, 2, 3))
+    small = np.abs(s) * three < 1e-4 * two
+    return np.where(small, s * (one - s * (two / 2 - s * three / 6)), missing)
+
+
+@lru_cache(maxsize=256)
+def _series(law: Law) -> tuple[float, Array, Array]:
+    """Radius within which the series hold to 1e-15, and the coefficients of ``(1 - P^)/q`` and ``H/q``."""
+    moments = np.array([law.moment(n) for n in range(21)])
+    factorial = np.cumprod(np.concatenate([[1.0], np.arange(1.0, 21.0)]))
+    n = np.arange(19)
+    signs = (-1.0) ** n
+    first, second = signs * moments[1:20] / factorial[1:20], signs * moments[2:21] / (factorial[:19] * (n + 2))
+    best, terms = 0.0, 2
+    with np.errstate(all="ignore"):
+        for count in range(3, 19):
+            ratio = max(abs(first[count] / first[0]), abs(second[count] / second[0]))
+            radius = float((1e-15 / ratio) ** (1.0 / count)) if math.isfinite(ratio) else 0.0
+            if radius > best:
+                best, terms = radius, count
+    # A tenth of the width of the law: beyond it the closed form loses nothing.
+    return min(best, 0.5 / moments[1]), first[:terms], second[:terms]
+
+
+def _abscissa(law: Law) -> float:
+    match law:
+        case Exponential():
+            return -1.0 / law.mean
+        case Gamma():
+            return -1.0 / law.scale
+        case LogNormal():
+            return 0.0
+        case Weibull():
+            return 0.0 if law.shape < 1 else -1.0 / law.scale if law.shape == 1 else -math.inf
+    return -math.inf if math.isfinite(law.support[1]) else 0.0
+
+
+def _one_valued(law: Law) -> bool:
+    return law.standard_deviation() <= 1e-7 * law.moment(1)
+
+
+@lru_cache(maxsize=256)
+def _largest(law: Law) -> float:
+    # One contact in 1e5 beyond it moves the response by no more than 1e-5.
+    return float(law.inverse_survival(np.array(1e-5))) if not _one_valued(law) else law.moment(1)
+
+
+@lru_cache(maxsize=256)
+def _longest(delay: DelayLaw) -> float:
+    tau, weight = delay.quadrature()
+    beyond = np.cumsum(weight[::-1])[::-1]
+    return float(np.max(tau[beyond > 1e-5], initial=delay.moment(1)))
+
+
+@lru_cache(maxsize=48)
+def _axis(law: Law, step: float, count: int) -> Axis:
+    # Below the first step frequencies are spaced in proportion: slow modes of soft springs.
+    slow = step * np.geomspace(1e-4, 1.0, 40, endpoint=False)
+    y = np.concatenate([slow, step * np.arange(1, count + 1)])
+    complement, shape = transforms(law, 1j * y)
+    # 1 - |P^|^2 = 2 Re(1 - P^) - |1 - P^|^2
+    room = 2 * complement.real - np.abs(complement) ** 2
+    if np.any(room <= 0):
+        raise UndecidedError(
+            f"the thresholds ({law}) are so close together that the response cannot be told from one without memory "
+            "loss in double precision; give them more spread"
+        )
+    return Axis(y=y, complement=complement, shape=shape, centre=-shape * np.conj(complement) / room)

@@ -1,0 +1,234 @@
+"""What holds the slider: mechanical impedances to stand for ``M s^2 + M eta s + K``.
+
+A rig answers one question: which force per contact, applied where the contacts act, moves the slider by
+``exp(s t)``? That is its impedance ``Z(s)`` (a dynamic stiffness, force over displacement). Natural units per contact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, cast, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+from stickslip.errors import InputError, number
+from stickslip.model import Slider
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+@runtime_checkable
+class Impedance(Protocol):
+    """A mechanical impedance: force over displacement at complex `s`, per contact, in units of ``k``.
+
+    It must be passive (``Im Z(i w) >= 0`` for ``w > 0``: the rig takes energy out and puts none in), analytic for
+    ``Re s >= 0``, real on the real axis, and hold the slider (``Z(0) > 0``). A plain function will do. The count of
+    unstable modes is guaranteed for the records of this module; for a function it rests on sampling.
+    """
+
+    def __call__(self, s: ComplexArray, /) -> ComplexArray:
+        """Force over displacement at each `s` (in 1/time)."""
+        ...
+
+
+Rig = Slider | Impedance
+"""What the functions of this package take as a rig."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpringMassDamper:
+    """A rigid slider on a spring: ``Z = M s^2 + M eta s + K``, the left side of Eq. (11).
+
+    Parameters
+    ----------
+    stiffness, mass, damping : float
+        As in `Slider`: ``K/N``, ``M/N``, ``eta``. Mass zero is the massless limit ``Z = K``.
+    """
+
+    stiffness: float
+    mass: float
+    damping: float
+
+    def __post_init__(self) -> None:
+        Slider(stiffness=self.stiffness, mass=self.mass, damping=self.damping)
+
+    def __call__(self, s: ComplexArray, /) -> ComplexArray:
+        """Force over displacement at each `s`."""
+        return cast(ComplexArray, self.stiffness + self.mass * s * (s + self.damping))
+
+
+@dataclass(frozen=True, kw_only=True)
+class RadiationDamping:
+    """A spring, a mass and an elastic half-space that carries waves away: ``Z = K + M s^2 + r s``.
+
+    Parameters
+    ----------
+    stiffness : float
+        Stiffness of the loading ``K/N`` (for a fault patch of size L about ``mu A/L``).
+    radiation : float
+        ``r = A mu / c_s`` per contact for one radiating half-space on a rigid base, ``A mu / (2 c_s)`` where both sides
+        radiate: `A` area per contact, `mu` shear modulus, `c_s` speed of shear waves; in units of ``k`` times time.
+    mass : float
+        ``M/N``; zero for a quasi-dynamic fault.
+    """
+
+    stiffness: float
+    radiation: float
+    mass: float = 0.0
+
+    def __post_init__(self) -> None:
+        number("RadiationDamping.stiffness", self.stiffness, above=0, hint="K/N")
+        number("RadiationDamping.radiation", self.radiation, at_least=0, hint="A mu/(2 c_s)")
+        number("RadiationDamping.mass", self.mass, at_least=0, hint="M/N")
+
+    def __call__(self, s: ComplexArray, /) -> ComplexArray:
+        """Force over displacement at each `s`."""
+        return cast(ComplexArray, self.stiffness + s * (self.radiation + self.mass * s))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Modes:
+    """An elastic slider given by its modes, as a finite-element model or a modal test lists them.
+
+    The modes carry the same force and their displacements add, so receptances add:
+    ``G(s) = sum_j 1/(m_j (s^2 + eta_j s) + k_j)`` and ``Z = stiffness + 1/G``.
+
+    Parameters
+    ----------
+    masses, stiffnesses, dampings : sequence of float, shape (n,)
+        Modal masses and stiffnesses per contact, scaled so that the mode's displacement at the interface is 1, and
+        ``eta_j > 0`` in 1/time. With the far end of the drive held still in the modal analysis, they are all there is
+        and `stiffness` is 0. For the modes of the free body a stiffness of 0 is its rigid motion.
+    stiffness : float
+        A driving spring ``K/N`` that pulls at the interface, beside the modes.
+    """
+
+    masses: tuple[float, ...]
+    stiffnesses: tuple[float, ...]
+    dampings: tuple[float, ...]
+    stiffness: float = 0.0
+
+    def __post_init__(self) -> None:
+        number("Modes.stiffness", self.stiffness, at_least=0, hint="K/N")
+        for field, above, at_least in (("masses", 0.0, None), ("stiffnesses", None, 0.0), ("dampings", 0.0, None)):
+            values: Sequence[float] = getattr(self, field)
+            if len(values) != len(self.masses) or len(values) == 0:
+                raise InputError(f"Modes.{field}: {len(values)} values: must be as many as masses, at least one")
+            checked = (
+                number(f"Modes.{field}[{i}]", value, above=above, at_least=at_least)
+                for i, value in enumerate(values)
+            )
+            object.__setattr__(self, field, tuple(checked))
+        if self.stiffness == 0 and min(self.stiffnesses) == 0:
+            raise InputError(
+                "Modes.stiffness = 0: nothing holds the slider, one of its modes has no stiffness; "
+                "give the driving spring"
+            )
+
+    def __call__(self, s: ComplexArray, /) -> ComplexArray:
+        """Force over displacement at each `s`."""
+        s = np.asarray(s, dtype=complex)
+        own = [m * s * (s + eta) + k for m, eta, k in zip(self.masses, self.dampings, self.stiffnesses, strict=True)]
+        # 1/G as a product over sums of products: finite where a mode alone would be.
+        scaled = [z / max(m, k, 1e-300) for z, m, k in zip(own, self.masses, self.stiffnesses, strict=True)]
+        total = np.zeros_like(s)
+        for i in range(len(own)):
+            rest = np.ones_like(s) / max(self.masses[i], self.stiffnesses[i], 1e-300)
+            for j, factor in enumerate(scaled):
+                rest = rest * (1.0 if j == i else factor)
+            total = total + rest
+        product = np.ones_like(s)
+        for factor in scaled:
+            product = product * factor
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return cast(ComplexArray, self.stiffness + product / total)
+
+
+def impedance(rig: Rig) -> Impedance:
+    """Return the rig's impedance; a `Slider` becomes a `SpringMassDamper`.
+
+    Raises
+    ------
+    InputError
+        If it is neither, or ``Z(0)`` is not above 0.
+    """
+    if isinstance(rig, Slider):
+        return SpringMassDamper(stiffness=rig.stiffness, mass=rig.mass, damping=rig.damping)
+    if not callable(rig):
+        raise InputError(f"rig = {rig!r}: must be a Slider or an impedance, such as Modes(...) or a function of s")
+    held = complex(np.asarray(rig(np.zeros(1, dtype=complex))).ravel()[0])
+    if not (held.real > 0 and abs(held.imag) <= 1e-12 * abs(held.real)):
+        raise InputError(f"rig: Z(0) = {held:g}: must be real and above 0: a spring has to hold the slider")
+    return rig
+
+
+def is_plain(rig: Impedance) -> bool:
+    """Whether ``Z = K + r s + M s^2``, whose real part falls and whose loss rises with frequency."""
+    return isinstance(rig, SpringMassDamper | RadiationDamping)
+
+
+def resonances(rig: Impedance) -> Array:
+    """Frequencies about which the impedance may change quickly: its peaks and dips, with their widths."""
+    if not isinstance(rig, Modes):
+        return np.empty(0)
+    near = []
+    with_spring = np.concatenate([_zeros_of_impedance(rig), poles(rig)])
+    for root in with_spring[with_spring.imag > 0]:
+        width = max(abs(root.real), 1e-9 * root.imag)
+        near.append(root.imag + width * np.sinh(np.linspace(-5, 5, 81)))
+    found = np.concatenate(near) if near else np.empty(0)
+    return np.sort(found[found > 0])
+
+
+def poles(rig: Impedance) -> ComplexArray:
+    """Poles of the impedance, all with ``Re s < 0``: the modes of the slider with its sliding surface held still."""
+    if not isinstance(rig, Modes) or len(rig.masses) == 1:
+        return np.empty(0, dtype=complex)
+    return _free_or_held(rig, held=True)
+
+
+def _zeros_of_impedance(rig: Modes) -> ComplexArray:
+    return _free_or_held(rig, held=False)
+
+
+def _free_or_held(rig: Modes, *, held: bool) -> ComplexArray:
+    """Eigenvalues of the modal equations, coupled by the driving spring or by ``sum of displacements = 0``."""
+    n = len(rig.masses)
+    m, k, eta = np.array(rig.masses), np.array(rig.stiffnesses), np.array(rig.dampings)
+    if held:
+        # Coordinates in the plane sum(x) = 0.
+        basis = linalg.null_space(np.ones((1, n)))
+        mass, drag, stiff = (basis.T @ np.diag(a) @ basis for a in (m, m * eta, k))
+    else:
+        mass, drag, stiff = np.diag(m), np.diag(m * eta), np.diag(k) + rig.stiffness
+    size = mass.shape[0]
+    inverse = np.linalg.inv(mass)
+    first_order = np.block(
+        [[np.zeros((size, size)), np.eye(size)], [-inverse @ stiff, -inverse @ drag]]
+    )
+    return np.asarray(np.linalg.eigvals(first_order), dtype=complex)
+
+
+def natural_frequencies(rig: Impedance) -> ComplexArray:
+    """Zeros of the impedance, where known: the modes of the rig without the interface."""
+    match rig:
+        case SpringMassDamper() if rig.mass > 0:
+            return _quadratic(rig.mass, rig.mass * rig.damping, rig.stiffness)
+        case RadiationDamping() if rig.mass > 0:
+            return _quadratic(rig.mass, rig.radiation, rig.stiffness)
+        case RadiationDamping() if rig.radiation > 0:
+            return np.array([-rig.stiffness / rig.radiation + 0j])
+        case Modes():
+            return _zeros_of_impedance(rig)
+    return np.empty(0, dtype=complex)
+
+
+def _quadratic(a: float, b: float, c: float) -> ComplexArray:
+    # The root of larger modulus first, the other from their product: no cancellation when overdamped.
+    half, root = 0.5 * b / a, np.sqrt(complex(0.25 * (b / a) ** 2 - c / a))
+    far = -half - root
+    return np.array([far, (c / a) / far])
