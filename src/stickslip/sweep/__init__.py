@@ -1,0 +1,16 @@
+"""Many cases over named axes, on any executor, resumable; and boundaries found with few runs."""
+
+from stickslip.sweep._pools import Processes, Threads
+from stickslip.sweep._run import Failure, Progress, Summary, failures, open_sweep, summary, sweep
+
+__all__ = [
+    "Failure",
+    "Processes",
+    "Progress",
+    "Summary",
+    "Threads",
+    "failures",
+    "open_sweep",
+    "summary",
+    "sweep",
+]
