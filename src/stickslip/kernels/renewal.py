@@ -1,0 +1,254 @@
+"""The master equation under rigid motion, Eqs. (1)-(4), solved as a renewal process by fast convolution.
+
+When the slider is moved at a given velocity, each contact lives on its own: born at ``x = 0``, it breaks at
+its threshold and is born again, a distance ``s = v tau_d`` further on. With ``m(X)`` the number of breaks per
+contact up to ``X``, the master equation is one Volterra equation of convolution type::
+
+    m(X) = m_0(X) + Int_0^X P~(x) m(X - x) dx,     P~(x) = mean over delays of P_c(x - s)
+
+``m_0`` counts the first breaks of the contacts that were there at the start; it is known in closed form. The
+number of breaks is continuous even where the breaking rate jumps, and that is why it is the unknown here.
+
+The unknown is taken piecewise linear and each kernel is integrated exactly against it: its weights are the
+second differences of its second antiderivative, which for all kernels needed here is made of ``excess(x,
+n)``, the survival function integrated `n` times from above. So jumps of the law cost no order: the scheme is
+second order for every law, and Richardson extrapolation over three grids makes it sixth order for smooth
+ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+Density = Callable[[Array], Array]
+Excess = Callable[[Array, int], Array]
+
+
+class Contacts(NamedTuple):
+    """The contacts at the start and what becomes of them.
+
+    Attributes
+    ----------
+    density : callable
+        ``P_c(x)`` at an array of stretchings ``x >= 0``.
+    excess : callable
+        ``excess(x, n)``: mean of ``max(x_s - x, 0)**n / n!``, for ``n`` = 0, 1, 2; order 0 is the survival
+        ``J_c``.
+    stretching, weight : ndarray, shape (n_nodes,)
+        Nodes of the law of initial stretchings, any sign; the weights sum to 1.
+    reach : ndarray, shape (n_nodes,)
+        Stretching beyond which the thresholds of these contacts are known to lie, with ``J_c(reach) > 0``:
+        ``|x_0|`` for contacts that could break in either direction, ``max(x_0, 0)`` where Eq. (3) is read to
+        the letter, which lets a contact stretched backwards have any threshold.
+    shift, share : ndarray, shape (n_delays,)
+        Distances ``v tau_d >= 0`` travelled before a broken contact is born again, and their weights, of sum
+        1. One shift of 0: no delay. Empty: broken contacts never come back.
+    """
+
+    density: Density
+    excess: Excess
+    stretching: Array
+    weight: Array
+    reach: Array
+    shift: Array
+    share: Array
+
+
+class Reborn(NamedTuple):
+    """What all contacts but the initial ones contribute, on the uniform grid ``X = spacing * (0, 1, 2 ...)``.
+
+    Attributes
+    ----------
+    spacing : float
+        Distance between points.
+    values : ndarray, shape (4, n)
+        Contributions to the force, the attached fraction, the breaking rate and the stiffness: continuous
+        functions.
+    """
+
+    spacing: float
+    values: Array
+
+
+class Response(NamedTuple):
+    """The interface under rigid motion, per contact.
+
+    Attributes
+    ----------
+    force : ndarray
+        ``F_c/N`` in units of ``f_s``, Eq. (4).
+    attached : ndarray
+        Fraction of contacts that are attached.
+    rate : ndarray
+        Breaks per contact and unit displacement, ``Gamma(X)`` of Eq. (2).
+    stiffness : ndarray
+        ``dF_c/dX`` = attached - Int x P Q dx, in units of ``k``; no numerical derivative.
+    """
+
+    force: Array
+    attached: Array
+    rate: Array
+    stiffness: Array
+
+
+def solve(contacts: Contacts, distance: float, points: int) -> Reborn:
+    """Solve for the contacts that break and are born again while the slider moves from 0 to `distance`.
+
+    Parameters
+    ----------
+    contacts : Contacts
+        The law of thresholds, the initial contacts and the delays.
+    distance : float
+        Length of the motion, above 0.
+    points : int
+        Number of intervals of the grid that is returned; the solver works on it and on two finer ones.
+
+    Returns
+    -------
+    Reborn
+        On ``points + 1`` positions from 0 to `distance`.
+    """
+    X = np.linspace(0.0, distance, points + 1)
+    spacing = distance / points
+    coarse, middle, fine = (_solve_once(contacts, distance, points, every) for every in (1, 2, 4))
+    broken, travelled, rate, force, stiffness = (coarse - 20 * middle + 64 * fine) / 45
+    if contacts.shift.size == 1 and contacts.shift[0] == 0:
+        born, stretched = broken, travelled
+    else:
+        # A delay is no multiple of the spacing, and the corner at X = s would spoil the extrapolation: shift
+        # last.
+        born, stretched = np.zeros_like(X), np.zeros_like(X)
+        for shift, share in zip(contacts.shift, contacts.share, strict=True):
+            later = shift <= X
+            born[later] += share * _interpolate(broken, (X[later] - shift) / spacing)
+            stretched[later] += share * _interpolate(travelled, (X[later] - shift) / spacing)
+    # What the initial breaks put back at once is left to `observe`, which knows it without interpolating.
+    first = _initial_breaks(contacts, X)
+    attached = born - _at_once(contacts) * first - (broken - first)
+    return Reborn(spacing, np.stack([stretched - force, attached, rate, born - stiffness]))
+
+
+def observe(contacts: Contacts, reborn: Reborn, X: Array) -> Response:
+    """Evaluate force, attached fraction, breaking rate and stiffness at any positions.
+
+    The part of the initial contacts is closed-form at every `X`; the rest is continuous and interpolated to
+    sixth order. A one-sided limit at a jump of the law is the value at the next number on that side
+    (``numpy.nextafter``).
+
+    Parameters
+    ----------
+    contacts : Contacts
+        As given to `solve`.
+    reborn : Reborn
+        What `solve` returned.
+    X : ndarray
+        Positions between 0 and the distance of `solve`, in any order.
+    """
+    initial = _initial(contacts, X)
+    force, attached, rate, stiffness = _interpolate(reborn.values, X / reborn.spacing)
+    return Response(
+        initial.force + force,
+        1.0 - (1.0 - _at_once(contacts)) * initial.broken + attached,
+        initial.rate + rate,
+        initial.stiffness + stiffness,
+    )
+
+
+class _Initial(NamedTuple):
+    force: Array
+    broken: Array
+    rate: Array
+    stiffness: Array
+
+
+def _initial(contacts: Contacts, X: Array) -> _Initial:
+    """The contacts of the start: those still there, and those that break for the first time."""
+    force, left, rate, stiffness = (np.zeros_like(X) for _ in range(4))
+    for scale, reach, x, survivors in _survivors(contacts, X):
+        breaking = np.where(x >= reach, scale * contacts.density(np.maximum(x, reach)), 0.0)
+        force += x * survivors
+        left += survivors
+        rate += breaking
+        stiffness += survivors - x * breaking
+    return _Initial(force, contacts.weight.sum() - left, rate, stiffness)
+
+
+def _initial_breaks(contacts: Contacts, X: Array) -> Array:
+    return np.asarray(contacts.weight.sum() - sum(left for *_, left in _survivors(contacts, X)))
+
+
+def _survivors(contacts: Contacts, X: Array) -> Iterator[tuple[float, float, Array, Array]]:
+    """For each node of the start: scale of its law, reach, stretchings and how many contacts survive."""
+    scales = contacts.weight / contacts.excess(contacts.reach, 0)
+    for x_0, reach, scale in zip(contacts.stretching, contacts.reach, scales, strict=True):
+        x = x_0 + X
+        yield scale, reach, x, scale * contacts.excess(np.maximum(x, reach), 0)
+
+
+def _at_once(contacts: Contacts) -> float:
+    """Share of broken contacts that are born again without delay."""
+    return float(contacts.share[contacts.shift == 0].sum())
+
+
+def _solve_once(contacts: Contacts, distance: float, points: int, every: int) -> Array:
+    """Second-order solution on a grid `every` times finer than the one wanted, given on the one wanted.
+
+    Rows: breaks ``m``, their integral over X, and the convolutions of the breaks with the kernels of the
+    breaking rate, of the force lost and of the stiffness lost by those that break (``J - 1`` in place of
+    ``J``).
+    """
+    n = points * every + 1
+    h = distance / (n - 1)
+    X = np.linspace(0.0, distance, n)
+    antiderivatives = np.zeros((4, n + 1))
+    for shift, share in zip(contacts.shift, contacts.share, strict=True):
+        later = slice(int(shift // h), None)
+        x = np.maximum(h * np.arange(n + 1)[later] - shift, 0.0)
+        antiderivatives[:, later] += share * _antiderivatives(contacts.excess, x)
+    # Second differences; all antiderivatives vanish up to X = 0.
+    weights = np.diff(antiderivatives, n=2, axis=1, prepend=0.0) / h
+    # On a circle |z| = r < 1 the division of power series is safe, and what wraps around is damped by
+    # r**size.
+    size = 1 << (4 * n - 1).bit_length()
+    damping = np.exp(np.log(WRAPPED) / size * np.arange(n))
+    kernels = np.fft.rfft(weights * damping, size)
+    breaks = np.fft.rfft(_initial_breaks(contacts, X) * damping, size) / (1 - kernels[0])
+    rows = np.fft.irfft(np.concatenate([breaks[None], breaks * kernels[1:]]), size)[:, :n] / damping
+    broken = rows[0]
+    travelled = h * (np.cumsum(broken) - 0.5 * broken)
+    return np.stack([broken, travelled, *rows[1:]])[:, ::every]
+
+
+WRAPPED = 1e-13
+"""What wraps around is damped by this; rounding errors grow by its fourth root, at most."""
+
+
+def _antiderivatives(excess: Excess, x: Array) -> Array:
+    """Second antiderivatives, zero at ``x = 0`` with their slope, of the four kernels that act on ``m``.
+
+    With ``G = 1 - J_c``: of ``G'`` it is ``Int G`` (breaks of breaks), of ``G''`` it is ``G`` (breaking
+    rate), of ``(x G)'`` it is ``Int x G`` (force lost), of ``(x G)''`` it is ``x G`` (stiffness lost).
+    """
+    survival, first, second = (excess(x, order) for order in range(3))
+    mean, half_square = (excess(np.zeros(1), order) for order in (1, 2))
+    G = 1.0 - survival
+    return np.stack([x - (mean - first), G, 0.5 * x * x - (half_square - x * first - second), x * G])
+
+
+def _interpolate(values: Array, where: Array) -> Array:
+    """Values at fractional indices along the last axis, by polynomials through the six nearest points."""
+    count = values.shape[-1]
+    degree = min(5, count - 1)
+    first = np.clip(np.floor(where).astype(int) - degree // 2, 0, count - 1 - degree)
+    offset = where - first
+    total = np.zeros(values.shape[:-1] + where.shape)
+    for i in range(degree + 1):
+        factors = [(offset - j) / (i - j) for j in range(degree + 1) if j != i]
+        total += np.prod(factors, axis=0) * values[..., first + i]
+    return total
