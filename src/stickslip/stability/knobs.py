@@ -61,7 +61,9 @@ class Knob:
 def _of_rig(attribute: str, unit: str) -> Knob:
     def get(setting: Setting) -> float:
         if not hasattr(setting.rig, attribute):
-            raise InputError(f"rig = {setting.rig!r}: has no {attribute} to vary; use a Slider, or a Knob of your own")
+            raise InputError(
+                f"rig = {setting.rig!r}: has no {attribute} to vary; use a Slider, or a Knob of your own"
+            )
         return float(getattr(setting.rig, attribute))
 
     def set_(setting: Setting, value: float) -> Setting:
@@ -79,7 +81,9 @@ def _get_delay(setting: Setting) -> float:
             return delay.time
         case RandomDelay():
             return delay.mean
-    raise InputError(f"Interface.delay = {delay!r}: has no known time to vary; use Delay, RandomDelay, or a Knob of your own")
+    raise InputError(
+        f"Interface.delay = {delay!r}: has no known time to vary; use Delay, RandomDelay, or a Knob of your own"
+    )
 
 
 def _set_delay(setting: Setting, value: float) -> Setting:
@@ -90,7 +94,9 @@ def _set_delay(setting: Setting, value: float) -> Setting:
         case RandomDelay() if delay.mean > 0:
             new = replace(delay, mean=value, spread=delay.spread * value / delay.mean)
         case _:
-            raise InputError(f"Interface.delay = {delay!r}: cannot be scaled; use Delay(time) or RandomDelay with a mean above 0")
+            raise InputError(
+                f"Interface.delay = {delay!r}: cannot be scaled; use Delay(time) or RandomDelay with a mean above 0"
+            )
     return replace(setting, interface=replace(setting.interface, delay=new))
 
 
@@ -240,7 +246,9 @@ class Crossings:
         return f"{where}, smooth sliding " + ", ".join(words)
 
 
-def critical(knob: Knob | str, interface: Interface, rig: Rig, velocity: float, *, between: tuple[float, float]) -> Crossings:
+def critical(
+    knob: Knob | str, interface: Interface, rig: Rig, velocity: float, *, between: tuple[float, float]
+) -> Crossings:
     """Find every value of a knob in a range at which a mode of smooth sliding is neutral.
 
     The number of growing modes is counted along the range, on a logarithmic grid that is refined wherever a pair of
@@ -266,8 +274,7 @@ def critical(knob: Knob | str, interface: Interface, rig: Rig, velocity: float, 
         If the range is empty, or there is no steady sliding in it.
     """
     turned = knob_named(knob)
-    low = number("between[0]", between[0], above=0, hint=turned.unit)
-    high = number("between[1]", between[1], above=low, hint=turned.unit)
+    low, high = _range(turned, between)
     start = Setting(interface=interface, rig=rig, velocity=velocity)
     return _search(turned, start, low, high)
 
@@ -357,33 +364,46 @@ def critical_delay(
     return _first_loss(DELAY, interface, rig, velocity, between, interface.threshold_law.moment(1) / velocity)
 
 
-def critical_mass(
-    interface: Interface, rig: Rig, velocity: float, between: tuple[float, float]
-) -> Crossings:
+def critical_mass(interface: Interface, rig: Rig, velocity: float, between: tuple[float, float]) -> Crossings:
     """Find every mass in a range at which a mode of smooth sliding is neutral, at constant ``eta``; see `critical`."""
     return critical(MASS, interface, rig, velocity, between=between)
 
 
-def critical_damping(interface: Interface, rig: Rig, velocity: float, between: tuple[float, float]) -> Crossings:
+def critical_damping(
+    interface: Interface, rig: Rig, velocity: float, between: tuple[float, float]
+) -> Crossings:
     """Find every damping ``eta`` in a range at which a mode of smooth sliding is neutral; see `critical`."""
     return critical(DAMPING, interface, rig, velocity, between=between)
 
 
-def critical_spread(interface: Interface, rig: Rig, velocity: float, between: tuple[float, float]) -> Crossings:
+def critical_spread(
+    interface: Interface, rig: Rig, velocity: float, between: tuple[float, float]
+) -> Crossings:
     """Find every spread of the thresholds in a range at which a mode of smooth sliding is neutral; see `critical`."""
     return critical(SPREAD, interface, rig, velocity, between=between)
 
 
 def _first_loss(
-    knob: Knob, interface: Interface, rig: Rig, velocity: float, between: tuple[float, float] | None, unit: float
+    knob: Knob,
+    interface: Interface,
+    rig: Rig,
+    velocity: float,
+    between: tuple[float, float] | None,
+    unit: float,
 ) -> float:
-    answer = critical(knob, interface, rig, velocity, between=between or (1e-3 * unit, 1e2 * unit))
+    low, high = _range(knob, between or (1e-3 * unit, 1e2 * unit))
+    answer = _search(knob, Setting(interface=interface, rig=rig, velocity=velocity), low, high, first=True)
     if answer.unstable_at_ends[0] > 0 or not answer.edges:
         raise UndecidedError(f"no critical {knob.name}: {answer}")
     return answer.edges[0].value
 
 
 # ---------------------------------------------------------------- the search
+
+
+def _range(knob: Knob, between: tuple[float, float]) -> tuple[float, float]:
+    low = number("between[0]", between[0], above=0, hint=knob.unit)
+    return low, number("between[1]", between[1], above=low, hint=knob.unit)
 
 
 class _Point(NamedTuple):
@@ -405,18 +425,26 @@ def _look(knob: Knob, setting: Setting, values: Sequence[float]) -> list[_Point]
     return points
 
 
-def _search(knob: Knob, setting: Setting, low: float, high: float) -> Crossings:
+def _search(knob: Knob, setting: Setting, low: float, high: float, *, first: bool = False) -> Crossings:
+    """Crossings from `low` to `high`; with `first`, up to the first that changes stability."""
     count = 1 + max(12, math.ceil(16 * math.log10(high / low)))
     values = np.geomspace(low, high, count).tolist()
     values[0], values[-1] = low, high
-    points = _look(knob, setting, values)
-    found = [c for pair in zip(points, points[1:], strict=False) for c in _between(knob, setting, *pair)]
-    for before, here, after in zip(points, points[1:], points[2:], strict=False):
-        found += _hidden(knob, setting, before, here, after, 6)
+    points = _look(knob, setting, values[:1])
+    found: list[Crossing] = []
+    while len(points) < count:
+        ahead = values[len(points) : len(points) + (6 if first else count)]
+        points += _look(knob, setting, ahead)
+        for k in range(len(points) - len(ahead), len(points)):
+            found += _between(knob, setting, points[k - 1], points[k])
+            if k >= 2:
+                found += _hidden(knob, setting, *points[k - 2 : k + 1], 6)
+        if first and (points[0].unstable > 0 or any(c.unstable_below * c.unstable_above == 0 for c in found)):
+            break
     return Crossings(
         knob=knob.name,
         unit=knob.unit,
-        searched=(low, high),
+        searched=(low, points[-1].value),
         unstable_at_ends=(points[0].unstable, points[-1].unstable),
         found=tuple(sorted(found, key=lambda crossing: crossing.value)),
     )
@@ -425,31 +453,36 @@ def _search(knob: Knob, setting: Setting, low: float, high: float) -> Crossings:
 def _between(knob: Knob, setting: Setting, left: _Point, right: _Point) -> list[Crossing]:
     """Crossings between two points, by halving until each half holds at most one branch that changes sign."""
     changing = [
-        (w, u) for w, e, u, f in _matched(left.neutral, right.neutral) if (e > 0) != (f > 0)
+        branch for branch in _matched(left.neutral, right.neutral) if (branch[1] > 0) != (branch[3] > 0)
     ]
     if left.unstable == right.unstable and not changing:
         return []
-    single = abs(left.unstable - right.unstable) == 2 and len(changing) <= 1
-    if single:
-        starts = [math.sqrt(w * u) for w, u in changing]
-        starts += [float(w) for p in (left, right) for w in _nearest(p.neutral)]
-        for start in starts:
-            polished = polish(knob, setting, math.sqrt(left.value * right.value), start)
-            if polished is not None and left.value <= polished[0] * (1 + 1e-12) and polished[0] <= right.value * (1 + 1e-12):
-                return [_crossing(polished, left, right)]
-    if right.value <= left.value * (1 + 1e-12):
-        if left.unstable == right.unstable:
-            return []
-        omega = next(iter(_nearest(left.neutral)), math.nan)
-        return [_crossing((left.value, float(omega)), left, right)]
+    width = math.log(right.value / left.value)
+    if abs(left.unstable - right.unstable) == 2 and len(changing) <= 1:
+        starts = [(e / (e - f), w, u) for w, e, u, f in changing]
+        if width < 1e-3:
+            starts += [
+                (0.5, w, w) for w in _nearest(left.neutral).tolist() + _nearest(right.neutral).tolist()
+            ]
+        for t, w, u in starts:
+            at = polish(
+                knob,
+                setting,
+                math.log(left.value) + t * width,
+                (1 - t) * math.log(w) + t * math.log(u),
+                2 * width,
+            )
+            if at is not None and left.value <= at[0] * (1 + 1e-12) and at[0] <= right.value * (1 + 1e-12):
+                return [_crossing(at, left, right)]
+    if width <= 1e-12:
+        at = left.value, float(next(iter(_nearest(left.neutral)), math.nan))
+        return [] if left.unstable == right.unstable else [_crossing(at, left, right)]
     (middle,) = _look(knob, setting, [math.sqrt(left.value * right.value)])
     return [*_between(knob, setting, left, middle), *_between(knob, setting, middle, right)]
 
 
 def _crossing(at: tuple[float, float], left: _Point, right: _Point) -> Crossing:
-    return Crossing(
-        value=at[0], frequency=at[1], unstable_below=left.unstable, unstable_above=right.unstable
-    )
+    return Crossing(value=at[0], frequency=at[1], unstable_below=left.unstable, unstable_above=right.unstable)
 
 
 def _nearest(neutral: Neutral) -> Array:
@@ -490,7 +523,9 @@ def _hidden(
         fine = np.geomspace(before.value, after.value, 9)[1:-1].tolist()
         points = [before, *_look(knob, setting, fine), after]
         if any(p.unstable != here.unstable for p in points):
-            return [c for pair in zip(points, points[1:], strict=False) for c in _between(knob, setting, *pair)]
+            return [
+                c for pair in zip(points, points[1:], strict=False) for c in _between(knob, setting, *pair)
+            ]
         return [
             c
             for triple in zip(points, points[1:], points[2:], strict=False)
@@ -499,29 +534,43 @@ def _hidden(
     return []
 
 
-def neutral_residual(knob: Knob, setting: Setting, log_value: float, log_omega: float) -> complex:
-    """``Z + kappa`` at ``s = i omega``."""
-    here = knob.set(setting, math.exp(log_value))
-    s = np.array([1j * math.exp(log_omega)])
-    return complex(impedance(here.rig)(s)[0] + respond(here.interface).stiffness(here.velocity, s)[0])
+def residual_and_slopes(
+    knobs: Sequence[Knob], setting: Setting, logs: Sequence[float], log_omega: float
+) -> tuple[complex, list[complex]]:
+    """Return ``Z + kappa`` at ``s = i omega`` and its slopes in the logarithm of each knob and of omega."""
+    d = 1e-6
+    changes = [np.zeros(len(logs) + 1)]
+    changes += [sign * d * unit for unit in np.eye(len(logs) + 1) for sign in (1.0, -1.0)]
+    there: list[tuple[Setting, complex]] = []
+    for change in changes:
+        here = setting
+        for knob, log, shift in zip(knobs, logs, change[:-1], strict=True):
+            here = knob.set(here, math.exp(log + shift))
+        there.append((here, 1j * math.exp(log_omega + change[-1])))
+    s = np.array([omega for _, omega in there])
+    speed = np.array([here.velocity for here, _ in there])
+    values = np.array([impedance(here.rig)(s[k : k + 1])[0] for k, (here, _) in enumerate(there)])
+    for interface in dict.fromkeys(here.interface for here, _ in there):
+        own = np.array([here.interface == interface for here, _ in there])
+        values[own] += respond(interface).stiffness(speed[own], s[own])
+    slopes = (values[1::2] - values[2::2]) / (2 * d)
+    return complex(values[0]), [complex(slope) for slope in slopes]
 
 
-def polish(knob: Knob, setting: Setting, value: float, omega: float) -> tuple[float, float] | None:
+def polish(
+    knob: Knob, setting: Setting, log_value: float, log_omega: float, furthest: float = math.inf
+) -> tuple[float, float] | None:
     """Newton's method in (log value, log omega) for ``Z + kappa = 0`` at ``s = i omega``; None if it does not settle."""
-    x, y, last, d = math.log(value), math.log(omega), math.inf, 1e-6
-    for _ in range(20):
-        f = neutral_residual(knob, setting, x, y)
-        fx = (neutral_residual(knob, setting, x + d, y) - neutral_residual(knob, setting, x - d, y)) / (2 * d)
-        fy = (neutral_residual(knob, setting, x, y + d) - neutral_residual(knob, setting, x, y - d)) / (2 * d)
+    x, y, last = log_value, log_omega, math.inf
+    for _ in range(12):
+        f, (fx, fy) = residual_and_slopes([knob], setting, [x], y)
         det = (fx.conjugate() * fy).imag
         if det == 0 or not math.isfinite(det):
             return None
         dx, dy = -(f.conjugate() * fy).imag / det, -(fx.conjugate() * f).imag / det
         step = max(abs(dx), abs(dy))
-        if step > 0.3:
-            dx, dy = 0.3 * dx / step, 0.3 * dy / step
         x, y = x + dx, y + dy
-        if abs(x) > 80 or abs(y) > 80:
+        if not (step < 1.0 and abs(x - log_value) < furthest):
             return None
         if step < 1e-14 or (step < 1e-10 and step >= 0.5 * last):
             return math.exp(x), math.exp(y)

@@ -192,7 +192,9 @@ def neutral_frequencies(
     if response.inert:
         return [NOTHING for _ in velocities]
     scans = [_scan(response, rig, velocity, softest) for velocity in velocities]
-    brackets = [_brackets(response, rig, velocity, scan) for velocity, scan in zip(velocities, scans, strict=True)]
+    brackets = [
+        _brackets(response, rig, velocity, scan) for velocity, scan in zip(velocities, scans, strict=True)
+    ]
     # All velocities at once: a call costs the same for one frequency and for a hundred.
     counts = [left.size for left, _, _ in brackets]
     speed = np.repeat(np.asarray(velocities, dtype=float), counts)
@@ -225,7 +227,9 @@ def _brackets(
     left, right, rising = omega[at], omega[at + 1], negative[at]
     touching = _nearly_touching(value)
     if touching.size:
-        fine = omega[touching - 1, None] + (omega[touching + 1] - omega[touching - 1])[:, None] * np.linspace(0, 1, 33)
+        fine = omega[touching - 1, None] + (omega[touching + 1] - omega[touching - 1])[:, None] * np.linspace(
+            0, 1, 33
+        )
         below = _loss(response, rig, velocity, fine) < 0
         row, column = np.nonzero(below[:, 1:] != below[:, :-1])
         left = np.concatenate([left, fine[row, column]])
@@ -249,7 +253,9 @@ class _Scan(NamedTuple):
 def _scan(response: Response, rig: Impedance, velocity: float, softest: float | None = None) -> _Scan:
     """Sample ``Im(Z + kappa) |denominator|^2`` up to where nothing can happen any more."""
     scale = float(response.scale(velocity))
-    count = 1 << max(8, math.ceil(math.log2(8.0 / response.law.standard_deviation() / STEP * response.reach(velocity))))
+    count = 1 << max(
+        8, math.ceil(math.log2(8.0 / response.law.standard_deviation() / STEP * response.reach(velocity)))
+    )
     held = 0.0 if softest is None else softest - float(rig(np.zeros(1, dtype=complex))[0].real)
     while True:
         if count > SCAN_LIMIT:
@@ -262,7 +268,9 @@ def _scan(response: Response, rig: Impedance, velocity: float, softest: float | 
         z = rig(1j * omega)
         clear = _clear(z, axis.centre, scale, held, softest is not None)
         tail = axis.centre[-(count // 4) :]
-        if clear[-(count // 4) :].all() and _clear_beyond(rig, float(omega[-1]), tail, scale, held, softest is not None):
+        if clear[-(count // 4) :].all() and _clear_beyond(
+            rig, float(omega[-1]), tail, scale, held, softest is not None
+        ):
             break
         count *= 2
     doubtful = np.flatnonzero(~clear)
@@ -283,7 +291,9 @@ def _scan(response: Response, rig: Impedance, velocity: float, softest: float | 
     return _Scan(omega, value)
 
 
-def _clear(z: ComplexArray, centre: ComplexArray, scale: float, held: float, all_springs: bool) -> NDArray[np.bool_]:
+def _clear(
+    z: ComplexArray, centre: ComplexArray, scale: float, held: float, all_springs: bool
+) -> NDArray[np.bool_]:
     """Whether no delay law at all could make the mode at this frequency neutral, from the disc that holds kappa."""
     radius = np.abs(centre)
     lossy = z.imag * scale >= radius - centre.imag - 1e-14 * radius
@@ -300,9 +310,13 @@ def _clear_beyond(
     deficit = float(np.max(np.abs(tail) * (1 - 1e-14) - tail.imag))
     if is_plain(rig) and rig(np.array([1j * omega]))[0].imag * scale >= deficit:
         return True
-    beyond = np.concatenate([omega * np.geomspace(1, 1e6, 400), np.abs(natural_frequencies(rig)), resonances(rig)])
+    beyond = np.concatenate(
+        [omega * np.geomspace(1, 1e6, 400), np.abs(natural_frequencies(rig)), resonances(rig)]
+    )
     z = rig(1j * beyond[beyond >= omega])
-    centre = np.full(z.shape, complex(math.sqrt(max(worst**2 - (worst - max(deficit, 0)) ** 2, 0)), worst - deficit))
+    centre = np.full(
+        z.shape, complex(math.sqrt(max(worst**2 - (worst - max(deficit, 0)) ** 2, 0)), worst - deficit)
+    )
     return bool(_clear(z, centre, scale, held, all_springs).all())
 
 
@@ -332,7 +346,12 @@ def _nearly_touching(value: Array) -> NDArray[np.intp]:
     """Indices of local minima of ``|value|`` where a parabola through three points comes near zero."""
     before, here, after = value[:-2], value[1:-1], value[2:]
     side = np.sign(here)
-    inner = (before * side > 0) & (after * side > 0) & (here * side <= before * side) & (here * side <= after * side)
+    inner = (
+        (before * side > 0)
+        & (after * side > 0)
+        & (here * side <= before * side)
+        & (here * side <= after * side)
+    )
     k = np.flatnonzero(inner)
     if k.size == 0:
         return k
@@ -365,7 +384,11 @@ def _bracketed_zeros(function, left: Array, right: Array) -> Array:  # type: ign
             quadratic = (phi**2 < xi) & ((1 - phi) ** 2 < 1 - xi)
             guess = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
             least = tolerance / np.maximum(width, 1e-300)
-        t = np.clip(np.where(quadratic & np.isfinite(guess), guess, 0.5), np.minimum(least, 0.5), np.maximum(1 - least, 0.5))
+        t = np.clip(
+            np.where(quadratic & np.isfinite(guess), guess, 0.5),
+            np.minimum(least, 0.5),
+            np.maximum(1 - least, 0.5),
+        )
     return np.asarray(best)
 
 
@@ -434,10 +457,15 @@ def _count_right_of(response: Response, rig: Impedance, velocity: float, line: f
         10 / reach,
     )
     fine_top = 8.0 * velocity / max(response.law.standard_deviation(), 1e-9)
-    near = [root.imag + max(abs(root.real - line), 1e-9 * abs(root)) * np.sinh(np.linspace(-6, 6, 121)) for root in own]
+    near = [
+        root.imag + max(abs(root.real - line), 1e-9 * abs(root)) * np.sinh(np.linspace(-6, 6, 121))
+        for root in own
+    ]
     for _ in range(30):
         fine = np.arange(0.0, min(top, fine_top), STEP / reach)
-        omega = np.union1d(np.concatenate([fine, np.zeros(1), resonances(rig), *near]), np.geomspace(1e-6 / reach, top, 400))
+        omega = np.union1d(
+            np.concatenate([fine, np.zeros(1), resonances(rig), *near]), np.geomspace(1e-6 / reach, top, 400)
+        )
         omega = omega[(omega >= 0) & (omega <= top)]
         with np.errstate(all="ignore"):
             s = line + 1j * omega
@@ -538,5 +566,3 @@ def _newton(
         if active.size == 0:
             break
     return s, settled
-
-

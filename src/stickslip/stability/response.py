@@ -77,7 +77,9 @@ def dynamic_stiffness(interface: Interface, velocity: float, s: ArrayLike) -> Co
     with np.errstate(over="ignore", invalid="ignore"):
         kappa = response.stiffness(speed, points)
     if not np.all(np.isfinite(kappa)):
-        raise InputError(f"s = {furthest:g}: too far left of the imaginary axis, exp(-s x/v) overflows; stay nearer 0")
+        raise InputError(
+            f"s = {furthest:g}: too far left of the imaginary axis, exp(-s x/v) overflows; stay nearer 0"
+        )
     return kappa
 
 
@@ -125,7 +127,9 @@ class Response:
         if self.inert:
             return np.zeros(np.broadcast_shapes(speed.shape, s.shape), dtype=complex)
         numerator, denominator = self.parts(speed, s)
-        return np.asarray(np.divide(numerator, denominator, out=np.zeros_like(numerator), where=denominator != 0))
+        return np.asarray(
+            np.divide(numerator, denominator, out=np.zeros_like(numerator), where=denominator != 0)
+        )
 
     def parts(self, velocity: ArrayLike, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """Numerator and denominator of ``kappa``, both without poles where the transforms exist."""
@@ -218,7 +222,10 @@ def _series(law: Law) -> tuple[float, Array, Array]:
     factorial = np.cumprod(np.concatenate([[1.0], np.arange(1.0, 21.0)]))
     n = np.arange(19)
     signs = (-1.0) ** n
-    first, second = signs * moments[1:20] / factorial[1:20], signs * moments[2:21] / (factorial[:19] * (n + 2))
+    first, second = (
+        signs * moments[1:20] / factorial[1:20],
+        signs * moments[2:21] / (factorial[:19] * (n + 2)),
+    )
     best, terms = 0.0, 2
     with np.errstate(all="ignore"):
         for count in range(3, 19):

@@ -114,10 +114,16 @@ class Modes:
 
     def __post_init__(self) -> None:
         number("Modes.stiffness", self.stiffness, at_least=0, hint="K/N")
-        for field, above, at_least in (("masses", 0.0, None), ("stiffnesses", None, 0.0), ("dampings", 0.0, None)):
+        for field, above, at_least in (
+            ("masses", 0.0, None),
+            ("stiffnesses", None, 0.0),
+            ("dampings", 0.0, None),
+        ):
             values: Sequence[float] = getattr(self, field)
             if len(values) != len(self.masses) or len(values) == 0:
-                raise InputError(f"Modes.{field}: {len(values)} values: must be as many as masses, at least one")
+                raise InputError(
+                    f"Modes.{field}: {len(values)} values: must be as many as masses, at least one"
+                )
             checked = (
                 number(f"Modes.{field}[{i}]", value, above=above, at_least=at_least)
                 for i, value in enumerate(values)
@@ -132,7 +138,10 @@ class Modes:
     def __call__(self, s: ComplexArray, /) -> ComplexArray:
         """Force over displacement at each `s`."""
         s = np.asarray(s, dtype=complex)
-        own = [m * s * (s + eta) + k for m, eta, k in zip(self.masses, self.dampings, self.stiffnesses, strict=True)]
+        own = [
+            m * s * (s + eta) + k
+            for m, eta, k in zip(self.masses, self.dampings, self.stiffnesses, strict=True)
+        ]
         # 1/G as a product over sums of products: finite where a mode alone would be.
         scaled = [z / max(m, k, 1e-300) for z, m, k in zip(own, self.masses, self.stiffnesses, strict=True)]
         total = np.zeros_like(s)
@@ -159,7 +168,9 @@ def impedance(rig: Rig) -> Impedance:
     if isinstance(rig, Slider):
         return SpringMassDamper(stiffness=rig.stiffness, mass=rig.mass, damping=rig.damping)
     if not callable(rig):
-        raise InputError(f"rig = {rig!r}: must be a Slider or an impedance, such as Modes(...) or a function of s")
+        raise InputError(
+            f"rig = {rig!r}: must be a Slider or an impedance, such as Modes(...) or a function of s"
+        )
     held = complex(np.asarray(rig(np.zeros(1, dtype=complex))).ravel()[0])
     if not (held.real > 0 and abs(held.imag) <= 1e-12 * abs(held.real)):
         raise InputError(f"rig: Z(0) = {held:g}: must be real and above 0: a spring has to hold the slider")
@@ -207,9 +218,7 @@ def _free_or_held(rig: Modes, *, held: bool) -> ComplexArray:
         mass, drag, stiff = np.diag(m), np.diag(m * eta), np.diag(k) + rig.stiffness
     size = mass.shape[0]
     inverse = np.linalg.inv(mass)
-    first_order = np.block(
-        [[np.zeros((size, size)), np.eye(size)], [-inverse @ stiff, -inverse @ drag]]
-    )
+    first_order = np.block([[np.zeros((size, size)), np.eye(size)], [-inverse @ stiff, -inverse @ drag]])
     return np.asarray(np.linalg.eigvals(first_order), dtype=complex)
 
 

@@ -1,0 +1,247 @@
+"""Closed forms: what can be said about an interface without solving anything, each with its range of validity.
+
+Natural units per contact (``k = f_s = x_s = 1``), time in the user's unit.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple, overload
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stickslip.errors import InputError, number
+from stickslip.model import Interface, Slider
+
+Array = NDArray[np.float64]
+
+
+@overload
+def kinetic_friction(interface: Interface, velocity: float = 0.0) -> float: ...
+@overload
+def kinetic_friction(interface: Interface, velocity: Array) -> Array: ...
+def kinetic_friction(interface: Interface, velocity: float | Array = 0.0) -> float | Array:
+    """Return the mean force of the contacts in smooth sliding, ``F_k = k m2/(2 (m1 + v <tau>))``.
+
+    The force of the steady state of Eqs. (1)-(4) with attached contacts counted by Eq. (10); ``m1, m2`` are the first two moments of the
+    positive law of thresholds. Exact for any law and any delay law.
+
+    Parameters
+    ----------
+    interface : Interface
+        The contacts, without ageing.
+    velocity : float or ndarray
+        Speed of sliding, at least 0, in ``x_s`` per time; 0 is the limit of slow sliding, or no delay.
+
+    Returns
+    -------
+    float or ndarray, shape of `velocity`
+        Per contact, in ``f_s``.
+
+    Raises
+    ------
+    InputError
+        If thresholds age (the force then follows from no closed form), or the delay is infinite at zero velocity.
+    """
+    law = interface.threshold_law
+    return 0.5 * law.moment(2) / law.moment(1) * attached_fraction(interface, velocity)
+
+
+@overload
+def attached_fraction(interface: Interface, velocity: float) -> float: ...
+@overload
+def attached_fraction(interface: Interface, velocity: Array) -> Array: ...
+def attached_fraction(interface: Interface, velocity: float | Array) -> float | Array:
+    """Return the mean share of attached contacts in smooth sliding, ``N_c/N = 1/(1 + v <tau>/<x_s>)``, Eq. (10).
+
+    The paper's ``vbar = xbar/tau_d`` with ``xbar = 1/Gamma``, which in steady sliding is the mean threshold stretching. There it is exact, for
+    a random delay with the mean delay. Used inside the dynamics, as the paper does, it has no memory and is an approximation.
+
+    Parameters
+    ----------
+    interface : Interface
+        The contacts, without ageing.
+    velocity : float or ndarray
+        Speed of sliding, at least 0, in ``x_s`` per time.
+
+    Returns
+    -------
+    float or ndarray, shape of `velocity`
+        Between 0 and 1.
+
+    Raises
+    ------
+    InputError
+        If thresholds age, or the delay is infinite at zero velocity.
+    """
+    if interface.ageing is not None:
+        raise InputError(
+            f"Interface.ageing = {interface.ageing}: steady sliding with ageing thresholds has no closed form; "
+            "simulate it, or use ageing=None"
+        )
+    speed = np.asarray(velocity, dtype=float)
+    for value in (float(np.min(speed)), float(np.max(speed))):
+        number("velocity", value, at_least=0, hint="in x_s per time")
+    mean = interface.delay.moment(1)
+    if math.isinf(mean) and np.any(speed == 0):
+        raise InputError(
+            "velocity = 0: with an infinite delay the limit of slow sliding does not exist; give one above 0"
+        )
+    attached = 1.0 / (1.0 + speed * mean / interface.threshold_law.moment(1))
+    return float(attached) if attached.ndim == 0 else attached
+
+
+def driving_force(interface: Interface, slider: Slider, velocity: float) -> float:
+    """Return the mean force in the driving spring in smooth sliding, ``M eta v + F_k(v)``: the mean of Eq. (11).
+
+    Parameters
+    ----------
+    interface : Interface
+        The contacts, without ageing.
+    slider : Slider
+        Its mass and damping count.
+    velocity : float
+        Speed of sliding, at least 0, in ``x_s`` per time.
+
+    Returns
+    -------
+    float
+        Per contact, in ``f_s``.
+    """
+    return slider.mass * slider.damping * velocity + kinetic_friction(interface, velocity)
+
+
+def critical_stiffness_estimate(interface: Interface) -> float:
+    """Return the paper's rough ``K* ~ N k f_s/(Delta f_s + Delta f_0)``, Eq. (9): a hint at scaling, no value to rely on.
+
+    For the paper's own parameters it gives 9.1 where Eqs. (1)-(4) and (8) give 2.99. It is only meant for narrow laws.
+
+    Parameters
+    ----------
+    interface : Interface
+        Its laws of thresholds and of initial stretchings, by mean and standard deviation.
+
+    Returns
+    -------
+    float
+        Per contact, in ``k``; infinite where all contacts are equal.
+    """
+    law = interface.threshold_law
+    width = law.standard_deviation() + interface.initial.standard_deviation()
+    return law.moment(1) / width if width > 0 else math.inf
+
+
+def slip_displacement(slider: Slider, velocity: float, elapsed: ArrayLike) -> Array:
+    """Return how far the slider slips in a time after the elastic instability, ``v dt [1 + (Omega dt)^2/6]``, Eq. (12).
+
+    Parameters
+    ----------
+    slider : Slider
+        Its ``Omega = sqrt(K/M)``; with a mass.
+    velocity : float
+        In ``x_s`` per time. The paper prints the drive's velocity ``v_d``. That supposes that the slider still follows the drive at the
+        instability; it has run ahead by then, and the result is too small by up to a factor 3.5. With the slider's actual
+        velocity at the instability it holds to 10 % for ``Omega dt <= 1``.
+    elapsed : array_like
+        Time since the instability, at least 0.
+
+    Returns
+    -------
+    ndarray, shape of `elapsed`
+        In ``x_s``.
+
+    Raises
+    ------
+    InputError
+        If the slider has no mass.
+    """
+    number("velocity", velocity, at_least=0, hint="in x_s per time")
+    number("Slider.mass", slider.mass, above=0, hint="M/N; a slip without mass takes no time")
+    t = np.asarray(elapsed, dtype=float)
+    return np.asarray(velocity * t * (1.0 + (slider.frequency * t) ** 2 / 6.0))
+
+
+class DelayEstimate(NamedTuple):
+    """The paper's two estimates of the critical delay ``tau*``, below Eq. (12), in the unit of time."""
+
+    light: float
+    """``Delta x_s/v``, for ``Omega tau* << 1`` in the paper's words: the slider only follows the drive."""
+    heavy: float
+    """``(6 Delta x_s M/(K v))^(1/3)``, for ``Omega tau* >> 1``: the slider is thrown forward."""
+    phase: float
+    """``Omega`` times the time at which Eq. (12) reaches ``Delta x_s``; small or large, it says which of the two is meant."""
+
+
+def critical_delay_estimate(interface: Interface, slider: Slider, velocity: float) -> DelayEstimate:
+    """Return the paper's estimates of ``tau*``, from a slip of ``Delta x_s`` by Eq. (12) within the delay.
+
+    Orders of magnitude only: the paper fits ``tau* = A1 + A2 M^(1/3)`` instead. For the value see the functions that measure or compute it.
+
+    Parameters
+    ----------
+    interface : Interface
+        Its spread of thresholds is ``Delta x_s``.
+    slider : Slider
+        With a mass.
+    velocity : float
+        Of the drive, above 0, in ``x_s`` per time.
+
+    Returns
+    -------
+    DelayEstimate
+        Both limits, and where between them the rig lies.
+
+    Raises
+    ------
+    InputError
+        If the velocity or the mass is 0.
+    """
+    speed = number("velocity", velocity, above=0, hint="in x_s per time")
+    number("Slider.mass", slider.mass, above=0, hint="M/N")
+    width = interface.threshold_law.standard_deviation()
+    # phase (1 + phase^2/6) = Omega Delta x_s/v: a cubic with one real root.
+    asked = slider.frequency * width / speed
+    phase = 2 * math.sqrt(2) * math.sinh(math.asinh(1.5 * asked / math.sqrt(2)) / 3)
+    return DelayEstimate(
+        light=width / speed,
+        heavy=(6 * width * slider.mass / (slider.stiffness * speed)) ** (1 / 3),
+        phase=phase,
+    )
+
+
+def effective_potential(slider: Slider, position: ArrayLike, contact_force: ArrayLike, drive: float) -> Array:
+    """Return ``V_eff(X) = K (v_d t - X)^2/2 + Int_0^X F_c``, Eq. (5), on a grid.
+
+    Minus its slope is the force on the slider; the slider is stable where it bends upward, Eq. (6).
+
+    Parameters
+    ----------
+    slider : Slider
+        Its stiffness counts.
+    position : array_like, shape (n,)
+        Positions ``X`` of the slider in ``x_s``, rising, the first one 0.
+    contact_force : array_like, shape (n,)
+        Force ``F_c(X)`` of the contacts per contact, in ``f_s``, as rigid motion gives it.
+    drive : float
+        Position ``v_d t`` of the far end of the spring, in ``x_s``.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Per contact, in ``f_s x_s``; the integral by the trapezoidal rule, second order in the spacing.
+
+    Raises
+    ------
+    InputError
+        If the two arrays do not match, or positions do not rise from 0.
+    """
+    x, force = np.asarray(position, dtype=float), np.asarray(contact_force, dtype=float)
+    if x.ndim != 1 or x.shape != force.shape or x.size < 2:
+        raise InputError(
+            f"position, contact_force: shapes {x.shape} and {force.shape}: must be equal, (n,) with n > 1"
+        )
+    if x[0] != 0 or np.any(np.diff(x) <= 0):
+        raise InputError("position: must start at 0 and rise from each value to the next")
+    work = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(x))])
+    return np.asarray(0.5 * slider.stiffness * (drive - x) ** 2 + work)
