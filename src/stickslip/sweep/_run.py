@@ -148,9 +148,8 @@ def sweep(
         load the functions.
     """
     grid = _grid(axes, attributes or {}, batch)
-    asks_seed = _check_case(case, grid)
-    if not callable(measure):
-        raise InputError(f"measure = {measure!r}: must be a function of what `case` returns")
+    asks_seed = check_case(case, list(grid.axes))
+    check_measure("measure", measure)
     seed = whole("seed", seed, at_least=0)
     job = Job(case=case, measure=measure, seed=seed if asks_seed else None)
     identity = _identity(job, grid, seed, fingerprint)
@@ -286,9 +285,11 @@ class _Run:
         elif self._per_case is None:
             size = 1
         else:
-            size = int(
-                min(LARGEST_BATCH, SECONDS / max(self._per_case, 1e-9), len(self._todo) / (2 * workers))
-            )
+            of_a_second = SECONDS / max(self._per_case, 1e-9)
+            shared = max(
+                len(self._todo) / (2 * workers), 0.05 * of_a_second
+            )  # all workers end nearly together
+            size = int(min(LARGEST_BATCH, of_a_second, shared))
         block = self._grid.block(self._todo[0])
         cells = [self._todo.popleft()]
         while self._todo and len(cells) < size and self._grid.block(self._todo[0]) == block:
@@ -314,7 +315,7 @@ class _Run:
                 ):  # of dask, after several workers died of this batch
                     raise InputError(self._trouble(error)) from error
                 if len(cells) == 1:
-                    results[cells[0]] = _died()
+                    results[cells[0]] = died()
                 else:
                     self._suspects.extend(cells)
             else:
@@ -339,7 +340,7 @@ class _Run:
         """Put back the cells of a batch that was in flight when a worker died."""
         self._crashes.update(cells)
         if len(cells) == 1 and self._crashes[cells[0]] > 2:
-            self._land({cells[0]: _died()})
+            self._land({cells[0]: died()})
             return
         self._suspects.extend(cell for cell in cells if self._crashes[cell] >= 2)
         self._todo.extendleft(reversed([cell for cell in cells if self._crashes[cell] < 2]))
@@ -385,7 +386,8 @@ class _Run:
         return f"executor: dropped a batch of cases ({reason}); {self._kept()}"
 
 
-def _died() -> str:
+def died() -> str:
+    """Text of the error of a case whose worker died of it."""
     return "WorkerDied: the worker process ended while it ran this case (killed, out of memory, or a crash)"
 
 
@@ -437,7 +439,7 @@ def _axis(name: str, given: object) -> NDArray[Any]:
     return values.astype({"b": np.bool_, "u": np.int64, "i": np.int64, "f": np.float64}[values.dtype.kind])
 
 
-def _check_case(case: object, grid: _store.Grid) -> bool:
+def check_case(case: object, axes: Sequence[str]) -> bool:
     """Refuse a case that does not take the axes; say whether it takes a seed."""
     if not callable(case):
         raise InputError(f"case = {case!r}: must be a function of the axes")
@@ -448,18 +450,24 @@ def _check_case(case: object, grid: _store.Grid) -> bool:
     named = {p.name: p for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)}
     anything = any(p.kind is p.VAR_KEYWORD for p in parameters)
     called = getattr(case, "__qualname__", repr(case))
-    for name in grid.axes:
+    for name in axes:
         if name not in named and not anything:
             raise InputError(
                 f"axes: {called} has no parameter {name!r}; it takes {', '.join(named) or 'none'}"
             )
     for name, parameter in named.items():
-        if name not in grid.axes and name != "seed" and parameter.default is parameter.empty:
+        if name not in axes and name != "seed" and parameter.default is parameter.empty:
             raise InputError(
                 f"case = {called}: its parameter {name!r} is no axis and has no default; add an axis or bind "
                 "it with functools.partial"
             )
-    return "seed" in named and "seed" not in grid.axes and not _bound(case, "seed")
+    return "seed" in named and "seed" not in axes and not _bound(case, "seed")
+
+
+def check_measure(place: str, measure: object) -> None:
+    """Refuse what cannot be called."""
+    if not callable(measure):
+        raise InputError(f"{place} = {measure!r}: must be a function of what `case` returns")
 
 
 def _bound(case: object, name: str) -> bool:
@@ -468,15 +476,22 @@ def _bound(case: object, name: str) -> bool:
 
 def _identity(job: Job, grid: _store.Grid, seed: int, fingerprint: object) -> dict[str, str]:
     """What must be equal for a finished case to be the same case, part by part."""
+    parts = {"names of the axes": ", ".join(grid.axes)}
+    for name, values in grid.axes.items():
+        parts[f"axis {name}"] = digest(encode(values.tolist()))
+    return parts | identity_of_code({"case": job.case, "measure": job.measure}, seed, fingerprint)
+
+
+def identity_of_code(
+    functions: Mapping[str, Callable[..., object]], seed: int, fingerprint: object
+) -> dict[str, str]:
+    """Digest what decides the result of a case besides the values of its axes, part by part."""
     parts = {
         "stickslip version": _store.package_version(),
         "seed": str(seed),
-        "names of the axes": ", ".join(grid.axes),
         "fingerprint": digest(encode(fingerprint, "fingerprint")),
     }
-    for name, values in grid.axes.items():
-        parts[f"axis {name}"] = digest(encode(values.tolist()))
-    for role, function in (("case", job.case), ("measure", job.measure)):
+    for role, function in functions.items():
         for part, value in code_parts(function).items():
             parts[part.replace("code", f"code of {role}", 1)] = value
     return parts
@@ -487,8 +502,8 @@ def _provenance(job: Job, grid: _store.Grid, seed: int, identity: Mapping[str, s
         "format": _store.FORMAT,
         "format_version": _store.VERSION,
         "stickslip": _store.package_version(),
-        "case": _name(job.case),
-        "measure": _name(job.measure),
+        "case": name_of(job.case),
+        "measure": name_of(job.measure),
         "seed": seed,
         "axes": dict(zip(grid.axes, grid.shape, strict=True)),
         "identity": dict(sorted(identity.items())),
@@ -496,7 +511,8 @@ def _provenance(job: Job, grid: _store.Grid, seed: int, identity: Mapping[str, s
     return json.dumps(record)
 
 
-def _name(function: object) -> str:
+def name_of(function: object) -> str:
+    """Name of a function, for a person."""
     function = getattr(function, "func", function)  # of functools.partial
     return str(getattr(function, "__qualname__", type(function).__qualname__))
 
