@@ -1,0 +1,713 @@
+"""The master equation, Eqs. (1)-(4), on cohorts, under the motion of a slider, Eq. (11), or a prescribed one.
+
+A cohort is what was born in one step: contacts attached at the same place ``b``, of which ``m J_c(e)``
+survive when their largest stretching so far is ``e``. Nothing moves along a grid of stretchings, so there is
+no numerical diffusion, and the slider may turn round at any time. What breaks goes through the delay, a mean
+over given delay times, and is born again where the slider then is; half of the births of a step at each of
+its ends.
+
+Between two steps the slider is a damped oscillator on the driving spring and on the contacts, whose force is
+taken linear in its position with the slope that the step itself turns out to have (found in two sweeps over
+the cohorts). The oscillator is solved in closed form: the step is exact where nothing breaks, has no
+stability limit, follows an elastic instability by its true exponential, and is second order.
+
+All controls of the step follow from one number, `cells`: the slider moves at most 1/cells in a step, at most
+``5/cells`` of the contacts break or are born, and two estimates of where it ends agree to ``20/cells**2``.
+
+Natural units: stretchings in ``x_s``, forces and stiffnesses per contact in ``f_s`` and ``k``, any unit of
+time.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._jit import jit
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+class Table(NamedTuple):
+    """Survival and density of the thresholds at ``x = spacing * (0, 1, 2 ...)``, up to where nothing survives."""
+
+    survival: Array
+    density: Array
+    spacing: float
+
+
+class Rebirth(NamedTuple):
+    """Delay times until a broken contact is born again, and their weights; none: it never comes back.
+
+    `memoryless` selects the paper's approximation, Eq. (10): contacts are reborn at once, and the fraction of
+    them that is attached follows the velocity and the breaking rate of the moment. It has no memory of what
+    broke when, and oscillates in its own, spurious way; it is exact for the mean force of steady sliding.
+    """
+
+    delay: Array
+    weight: Array
+    memoryless: bool
+
+
+class Mechanics(NamedTuple):
+    """Stiffness of the driving spring, mass and damping rate of the slider, Eq. (11), all per contact.
+
+    `rigid`: the slider moves with the drive, and the three numbers do not matter.
+    """
+
+    stiffness: float
+    mass: float
+    damping: float
+    rigid: bool
+
+
+class Pull(NamedTuple):
+    """The far end of the spring: ``position + velocity u + acceleration u**2 / 2`` a time `u` after `start`."""
+
+    start: float
+    position: float
+    velocity: float
+    acceleration: float
+
+
+class Stop(NamedTuple):
+    """Where to stop early: 0 nowhere; 1 at ``|X - origin| >= value``; 2 at ``F_d >= value``; 3 at ``F_d <= value``."""
+
+    kind: int
+    value: float
+    origin: float
+
+
+class State(NamedTuple):
+    """All that the next step needs. Arrays have room to spare; `count` says what is in use.
+
+    Attributes
+    ----------
+    scalar : ndarray, shape (15,)
+        See the indices below: `TIME` ... `STORED`.
+    cohort : ndarray, shape (6, room)
+        Rows `BIRTH`, `MASS`, `REACH`, `ALIVE`, and two for the step under trial.
+    broken : ndarray, shape (2, room)
+        Times, and the mass broken up to them.
+    cursor : ndarray of int, shape (n_delays,)
+        Place in `broken` of the time one delay ago.
+    count : ndarray of int, shape (2,)
+        Number of cohorts and of times in use.
+    """
+
+    scalar: Array
+    cohort: Array
+    broken: Array
+    cursor: IntArray
+    count: IntArray
+
+
+# Columns of the samples, which are also the first scalars. Energies: work of the drive, dissipated by
+# damping, lost in breaks, stored in contacts.
+COLUMNS = 10
+TIME, POSITION, VELOCITY, DRIVE_FORCE, CONTACT_FORCE, ATTACHED, WORK, DAMPED, LOST, STORED = range(COLUMNS)
+# Further scalars: mass in cohorts and mass outside, slope of the contact force, the step to try next.
+SCALARS = 14
+MASS_IN, MASS_OUT, SLOPE, NEXT_STEP = range(COLUMNS, SCALARS)
+
+BIRTH, MASS, REACH, ALIVE, TRIAL_REACH, TRIAL_ALIVE = range(6)
+
+# Why `advance` came back.
+FINISHED, STOPPED, PAUSED, NO_ROOM = range(4)
+
+BREAK_CAP = 5.0
+"""Largest mass that breaks, or is born, in a step, times `cells`: the usual steady rate is 1."""
+TOLERANCE = 20.0
+"""Largest disagreement on where a step ends, times ``cells**2``."""
+PHASE = 0.5
+"""Largest phase, in radians, that an oscillation that has not died out turns in a step."""
+EXTINCT = 1e-12
+"""A cohort of which a smaller share survives is dropped; its rest counts as broken."""
+
+
+@jit
+def survival(table: Table, x: float) -> float:
+    """Share of newborn contacts that survive a stretching ``x >= 0``, by cubic Hermite interpolation."""
+    place = x / table.spacing
+    i = int(place)
+    if i >= table.survival.size - 1:
+        return 0.0
+    u = place - i
+    left, right = table.survival[i], table.survival[i + 1]
+    rise = right - left
+    a = -table.spacing * table.density[i] - rise
+    b = rise + table.spacing * table.density[i + 1]
+    return left + u * (rise + (1.0 - u) * ((1.0 - u) * a + u * b))
+
+
+@jit
+def response(t: float, eta: float, w: float) -> tuple[float, float, float, float, float]:
+    """Motion of ``x'' + eta x' + w x`` after a unit kick: velocity, position, and its three repeated
+    integrals.
+
+    The integrals are the motion under a unit load that is constant, linear and quadratic (``t**2 / 2``) in
+    time. A power series over a short time is doubled until the time is reached: one formula for oscillation,
+    creep and instability (``w < 0``), without their special cases.
+    """
+    doublings = 0
+    size = t * (eta + math.sqrt(abs(w)))
+    while size > 0.5:
+        size *= 0.5
+        t *= 0.5
+        doublings += 1
+    term, before = 1.0, 0.0
+    v = h = h1 = h2 = h3 = 0.0
+    for n in range(1, 16):
+        v += term
+        part = term * t / n
+        h += part
+        part *= t / (n + 1)
+        h1 += part
+        part *= t / (n + 2)
+        h2 += part
+        h3 += part * t / (n + 3)
+        recent = w * t * t * before / (n - 1) if n > 1 else 0.0
+        term, before = -(eta * t * term + recent) / n, term
+    for _ in range(doublings):
+        g = v + eta * h  # position after starting at rest from 1
+        h3 += g * h3 + h * h2 + 0.5 * t * t * h1 + t * h2
+        h2 += g * h2 + h * h1 + t * h1
+        h1 += g * h1 + h * h
+        h, v = g * h + h * v, v * v - w * h * h
+        t *= 2.0
+    return v, h, h1, h2, h3
+
+
+class _Trial(NamedTuple):
+    """Where a step of length `dt` ends; the cohorts' trial rows belong to it."""
+
+    dt: float
+    slope: float
+    ramp: float
+    X: float
+    V: float
+    turn: float
+    force: float
+    attached: float
+    mass_in: float
+    broken: float
+    born: float
+
+
+@jit
+def _spring(scalar: Array, pull: Pull) -> tuple[float, float]:
+    """Length of the driving spring, and velocity of its far end."""
+    u = scalar[TIME] - pull.start
+    far = pull.position + u * (pull.velocity + 0.5 * u * pull.acceleration)
+    return far - scalar[POSITION], pull.velocity + u * pull.acceleration
+
+
+@jit
+def _move(
+    t: float, scalar: Array, mechanics: Mechanics, pull: Pull, slope: float, ramp: float
+) -> tuple[float, float]:
+    """Position and velocity a time `t` on, under a contact force with this slope in X and this one in time."""
+    length, velocity = _spring(scalar, pull)
+    X, V = scalar[POSITION], scalar[VELOCITY]
+    if mechanics.rigid:
+        return X + length + t * (velocity + 0.5 * t * pull.acceleration), velocity + t * pull.acceleration
+    K, M = mechanics.stiffness, mechanics.mass
+    v, h, h1, h2, h3 = response(t, mechanics.damping, (K + slope) / M)
+    constant = (K * length - scalar[CONTACT_FORCE]) / M
+    linear = (K * velocity - ramp) / M
+    quadratic = K * pull.acceleration / M
+    return (
+        X + V * h + constant * h1 + linear * h2 + quadratic * h3,
+        V * v + constant * h + linear * h1 + quadratic * h2,
+    )
+
+
+@jit
+def _turning_point(X: float, V: float, X1: float, V1: float, dt: float) -> float:
+    """Position where the velocity changes sign within a step (cubic between its ends); `X1` where it does not."""
+    if V * V1 >= 0.0:
+        return X1
+    mean = (X1 - X) / dt
+    a, b = 3.0 * (V + V1) - 6.0 * mean, 6.0 * mean - 4.0 * V - 2.0 * V1
+    root = math.sqrt(max(b * b - 4.0 * a * V, 0.0))
+    # The sign change leaves one root between 0 and 1: this one, in the form that does not cancel.
+    u = -2.0 * V / (b + math.copysign(root, -V))
+    return X + dt * u * (V + u * (b / 2.0 + u * a / 3.0))
+
+
+@jit
+def _sweep(cohort: Array, count: int, table: Table, X: float, turn: float) -> tuple[float, float]:
+    """Take all cohorts to the slider position `X` by way of `turn`: the mass that survives, and its force."""
+    mass = force = 0.0
+    for j in range(count):
+        x = X - cohort[BIRTH, j]
+        reach = max(cohort[REACH, j], abs(x), abs(turn - cohort[BIRTH, j]))
+        alive = cohort[ALIVE, j]
+        if reach > cohort[REACH, j]:
+            share = survival(table, reach)
+            alive = cohort[MASS, j] * share if share > EXTINCT else 0.0
+        cohort[TRIAL_REACH, j] = reach
+        cohort[TRIAL_ALIVE, j] = alive
+        mass += alive
+        force += alive * x
+    return mass, force
+
+
+@jit
+def _grip(cohort: Array, count: int, table: Table, X: float, V: float, rebirth: Rebirth) -> float:
+    """Fraction of contacts that hold at velocity `V` by Eq. (10), with the breaking rate of Eq. (2)."""
+    rate = 0.0
+    for j in range(count):
+        reach = cohort[TRIAL_REACH, j]
+        place = reach / table.spacing
+        i = int(place)
+        if math.copysign(X - cohort[BIRTH, j], V) >= reach and i < table.density.size - 1:
+            density = table.density[i] + (place - i) * (table.density[i + 1] - table.density[i])
+            rate += cohort[MASS, j] * density
+    delay = 0.0
+    for i in range(rebirth.delay.size):
+        delay += rebirth.delay[i] * rebirth.weight[i]
+    return 1.0 / (1.0 + rate * abs(V) * delay)
+
+
+@jit
+def _due(state: State, rebirth: Rebirth, dt: float) -> tuple[float, float]:
+    """Births in the next `dt` of what has already broken, and the share of what breaks in it that is born in it."""
+    if rebirth.memoryless:
+        return 0.0, 1.0
+    last = state.count[1] - 1
+    t = state.broken[0, last]
+    known = share = 0.0
+    for i in range(rebirth.delay.size):
+        j = _place(state.broken, state.cursor[i], last, t - rebirth.delay[i])
+        state.cursor[i] = j
+        before = _between(state.broken, j, t - rebirth.delay[i])
+        end = t - rebirth.delay[i] + dt
+        if end >= t:
+            known += rebirth.weight[i] * (state.broken[1, last] - before)
+            share += rebirth.weight[i] * (end - t) / dt
+        else:
+            j = _place(state.broken, j, last, end)
+            known += rebirth.weight[i] * (_between(state.broken, j, end) - before)
+    return known, share
+
+
+@jit
+def _place(broken: Array, j: int, last: int, t: float) -> int:
+    """Index of the interval that holds time `t`, at `j` or later."""
+    while j < last - 1 and broken[0, j + 1] <= t:
+        j += 1
+    return j
+
+
+@jit
+def _between(broken: Array, j: int, t: float) -> float:
+    """Mass broken up to time `t` in interval `j`."""
+    share = (t - broken[0, j]) / (broken[0, j + 1] - broken[0, j])
+    return broken[1, j] + share * (broken[1, j + 1] - broken[1, j])
+
+
+@jit
+def _arrive(
+    state: State,
+    table: Table,
+    rebirth: Rebirth,
+    mechanics: Mechanics,
+    pull: Pull,
+    due: tuple[float, float],
+    dt: float,
+    slope: float,
+    ramp: float,
+) -> _Trial:
+    """End of a step if the contact force had this slope in X and this one in time."""
+    scalar = state.scalar
+    X, V = scalar[POSITION], scalar[VELOCITY]
+    X1, V1 = _move(dt, scalar, mechanics, pull, slope, ramp)
+    turn = _turning_point(X, V, X1, V1, dt)
+    old, force = _sweep(state.cohort, state.count[0], table, X1, turn)
+    # Half of the births sit at the start of the step, and some of them may already break in it.
+    known, share = due
+    young = survival(table, max(abs(X1 - X), abs(turn - X)))
+    fragile = 0.5 * (1.0 - young)
+    broken = (scalar[MASS_IN] - old + fragile * known) / (1.0 - fragile * share)
+    born = known + share * broken
+    mass_in = old + 0.5 * born * (1.0 + young)
+    force += 0.5 * born * young * (X1 - X)
+    grip = 1.0
+    if rebirth.memoryless:
+        grip = _grip(state.cohort, state.count[0], table, X1, V1, rebirth)
+    return _Trial(dt, slope, ramp, X1, V1, turn, grip * force, grip * mass_in, mass_in, broken, born)
+
+
+@jit
+def _try_step(
+    state: State, table: Table, rebirth: Rebirth, mechanics: Mechanics, pull: Pull, cells: float, dt: float
+) -> tuple[_Trial, float]:
+    """Find the end of a step without taking it, and how much too long it is (above 1)."""
+    scalar = state.scalar
+    due = _due(state, rebirth, dt)
+    trial = _arrive(state, table, rebirth, mechanics, pull, due, dt, scalar[SLOPE], 0.0)
+    disagreement = 0.0
+    if not mechanics.rigid:
+        change, travel = trial.force - scalar[CONTACT_FORCE], trial.X - scalar[POSITION]
+        if trial.turn == trial.X and travel != 0.0 and not rebirth.memoryless:
+            slope, ramp = change / travel, 0.0
+        else:  # the force is no function of X: what breaks acts as a load that grows in time
+            slope = scalar[MASS_IN]
+            ramp = (change - slope * travel) / dt
+        guess = trial
+        trial = _arrive(state, table, rebirth, mechanics, pull, due, dt, slope, ramp)
+        frequency = math.sqrt((mechanics.stiffness + scalar[MASS_IN]) / mechanics.mass)
+        disagreement = max(abs(trial.X - guess.X), abs(trial.V - guess.V) / frequency)
+    path = max(abs(trial.X - scalar[POSITION]), abs(trial.turn - scalar[POSITION]))
+    trouble = cells * max(path, max(trial.broken, trial.born) / BREAK_CAP, math.sqrt(disagreement /
+    TOLERANCE)) return trial, trouble
+
+
+@jit
+def _longest_step(scalar: Array, mechanics: Mechanics, pull: Pull, cells: float) -> float:
+    """Resolve the oscillation of the slider on its contacts, unless the slider follows its slow path closely."""
+    K, M, eta = mechanics.stiffness, mechanics.mass, mechanics.damping
+    if mechanics.rigid:
+        return math.inf
+    fast = (K + scalar[MASS_IN]) / M
+    if 0.25 * eta * eta >= fast:
+        return math.inf
+    w = (K + scalar[SLOPE]) / M
+    if w > 0.0:
+        length, velocity = _spring(scalar, pull)
+        p2 = 0.5 * K * pull.acceleration / M / w
+        p1 = (K * velocity / M - 2.0 * eta * p2) / w
+        p0 = ((K * length - scalar[CONTACT_FORCE]) / M - eta * p1 - 2.0 * p2) / w
+        if max(abs(p0), abs(scalar[VELOCITY] - p1) / math.sqrt(w)) * cells * cells < 1.0:
+            return math.inf
+    return PHASE / math.sqrt(fast)
+
+
+@jit
+def _attach(state: State, table: Table, b: float, alive: float, reach: float, merge: float) -> None:
+    """Add contacts born at `b`: to the youngest cohort if that was born within `merge`, else as a new one."""
+    cohort = state.cohort
+    if alive <= 0.0:
+        return
+    j = state.count[0] - 1
+    if j >= 0 and abs(b - cohort[BIRTH, j]) <= merge and abs(reach - cohort[REACH, j]) <= merge:
+        total = alive + cohort[ALIVE, j]
+        share = alive / total
+        b = cohort[BIRTH, j] + share * (b - cohort[BIRTH, j])
+        reach = cohort[REACH, j] + share * (reach - cohort[REACH, j])
+        alive = total
+    else:
+        j += 1
+        state.count[0] = j + 1
+    cohort[BIRTH, j], cohort[MASS, j] = b, alive / survival(table, reach)
+    cohort[REACH, j], cohort[ALIVE, j] = reach, alive
+
+
+@jit
+def _commit(state: State, table: Table, mechanics: Mechanics, pull: Pull, trial: _Trial, cells: float) ->
+None:
+    """Make the trial the state."""
+    scalar, cohort = state.scalar, state.cohort
+    travel = trial.X - scalar[POSITION]
+    kept = 0
+    lost = stored = 0.0
+    for j in range(state.count[0]):
+        reach, alive = cohort[TRIAL_REACH, j], cohort[TRIAL_ALIVE, j]
+        middle = 0.5 * (reach + cohort[REACH, j])
+        lost += 0.5 * middle * middle * (cohort[ALIVE, j] - alive)
+        if alive > 0.0:
+            stored += 0.5 * (trial.X - cohort[BIRTH, j]) ** 2 * alive
+            cohort[BIRTH, kept], cohort[MASS, kept] = cohort[BIRTH, j], cohort[MASS, j]
+            cohort[REACH, kept], cohort[ALIVE, kept] = reach, alive
+            kept += 1
+    state.count[0] = kept
+    half = 0.5 * trial.born
+    reach = max(abs(travel), abs(trial.turn - scalar[POSITION]))
+    young = half * survival(table, reach)
+    _attach(state, table, scalar[POSITION], young, reach, 0.25 / cells)
+    _attach(state, table, trial.X, half, 0.0, 0.25 / cells)
+    scalar[LOST] += lost + 0.125 * reach * reach * (half - young)
+    scalar[STORED] = stored + 0.5 * travel * travel * young
+    _account_work(scalar, mechanics, pull, trial)
+    scalar[TIME] += trial.dt
+    scalar[POSITION], scalar[VELOCITY] = trial.X, trial.V
+    scalar[CONTACT_FORCE], scalar[SLOPE] = trial.force, trial.slope
+    scalar[ATTACHED], scalar[MASS_IN] = trial.attached, trial.mass_in
+    scalar[MASS_OUT] += trial.broken - trial.born
+    _measure_spring(scalar, mechanics, pull)
+    n = state.count[1]
+    state.broken[0, n] = scalar[TIME]
+    state.broken[1, n] = state.broken[1, n - 1] + trial.broken
+    state.count[1] = n + 1
+
+
+@jit
+def _account_work(scalar: Array, mechanics: Mechanics, pull: Pull, trial: _Trial) -> None:
+    """Work of the drive and of the damping in a step, by quadratures from its two ends (fourth order)."""
+    K, dt = mechanics.stiffness, trial.dt
+    V, V1, mean = scalar[VELOCITY], trial.V, (trial.X - scalar[POSITION]) / dt
+    if mechanics.rigid:
+        scalar[WORK] += 0.5 * (scalar[CONTACT_FORCE] + trial.force) * mean * dt
+        return
+    length, u = _spring(scalar, pull)
+    u1 = u + pull.acceleration * dt
+    length1 = length + (0.5 * (u + u1) - mean) * dt
+    slope, slope1 = ((u - V) * u + length * pull.acceleration, (u1 - V1) * u1 + length1 * pull.acceleration)
+    scalar[WORK] += K * dt * (0.5 * (length * u + length1 * u1) + dt / 12.0 * (slope - slope1))
+    square = (2.0 * (V * V + V1 * V1) - V * V1) / 15.0 + mean * (1.2 * mean - 0.2 * (V + V1))
+    scalar[DAMPED] += mechanics.mass * mechanics.damping * square * dt
+
+
+@jit
+def _measure_spring(scalar: Array, mechanics: Mechanics, pull: Pull) -> None:
+    """Driving force: that of the spring, or what it takes to move the slider rigidly (its inertia left out)."""
+    length, _ = _spring(scalar, pull)
+    scalar[DRIVE_FORCE] = scalar[CONTACT_FORCE] if mechanics.rigid else mechanics.stiffness * length
+
+
+@jit
+def _sample(row: Array, t: float, before: Array, trial: _Trial, after: Array, mechanics: Mechanics, pull:
+Pull) -> None:
+    """What a step passes at time `t`: the motion in closed form, the rest linear between its ends."""
+    u = t - before[TIME]
+    share = u / trial.dt
+    for i in range(COLUMNS):
+        row[i] = before[i] + share * (after[i] - before[i])
+    row[TIME] = t
+    row[POSITION], row[VELOCITY] = _move(u, before, mechanics, pull, trial.slope, trial.ramp)
+    # The force bends with the position; what the two sweeps left over is spread evenly.
+    bend = row[POSITION] - before[POSITION] - share * (trial.X - before[POSITION])
+    row[CONTACT_FORCE] += trial.slope * bend
+    _measure_spring(row, mechanics, pull)
+
+
+@jit
+def _holds(row: Array, stop: Stop) -> bool:
+    if stop.kind == 1:
+        return abs(row[POSITION] - stop.origin) >= stop.value
+    if stop.kind == 2:
+        return row[DRIVE_FORCE] >= stop.value
+    return stop.kind == 3 and row[DRIVE_FORCE] <= stop.value
+
+
+@jit
+def _make_room(state: State) -> bool:
+    """Forget what has been born again; False if there is still no room for another step."""
+    last = state.count[1] - 1
+    if last + 1 == state.broken.shape[1]:
+        first = last - 1
+        for i in range(state.cursor.size):
+            first = min(first, state.cursor[i])
+        base = state.broken[1, first]  # small numbers keep their digits
+        for j in range(first, last + 1):
+            state.broken[0, j - first] = state.broken[0, j]
+            state.broken[1, j - first] = state.broken[1, j] - base
+        for i in range(state.cursor.size):
+            state.cursor[i] -= first
+        state.count[1] = last + 1 - first
+    return state.count[0] + 2 <= state.cohort.shape[1] and 2 * state.count[1] <= state.broken.shape[1]
+
+
+@jit
+def _run(
+    state: State,
+    table: Table,
+    rebirth: Rebirth,
+    mechanics: Mechanics,
+    pull: Pull,
+    stop: Stop,
+    until: float,
+    times: Array,
+    rows: Array,
+    cells: float,
+    step: float,
+    max_steps: int,
+) -> tuple[int, int, int]:
+    """Take steps until there is a reason to come back: it, the number of rows filled, and the steps left."""
+    scalar = state.scalar
+    before = scalar.copy()
+    smallest = 1e-12 * max(1.0, abs(until))
+    filled = 0
+    _measure_spring(scalar, mechanics, pull)
+    while max_steps > 0:
+        while filled < times.size and times[filled] <= scalar[TIME] + smallest:
+            for i in range(COLUMNS):
+                rows[filled, i] = scalar[i]
+            filled += 1
+            if _holds(rows[filled - 1], stop):
+                return STOPPED, filled, max_steps
+        left = until - scalar[TIME]
+        if left <= smallest:
+            return FINISHED, filled, max_steps
+        if state.count[1] == state.broken.shape[1] or state.count[0] + 2 > state.cohort.shape[1]:
+            if not _make_room(state):
+                return NO_ROOM, filled, max_steps
+        planned = step if step > 0.0 else min(scalar[NEXT_STEP], _longest_step(scalar, mechanics, pull,
+        cells)) while True:
+            dt = min(planned, left)
+            trial, trouble = _try_step(state, table, rebirth, mechanics, pull, cells, dt)
+            if step > 0.0 or trouble <= 1.0 or dt <= smallest:
+                break
+            planned = dt * max(0.9 / trouble, 0.2)
+        if dt == planned or trouble > 0.45:  # a step cut short by the end says little about the next one
+            scalar[NEXT_STEP] = dt * min(0.9 / max(trouble, 1e-9), 2.0)
+        before[:] = scalar
+        max_steps -= 1
+        n = filled
+        while stop.kind != 0 and n < times.size and times[n] < scalar[TIME] + dt:
+            _sample(rows[n], times[n], before, trial, before, mechanics, pull)
+            if _holds(rows[n], stop):
+                trial, _ = _try_step(state, table, rebirth, mechanics, pull, cells, times[n] - scalar[TIME])
+                break
+            n += 1
+        _commit(state, table, mechanics, pull, trial, cells)
+        while filled < times.size and times[filled] < scalar[TIME] - smallest:
+            _sample(rows[filled], times[filled], before, trial, scalar, mechanics, pull)
+            filled += 1
+    return PAUSED, filled, 0
+
+
+class Progress(NamedTuple):
+    """What `advance` reached.
+
+    Attributes
+    ----------
+    state : State
+        To go on from.
+    rows : ndarray, shape (n, 10)
+        One row for each sample time that was passed, with columns `TIME` ... `STORED`.
+    reason : int
+        `FINISHED` (the time was reached), `STOPPED` (the condition holds at the last row, and the state is at
+        its time) or `PAUSED` (the number of steps was used up).
+    """
+
+    state: State
+    rows: Array
+    reason: int
+
+
+def initial_state(
+    table: Table,
+    rebirth: Rebirth,
+    stretching: Array,
+    weight: Array,
+    *,
+    position: float = 0.0,
+    velocity: float = 0.0,
+    time: float = 0.0,
+    rate: float = 0.0,
+) -> State:
+    """Put a slider on its initial contacts.
+
+    Parameters
+    ----------
+    table : Table
+        The law of thresholds.
+    rebirth : Rebirth
+        The delays.
+    stretching, weight : ndarray, shape (n_nodes,)
+        Initial stretchings, any sign, and the attached fraction of contacts at each. A contact at ``x_0`` has
+        a threshold beyond ``|x_0|``; nodes where none survives are not allowed. The rest of a sum of 1 is
+        detached.
+    position, velocity, time : float
+        Of the slider, at the start.
+    rate : float
+        Mass that broke per unit time before the start; it is born again after its delay. For smooth sliding
+        ``v / (<x_s> + v <tau_d>)``, with the attached fraction ``<x_s> / (<x_s> + v <tau_d>)``.
+
+    Returns
+    -------
+    State
+    """
+    stretching, weight = np.asarray(stretching, float), np.asarray(weight, float)
+    reach = np.abs(stretching)
+    alive = np.array([survival(table, x) for x in reach])
+    n = stretching.size
+    cohort = np.zeros((6, 2 * n + 1024))
+    cohort[BIRTH, :n], cohort[MASS, :n] = position - stretching, weight / alive
+    cohort[REACH, :n], cohort[ALIVE, :n] = reach, weight
+    attached = float(np.sum(weight))
+    scalar = np.zeros(SCALARS)
+    scalar[TIME], scalar[POSITION], scalar[VELOCITY] = time, position, velocity
+    scalar[CONTACT_FORCE] = np.sum(weight * stretching)
+    scalar[ATTACHED] = scalar[MASS_IN] = scalar[SLOPE] = attached
+    scalar[MASS_OUT] = 1.0 - attached
+    scalar[STORED] = 0.5 * np.sum(weight * stretching**2)
+    scalar[NEXT_STEP] = math.inf
+    memory = max([1.0, *rebirth.delay])
+    broken = np.zeros((2, 1024))
+    broken[:, 0] = time - memory, -rate * memory
+    broken[0, 1] = time
+    return State(scalar, cohort, broken, np.zeros(rebirth.delay.size, np.int64), np.array([n, 2], np.int64))
+
+
+def smooth_sliding(table: Table, cells: float, attached: float = 1.0) -> tuple[Array, Array]:
+    """Stretchings and weights of smooth sliding, ``Q_s(x) = J_c(x)/<x_s>``, at the cohorts' own resolution."""
+    x = np.arange(int(cells * table.spacing * table.survival.size), -1, -1) / cells
+    weight = np.array([survival(table, value) for value in x])
+    weight[-1] *= 0.5
+    kept = weight > EXTINCT
+    return x[kept], attached * weight[kept] / weight[kept].sum()
+
+
+def advance(
+    state: State,
+    table: Table,
+    rebirth: Rebirth,
+    mechanics: Mechanics,
+    pull: Pull,
+    *,
+    until: float,
+    times: Array,
+    cells: float,
+    stop: Stop = Stop(0, 0.0, 0.0),
+    step: float = 0.0,
+    max_steps: int = 2**62,
+) -> Progress:
+    """Go on from a state, under one piece of the drive.
+
+    Neither the samples nor the pauses change the steps.
+
+    Parameters
+    ----------
+    state : State
+        Where to start; it is not changed.
+    table, rebirth, mechanics, pull
+        The thresholds, the delays, the slider and the drive.
+    until : float
+        Time to reach exactly: the end of the piece.
+    times : ndarray
+        Rising times of the samples wanted, those up to the start of this call left out, but for its very
+        start.
+    cells : float
+        Cohorts per ``x_s``: the resolution, to which errors are second order.
+    stop : Stop
+        Condition that ends the piece at the first sample where it holds.
+    step : float
+        Fixed time step, for studies of convergence; 0: adaptive.
+    max_steps : int
+        Steps after which to pause, to show progress.
+
+    Returns
+    -------
+    Progress
+    """
+    state = State(*(array.copy() for array in state))
+    rows = np.empty((len(times), COLUMNS))
+    filled, reason = 0, NO_ROOM
+    steps = max_steps
+    while reason == NO_ROOM:
+        reason, more, steps = _run(
+            state, table, rebirth, mechanics, pull, stop, until, times[filled:], rows[filled:], cells, step,
+            steps
+        )
+        filled += more
+        if reason == NO_ROOM:
+            cohort, broken = (np.concatenate([rows_, np.zeros_like(rows_)], axis=1) for rows_ in state[1:3])
+            state = state._replace(cohort=cohort, broken=broken)
+    return Progress(state, rows[:filled], reason)
