@@ -207,9 +207,7 @@ def _spring(scalar: Array, pull: Pull) -> tuple[float, float]:
 
 
 @jit
-def _move(
-    t: float, scalar: Array, mechanics: Mechanics, pull: Pull, slope: float, ramp: float
-) -> tuple[float, float]:
+def _move(t: float, scalar: Array, mechanics: Mechanics, pull: Pull, slope: float, ramp: float) -> tuple[float, float]:
     """Position and velocity a time `t` on, under a contact force with this slope in X and this one in time."""
     length, velocity = _spring(scalar, pull)
     X, V = scalar[POSITION], scalar[VELOCITY]
@@ -364,8 +362,8 @@ def _try_step(
         frequency = math.sqrt((mechanics.stiffness + scalar[MASS_IN]) / mechanics.mass)
         disagreement = max(abs(trial.X - guess.X), abs(trial.V - guess.V) / frequency)
     path = max(abs(trial.X - scalar[POSITION]), abs(trial.turn - scalar[POSITION]))
-    trouble = cells * max(path, max(trial.broken, trial.born) / BREAK_CAP, math.sqrt(disagreement /
-    TOLERANCE)) return trial, trouble
+    trouble = cells * max(path, max(trial.broken, trial.born) / BREAK_CAP, math.sqrt(disagreement / TOLERANCE))
+    return trial, trouble
 
 
 @jit
@@ -409,8 +407,7 @@ def _attach(state: State, table: Table, b: float, alive: float, reach: float, me
 
 
 @jit
-def _commit(state: State, table: Table, mechanics: Mechanics, pull: Pull, trial: _Trial, cells: float) ->
-None:
+def _commit(state: State, table: Table, mechanics: Mechanics, pull: Pull, trial: _Trial, cells: float) -> None:
     """Make the trial the state."""
     scalar, cohort = state.scalar, state.cohort
     travel = trial.X - scalar[POSITION]
@@ -471,8 +468,7 @@ def _measure_spring(scalar: Array, mechanics: Mechanics, pull: Pull) -> None:
 
 
 @jit
-def _sample(row: Array, t: float, before: Array, trial: _Trial, after: Array, mechanics: Mechanics, pull:
-Pull) -> None:
+def _sample(row: Array, t: float, before: Array, trial: _Trial, after: Array, mechanics: Mechanics, pull: Pull) -> None:
     """What a step passes at time `t`: the motion in closed form, the rest linear between its ends."""
     u = t - before[TIME]
     share = u / trial.dt
@@ -547,8 +543,8 @@ def _run(
         if state.count[1] == state.broken.shape[1] or state.count[0] + 2 > state.cohort.shape[1]:
             if not _make_room(state):
                 return NO_ROOM, filled, max_steps
-        planned = step if step > 0.0 else min(scalar[NEXT_STEP], _longest_step(scalar, mechanics, pull,
-        cells)) while True:
+        planned = step if step > 0.0 else min(scalar[NEXT_STEP], _longest_step(scalar, mechanics, pull, cells))
+        while True:
             dt = min(planned, left)
             trial, trouble = _try_step(state, table, rebirth, mechanics, pull, cells, dt)
             if step > 0.0 or trouble <= 1.0 or dt <= smallest:
@@ -703,8 +699,7 @@ def advance(
     steps = max_steps
     while reason == NO_ROOM:
         reason, more, steps = _run(
-            state, table, rebirth, mechanics, pull, stop, until, times[filled:], rows[filled:], cells, step,
-            steps
+            state, table, rebirth, mechanics, pull, stop, until, times[filled:], rows[filled:], cells, step, steps
         )
         filled += more
         if reason == NO_ROOM:
