@@ -274,9 +274,9 @@ def critical(
         If the range is empty, or there is no steady sliding in it.
     """
     turned = knob_named(knob)
-    low, high = _range(turned, between)
+    low, high = check_range(turned, between)
     start = Setting(interface=interface, rig=rig, velocity=velocity)
-    return _search(turned, start, low, high)
+    return search(turned, start, low, high)
 
 
 def critical_velocities(interface: Interface, rig: Rig, between: tuple[float, float]) -> Crossings:
@@ -391,8 +391,8 @@ def _first_loss(
     between: tuple[float, float] | None,
     unit: float,
 ) -> float:
-    low, high = _range(knob, between or (1e-3 * unit, 1e2 * unit))
-    answer = _search(knob, Setting(interface=interface, rig=rig, velocity=velocity), low, high, first=True)
+    low, high = check_range(knob, between or (1e-3 * unit, 1e2 * unit))
+    answer = search(knob, Setting(interface=interface, rig=rig, velocity=velocity), low, high, first=True)
     if answer.unstable_at_ends[0] > 0 or not answer.edges:
         raise UndecidedError(f"no critical {knob.name}: {answer}")
     return answer.edges[0].value
@@ -401,7 +401,7 @@ def _first_loss(
 # ---------------------------------------------------------------- the search
 
 
-def _range(knob: Knob, between: tuple[float, float]) -> tuple[float, float]:
+def check_range(knob: Knob, between: tuple[float, float]) -> tuple[float, float]:
     low = number("between[0]", between[0], above=0, hint=knob.unit)
     return low, number("between[1]", between[1], above=low, hint=knob.unit)
 
@@ -414,20 +414,28 @@ class _Point(NamedTuple):
     unstable: int
 
 
-def _look(knob: Knob, setting: Setting, values: Sequence[float]) -> list[_Point]:
-    """Count the growing modes at each value; values that share interface and rig are counted together."""
-    points: list[_Point] = []
+def neutral_along(
+    knob: Knob, setting: Setting, values: Sequence[float], *, softest: float | None = None
+) -> list[Neutral]:
+    """Neutral frequencies at each value of the knob; values that share interface and rig are computed together."""
     there = [knob.set(setting, value) for value in values]
+    found: list[Neutral] = []
     for (interface, rig), group in groupby(there, key=lambda here: (here.interface, here.rig)):
         speeds = [here.velocity for here in group]
-        for neutral in neutral_frequencies(respond(interface), impedance(rig), speeds):
-            points.append(_Point(values[len(points)], neutral, neutral.unstable()))
-    return points
+        found += neutral_frequencies(respond(interface), impedance(rig), speeds, softest=softest)
+    return found
 
 
-def _search(knob: Knob, setting: Setting, low: float, high: float, *, first: bool = False) -> Crossings:
-    """Crossings from `low` to `high`; with `first`, up to the first that changes stability."""
-    count = 1 + max(12, math.ceil(16 * math.log10(high / low)))
+def _look(knob: Knob, setting: Setting, values: Sequence[float]) -> list[_Point]:
+    along = neutral_along(knob, setting, values)
+    return [_Point(value, neutral, neutral.unstable()) for value, neutral in zip(values, along, strict=True)]
+
+
+def search(
+    knob: Knob, setting: Setting, low: float, high: float, *, first: bool = False, density: int = 16
+) -> Crossings:
+    """Crossings from `low` to `high`, on `density` points a decade; with `first`, up to the first edge of stability."""
+    count = 1 + max(density - 4, math.ceil(density * math.log10(high / low)))
     values = np.geomspace(low, high, count).tolist()
     values[0], values[-1] = low, high
     points = _look(knob, setting, values[:1])
@@ -538,23 +546,24 @@ def residual_and_slopes(
     knobs: Sequence[Knob], setting: Setting, logs: Sequence[float], log_omega: float
 ) -> tuple[complex, list[complex]]:
     """Return ``Z + kappa`` at ``s = i omega`` and its slopes in the logarithm of each knob and of omega."""
-    d = 1e-6
-    changes = [np.zeros(len(logs) + 1)]
-    changes += [sign * d * unit for unit in np.eye(len(logs) + 1) for sign in (1.0, -1.0)]
-    there: list[tuple[Setting, complex]] = []
-    for change in changes:
-        here = setting
-        for knob, log, shift in zip(knobs, logs, change[:-1], strict=True):
-            here = knob.set(here, math.exp(log + shift))
-        there.append((here, 1j * math.exp(log_omega + change[-1])))
-    s = np.array([omega for _, omega in there])
-    speed = np.array([here.velocity for here, _ in there])
-    values = np.array([impedance(here.rig)(s[k : k + 1])[0] for k, (here, _) in enumerate(there)])
-    for interface in dict.fromkeys(here.interface for here, _ in there):
-        own = np.array([here.interface == interface for here, _ in there])
+    d, here = 1e-6, setting
+    for knob, log in zip(knobs, logs, strict=True):
+        here = knob.set(here, math.exp(log))
+    # The point itself, omega turned both ways, then each knob turned both ways.
+    there = [here, here, here]
+    for knob, log in zip(knobs, logs, strict=True):
+        there += [knob.set(here, math.exp(log + d)), knob.set(here, math.exp(log - d))]
+    s = 1j * math.exp(log_omega) * np.array([1.0, math.exp(d), math.exp(-d), *[1.0] * (2 * len(knobs))])
+    speed = np.array([each.velocity for each in there])
+    values = np.empty(s.shape, dtype=complex)
+    for rig in dict.fromkeys(each.rig for each in there):
+        own = np.array([each.rig == rig for each in there])
+        values[own] = impedance(rig)(s[own])
+    for interface in dict.fromkeys(each.interface for each in there):
+        own = np.array([each.interface == interface for each in there])
         values[own] += respond(interface).stiffness(speed[own], s[own])
-    slopes = (values[1::2] - values[2::2]) / (2 * d)
-    return complex(values[0]), [complex(slope) for slope in slopes]
+    slopes = ((values[1::2] - values[2::2]) / (2 * d)).tolist()
+    return complex(values[0]), [*slopes[1:], slopes[0]]
 
 
 def polish(

@@ -524,6 +524,11 @@ def _roots(response: Response, rig: Impedance, velocity: float, density: float, 
     with np.errstate(all="ignore"):
         s, settled = _newton(response, rig, velocity, s, radius, 1.0 / reach)
     s = s[settled & (s.real > limit) & np.isfinite(s)]
+    return _distinct(s, reach)
+
+
+def _distinct(s: ComplexArray, reach: float) -> ComplexArray:
+    """One of each root and of each conjugate pair, rightmost first."""
     s = np.where(s.imag < 0, np.conj(s), s)
     s = np.where(np.abs(s.imag) < 1e-9 / reach, s.real + 0j, s)
     distinct: list[complex] = []
@@ -566,3 +571,13 @@ def _newton(
         if active.size == 0:
             break
     return s, settled
+
+
+def track_roots(response: Response, rig: Impedance, velocity: float, starts: ComplexArray) -> ComplexArray:
+    """Roots reached from the roots of a neighbouring setting, rightmost first; all of them anew without starts."""
+    if starts.size == 0:
+        return _roots(response, rig, velocity, 0.7, -math.inf if response.inert else response.leftmost * velocity)
+    reach = response.reach(velocity) / velocity
+    with np.errstate(all="ignore"):
+        s, settled = _newton(response, rig, velocity, starts.copy(), 1e-3 / reach, 1.0 / reach)
+    return _distinct(s[settled & np.isfinite(s)], reach)

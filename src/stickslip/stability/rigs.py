@@ -54,7 +54,9 @@ class SpringMassDamper:
     damping: float
 
     def __post_init__(self) -> None:
-        Slider(stiffness=self.stiffness, mass=self.mass, damping=self.damping)
+        number("SpringMassDamper.stiffness", self.stiffness, above=0, hint="K/N")
+        number("SpringMassDamper.mass", self.mass, at_least=0, hint="M/N")
+        number("SpringMassDamper.damping", self.damping, at_least=0, hint="eta")
 
     def __call__(self, s: ComplexArray, /) -> ComplexArray:
         """Force over displacement at each `s`."""
@@ -167,6 +169,8 @@ def impedance(rig: Rig) -> Impedance:
     """
     if isinstance(rig, Slider):
         return SpringMassDamper(stiffness=rig.stiffness, mass=rig.mass, damping=rig.damping)
+    if isinstance(rig, SpringMassDamper | RadiationDamping | Modes):
+        return rig
     if not callable(rig):
         raise InputError(
             f"rig = {rig!r}: must be a Slider or an impedance, such as Modes(...) or a function of s"

@@ -1,0 +1,448 @@
+"""Maps of the stability of smooth sliding over two knobs, and their boundaries followed by continuation."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stickslip.errors import InputError, UndecidedError, number
+from stickslip.model import Interface
+from stickslip.stability.knobs import (
+    STIFFNESS,
+    VELOCITY,
+    Knob,
+    Setting,
+    check_range,
+    knob_named,
+    neutral_along,
+    residual_and_slopes,
+    search,
+)
+from stickslip.stability.modes import growth_rate, track_roots
+from stickslip.stability.response import respond
+from stickslip.stability.rigs import Rig, impedance
+
+if TYPE_CHECKING:
+    import xarray
+
+Array = NDArray[np.float64]
+Window = tuple[tuple[float, float], tuple[float, float]]
+
+LINES = 25
+"""Lines across the window on which starts are looked for, where a line costs next to nothing."""
+FEW_LINES = 7
+"""The same where each point on a line has a response of its own."""
+
+
+def boundary(
+    interface: Interface,
+    rig: Rig,
+    velocity: float,
+    *,
+    over: tuple[Knob | str, Knob | str] = (STIFFNESS, VELOCITY),
+    within: Window,
+) -> xarray.Dataset:
+    """Follow every neutral curve of smooth sliding in a window of two knobs.
+
+    Pseudo-arclength continuation of ``Z(i omega) + kappa(i omega) = 0`` in the logarithms of both knobs and of omega:
+    folds and re-entrant branches are nothing special, closed curves close. Starts are the crossings on lines across the
+    window in both directions, its edges among them; a closed curve that slips between two lines is missed.
+
+    Parameters
+    ----------
+    interface, rig, velocity
+        The setting; the values of the two knobs in it do not matter.
+    over : (Knob or str, Knob or str)
+        The two knobs, see `critical`.
+    within : ((float, float), (float, float))
+        Range of each, in its natural unit.
+
+    Returns
+    -------
+    xarray.Dataset
+        Along ``point``: the two knobs, ``frequency`` (angular, of the neutral mode), ``curve`` (which curve the point is
+        on; points of a curve follow each other) and ``other_unstable`` (growing modes beside the neutral one: 0 on the edge of
+        stability). No points where there is no boundary; the window searched is in ``attrs``.
+
+    Raises
+    ------
+    InputError
+        If a range is empty, both knobs are the same, or there is no steady sliding in the window.
+    """
+    knobs, window = _window(over, within)
+    setting = Setting(interface=interface, rig=rig, velocity=velocity)
+    curves: list[_Curve] = []
+    for start in _starts(knobs, setting, window):
+        if not any(_lies_on(knobs, setting, curve, start) for curve in curves):
+            curve = _follow(knobs, setting, np.log(window), start)
+            if curve is not None:
+                curves.append(curve)
+    return _boundary_dataset(knobs, setting, window, curves)
+
+
+def stability_map(
+    interface: Interface,
+    rig: Rig,
+    velocity: float,
+    *,
+    over: tuple[Knob | str, Knob | str] = (STIFFNESS, VELOCITY),
+    values: tuple[ArrayLike, ArrayLike],
+    growth: bool = False,
+) -> xarray.Dataset:
+    """Count the growing modes of smooth sliding on a grid of two knobs.
+
+    Over the stiffness of a rig nothing is repeated: for each value of the other knob the springs that make a mode
+    neutral are computed, and each column of the map read off them.
+
+    Parameters
+    ----------
+    interface, rig, velocity
+        The setting; the values of the two knobs in it do not matter.
+    over : (Knob or str, Knob or str)
+        The two knobs, see `critical`.
+    values : (array_like, array_like)
+        Values of each, all above 0, in its natural unit.
+    growth : bool
+        Whether to give the growth rate and frequency of the fastest mode as well, which takes some milliseconds a point.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``unstable_modes`` over the two knobs; with `growth`, ``growth_rate`` and ``frequency`` of the root furthest to the right (NaN where
+        no mode decays exponentially).
+
+    Raises
+    ------
+    InputError
+        If a value is not above 0, both knobs are the same, or there is no steady sliding.
+    """
+    first, second = knob_named(over[0]), knob_named(over[1])
+    if first.name == second.name:
+        raise InputError(f"over = ({first.name!r}, {second.name!r}): must be two different knobs")
+    grids = [np.atleast_1d(np.asarray(value, dtype=float)) for value in values]
+    for knob, grid in zip((first, second), grids, strict=True):
+        for value in (np.min(grid), np.max(grid)):
+            number(f"values of {knob.name}", float(value), above=0, hint=knob.unit)
+    setting = Setting(interface=interface, rig=rig, velocity=velocity)
+    if second is STIFFNESS or first is VELOCITY:
+        counts = _counts(second, first, setting, grids[1], grids[0]).T
+    else:
+        counts = _counts(first, second, setting, grids[0], grids[1])
+    roots = _roots_on_grid((first, second), setting, grids, counts) if growth else None
+    return _map_dataset((first, second), setting, grids, counts, roots)
+
+
+# ---------------------------------------------------------------- maps
+
+
+def _counts(inner: Knob, outer: Knob, setting: Setting, a: Array, b: Array) -> NDArray[np.int64]:
+    """Number of growing modes at each ``(a, b)``."""
+    counts = np.empty((a.size, b.size), dtype=np.int64)
+    if _is_free(inner, setting):
+        softest = float(np.min(a))
+        columns = neutral_along(outer, inner.set(setting, softest), b.tolist(), softest=softest)
+        for j, neutral in enumerate(columns):
+            counts[:, j] = (neutral.extra > a[:, None] - softest) @ neutral.modes
+        return counts
+    for i, value in enumerate(a.tolist()):
+        counts[i] = [neutral.unstable() for neutral in neutral_along(outer, inner.set(setting, value), b.tolist())]
+    return counts
+
+
+def _is_free(knob: Knob, setting: Setting) -> bool:
+    """Whether the knob adds to ``Z`` the same at every frequency, so that neutral frequencies hold for all its values."""
+    return knob is STIFFNESS and hasattr(setting.rig, "stiffness")
+
+
+def _roots_on_grid(
+    knobs: tuple[Knob, Knob], setting: Setting, grids: Sequence[Array], counts: NDArray[np.int64]
+) -> NDArray[np.complex128]:
+    """Root furthest right at each point, carried from neighbour to neighbour and checked against the count."""
+    roots = np.full(counts.shape, complex(math.nan, math.nan))
+    for j, b in enumerate(grids[1].tolist()):
+        column = knobs[1].set(setting, b)
+        known = np.empty(0, dtype=complex)
+        for i, a in enumerate(grids[0].tolist()):
+            here = knobs[0].set(column, a)
+            response, rig = respond(here.interface), impedance(here.rig)
+            # Every few points the search starts afresh, for a root that overtakes from outside the ones carried along.
+            starts = known[:8] if i % 16 else known[:0]
+            for attempt in (starts, known[:0]):
+                known = track_roots(response, rig, here.velocity, attempt)
+                growing = sum(2 if root.imag > 0 else 1 for root in known if root.real > 0)
+                if growing == counts[i, j] and known.size:
+                    roots[i, j] = known[0]
+                    break
+            else:
+                try:
+                    roots[i, j] = growth_rate(here.interface, here.rig, here.velocity)
+                except UndecidedError:
+                    known = known[:0]
+    return roots
+
+
+def _map_dataset(
+    knobs: tuple[Knob, Knob],
+    setting: Setting,
+    grids: Sequence[Array],
+    counts: NDArray[np.int64],
+    roots: NDArray[np.complex128] | None,
+) -> xarray.Dataset:
+    import xarray
+
+    names = tuple(knob.name for knob in knobs)
+    data = {
+        "unstable_modes": (names, counts, {"units": "1", "long_name": "growing modes of smooth sliding"}),
+    }
+    if roots is not None:
+        rate = {"units": "1/time", "long_name": "growth rate of the fastest mode"}
+        data["growth_rate"] = (names, roots.real, rate)
+        data["frequency"] = (names, roots.imag, {"units": "1/time", "long_name": "its angular frequency"})
+    coords = {
+        knob.name: (knob.name, grid, {"units": knob.unit, "long_name": knob.name})
+        for knob, grid in zip(knobs, grids, strict=True)
+    }
+    return xarray.Dataset(data, coords=coords, attrs={"provenance": _provenance(setting)})
+
+
+def _provenance(setting: Setting, **more: object) -> str:
+    return json.dumps({"interface": repr(setting.interface), "rig": repr(setting.rig), **more})
+
+
+# ---------------------------------------------------------------- starts of curves
+
+
+def _window(over: tuple[Knob | str, Knob | str], within: Window) -> tuple[tuple[Knob, Knob], Array]:
+    first, second = knob_named(over[0]), knob_named(over[1])
+    if first.name == second.name:
+        raise InputError(f"over = ({first.name!r}, {second.name!r}): must be two different knobs")
+    ranges = [check_range(knob, span) for knob, span in zip((first, second), within, strict=True)]
+    return (first, second), np.array(ranges)
+
+
+def _starts(knobs: tuple[Knob, Knob], setting: Setting, window: Array) -> list[Array]:
+    """Points ``(log a, log b, log omega)`` where neutral curves cross lines over the window."""
+    starts = []
+    for k, knob in enumerate(knobs):
+        other, span = knobs[1 - k], window[1 - k]
+        free, other_free = _is_free(knob, setting), _is_free(other, setting)
+        lines = np.geomspace(*span, LINES if free else 2 if other_free else FEW_LINES).tolist()
+        lines[0], lines[-1] = span
+        for line, value, omega in _on_lines(knob, other, setting, window[k], lines):
+            point = np.log([value, line, omega])
+            starts.append(point if k == 0 else point[[1, 0, 2]])
+    return starts
+
+
+def _on_lines(
+    knob: Knob, other: Knob, setting: Setting, span: Array, lines: list[float]
+) -> list[tuple[float, float, float]]:
+    """Crossings ``(line, value, omega)`` along the knob, on lines of constant value of the other one."""
+    low, high = float(span[0]), float(span[1])
+    if _is_free(knob, setting):
+        along = neutral_along(other, knob.set(setting, low), lines, softest=low)
+        return [
+            (line, low + extra, omega)
+            for line, neutral in zip(lines, along, strict=True)
+            for omega, extra in zip(neutral.omega.tolist(), neutral.extra.tolist(), strict=True)
+            if 0 <= extra <= high - low
+        ]
+    return [
+        (line, crossing.value, crossing.frequency)
+        for line in lines
+        for crossing in search(knob, other.set(setting, line), low, high, density=8)
+        if math.isfinite(crossing.frequency)
+    ]
+
+
+# ---------------------------------------------------------------- continuation
+
+
+def _linearised(knobs: Sequence[Knob], setting: Setting, z: Array) -> tuple[Array, Array]:
+    """Residual, shape (2,), and its Jacobian in the three logarithms, shape (2, 3)."""
+    value, slopes = residual_and_slopes(knobs, setting, z[:2].tolist(), float(z[2]))
+    return np.array([value.real, value.imag]), np.array(
+        [[slope.real for slope in slopes], [slope.imag for slope in slopes]]
+    )
+
+
+def _tangent(jacobian: Array) -> Array:
+    direction = np.cross(jacobian[0], jacobian[1])
+    return np.asarray(direction / np.linalg.norm(direction))
+
+
+def _correct(
+    knobs: Sequence[Knob], setting: Setting, guess: Array, normal: Array, through: Array | None = None
+) -> tuple[Array, Array] | None:
+    """Newton's method within a plane across `normal`; the point and the curve's direction there."""
+    anchor = guess if through is None else through
+    z, last = guess.copy(), math.inf
+    for _ in range(8):
+        residual, jacobian = _linearised(knobs, setting, z)
+        system = np.vstack([jacobian, normal])
+        if not np.all(np.isfinite(system)) or abs(np.linalg.det(system)) == 0:
+            return None
+        step = np.linalg.solve(system, -np.append(residual, normal @ (z - anchor)))
+        size = float(np.max(np.abs(step)))
+        if size > 0.5:
+            return None
+        z = z + step
+        if size < 1e-12 or (size < 1e-9 and size > 0.1 * last) or size**2 < 1e-13:
+            return z, _tangent(jacobian)
+        last = size
+    return None
+
+
+class _Curve(NamedTuple):
+    """Points along a neutral curve and the curve's direction at each, shapes (n, 3)."""
+
+    points: Array
+    directions: Array
+
+
+def _follow(knobs: tuple[Knob, Knob], setting: Setting, window: Array, start: Array) -> _Curve | None:
+    """The curve through `start`, from one end in the window to the other, or all the way round."""
+    begun = _correct(knobs, setting, start, np.array([0.0, 0.0, 1.0])) or _correct(
+        knobs, setting, start, np.array([1.0, 0.0, 0.0])
+    )
+    if begun is None:
+        return None
+    origin, direction = begun
+    ahead, closed = _one_way(knobs, setting, window, origin, direction)
+    if closed:
+        return _Curve(*(np.array(a) for a in zip(begun, *ahead, begun, strict=True)))
+    behind, _ = _one_way(knobs, setting, window, origin, -direction)
+    back = [(point, -tangent) for point, tangent in behind[::-1]]
+    return _Curve(*(np.array(a) for a in zip(*back, begun, *ahead, strict=True)))
+
+
+def _one_way(
+    knobs: tuple[Knob, Knob], setting: Setting, window: Array, origin: Array, direction: Array
+) -> tuple[list[tuple[Array, Array]], bool]:
+    """Points and directions from the origin on, and whether the curve came back to it."""
+    span = window[:, 1] - window[:, 0]
+    longest = 0.05 * float(np.min(span))
+    points: list[tuple[Array, Array]] = []
+    z, tangent, bend, h = origin, direction, np.zeros(3), 0.25 * longest
+    while len(points) < 5000:
+        stepped = _correct(knobs, setting, z + h * (tangent + 0.5 * h * bend), tangent)
+        if stepped is None or abs(stepped[1] @ tangent) < math.cos(0.35):
+            h *= 0.5
+            bend = np.zeros(3)
+            if h < 1e-7 * longest:
+                raise UndecidedError(
+                    f"the boundary could not be followed beyond {knobs[0].name} = {math.exp(z[0]):.6g}, "
+                    f"{knobs[1].name} = {math.exp(z[1]):.6g}: it turns too sharply there"
+                )
+            continue
+        new, new_tangent = stepped[0], stepped[1] * math.copysign(1.0, stepped[1] @ tangent)
+        if np.any((new[:2] < window[:, 0]) | (new[:2] > window[:, 1])) or new[2] < -40:
+            edge = _at_edge(knobs, setting, window, z, new, new_tangent)
+            return ([*points, edge] if edge is not None else points), False
+        if len(points) > 2 and _passes(z, new, origin, direction, new_tangent):
+            return points, True
+        points.append((new, new_tangent))
+        bend = (new_tangent - tangent) / float(np.linalg.norm(new - z))
+        turn = math.acos(min(1.0, float(new_tangent @ tangent)))
+        z, tangent = new, new_tangent
+        h = float(np.clip(h * np.clip(0.15 / max(turn, 1e-3), 0.5, 2.0), 1e-7 * longest, longest))
+    return points, False
+
+
+def _passes(z: Array, new: Array, origin: Array, direction: Array, tangent: Array) -> bool:
+    """Whether the step from `z` to `new` goes through the origin of the curve again, the same way."""
+    chord = new - z
+    t = float(np.clip((origin - z) @ chord / (chord @ chord), 0.0, 1.0))
+    near = float(np.linalg.norm(z + t * chord - origin)) < 0.1 * float(np.linalg.norm(chord))
+    return near and float(tangent @ direction) > 0.8
+
+
+def _at_edge(
+    knobs: Sequence[Knob], setting: Setting, window: Array, z: Array, new: Array, tangent: Array
+) -> tuple[Array, Array] | None:
+    """Where the curve leaves the window between `z` and `new`."""
+    found: tuple[float, tuple[Array, Array]] | None = None
+    for k in range(2):
+        for edge in window[k]:
+            if (z[k] - edge) * (new[k] - edge) < 0:
+                t = (edge - z[k]) / (new[k] - z[k])
+                guess = z + t * (new - z)
+                guess[k] = edge
+                landed = _correct(knobs, setting, guess, np.eye(3)[k])
+                if landed is not None and (found is None or t < found[0]):
+                    found = t, (landed[0], landed[1] * math.copysign(1.0, landed[1] @ tangent))
+    return None if found is None else found[1]
+
+
+def _lies_on(knobs: tuple[Knob, Knob], setting: Setting, curve: _Curve, point: Array) -> bool:
+    """Whether a point of some neutral curve is on this one."""
+    begin, chord = curve.points[:-1], np.diff(curve.points, axis=0)
+    length = np.maximum(np.linalg.norm(chord, axis=1), 1e-300)
+    t = np.clip(np.sum((point - begin) * chord, axis=1) / length**2, 0.0, 1.0)
+    away = np.linalg.norm(begin + t[:, None] * chord - point, axis=1)
+    k = int(np.argmin(away))
+    if away[k] > 0.3 * length[k] + 1e-6:
+        return False
+    # Cubic Hermite interpolation settles most cases, Newton's method the others.
+    u = float(t[k])
+    foot = begin[k] + u * chord[k]
+    foot = foot + u * (1 - u) * (
+        (1 - u) * (length[k] * curve.directions[k] - chord[k]) - u * (length[k] * curve.directions[k + 1] - chord[k])
+    )
+    if float(np.linalg.norm(foot - point)) < 2e-3 * length[k]:
+        return True
+    landed = _correct(knobs, setting, foot, chord[k] / length[k], through=point)
+    return landed is not None and float(np.linalg.norm(landed[0] - point)) < 1e-6
+
+
+def _boundary_dataset(
+    knobs: tuple[Knob, Knob], setting: Setting, window: Array, curves: list[_Curve]
+) -> xarray.Dataset:
+    import xarray
+
+    points = np.concatenate([curve.points for curve in curves]) if curves else np.empty((0, 3))
+    values = np.exp(points)
+    which = np.repeat(np.arange(len(curves)), [len(curve.points) for curve in curves])
+    data = {
+        knob.name: ("point", values[:, k], {"units": knob.unit, "long_name": knob.name})
+        for k, knob in enumerate(knobs)
+    }
+    data["frequency"] = (
+        "point",
+        values[:, 2],
+        {"units": "1/time", "long_name": "angular frequency of the neutral mode"},
+    )
+    data["curve"] = ("point", which, {"units": "1", "long_name": "number of the curve"})
+    data["other_unstable"] = (
+        "point",
+        _others(knobs, setting, values),
+        {"units": "1", "long_name": "growing modes beside the neutral one"},
+    )
+    searched = {knob.name: span for knob, span in zip(knobs, window.tolist(), strict=True)}
+    return xarray.Dataset(data, attrs={"provenance": _provenance(setting, searched=searched)})
+
+
+def _others(knobs: tuple[Knob, Knob], setting: Setting, values: Array) -> NDArray[np.int64]:
+    """Growing modes at each point of a curve, the neutral one left out."""
+    if values.shape[0] == 0:
+        return np.empty(0, dtype=np.int64)
+    free = next((k for k, knob in enumerate(knobs) if _is_free(knob, setting)), None)
+    if free is not None:
+        softest = float(np.min(values[:, free]))
+        soft = knobs[free].set(setting, softest)
+        neutrals = neutral_along(knobs[1 - free], soft, values[:, 1 - free].tolist(), softest=softest)
+        added = values[:, free] - softest
+    else:
+        there = [knobs[1].set(knobs[0].set(setting, a), b) for a, b in values[:, :2].tolist()]
+        neutrals = [n for here in there for n in neutral_along(VELOCITY, here, [here.velocity])]
+        added = np.zeros(len(there))
+    counts = np.empty(len(neutrals), dtype=np.int64)
+    for k, (neutral, omega) in enumerate(zip(neutrals, values[:, 2], strict=True)):
+        own = np.abs(neutral.omega - omega) < 1e-6 * omega
+        counts[k] = np.sum(neutral.modes[~own & (neutral.extra > added[k])])
+    return counts
