@@ -79,10 +79,7 @@ def code_parts(function: Callable[..., object]) -> dict[str, str]:
 
 def axis_encodings(axes: Mapping[str, Sequence[AxisValue]]) -> dict[str, list[bytes]]:
     """Encode every value of every axis, axes sorted by name: content does not depend on their order."""
-    return {
-        name: [_joined(b"cell", [name.encode(), encode(value)]) for value in axes[name]]
-        for name in sorted(axes)
-    }
+    return {name: [_joined(b"cell", [name.encode(), encode(value)]) for value in axes[name]] for name in sorted(axes)}
 
 
 def cell_content(values: Mapping[str, AxisValue]) -> bytes:
@@ -136,7 +133,7 @@ def _plain(value: object) -> bytes | None:
             return _joined(type(value).__name__.encode(), [encode(item) for item in value])
         case set() | frozenset():
             return _joined(b"set", sorted(encode(item) for item in value))
-        case dict():
+        case dict() if type(value) is dict:  # a Counter or a defaultdict is filled by the code, not read
             pairs = [_joined(b"item", [encode(key), encode(item)]) for key, item in value.items()]
             return _joined(b"dict", sorted(pairs))
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
@@ -179,9 +176,7 @@ def _parts(value: object, name: str, seen: set[object]) -> Iterator[tuple[str, b
                 yield from _parts(method, f"{name}: {type(value).__qualname__}", seen)
 
 
-def _function_parts(
-    function: types.FunctionType, name: str, seen: set[object]
-) -> Iterator[tuple[str, bytes]]:
+def _function_parts(function: types.FunctionType, name: str, seen: set[object]) -> Iterator[tuple[str, bytes]]:
     yield name, _source(function)
     yield f"{name}: defaults", encode((function.__defaults__, function.__kwdefaults__), name)
     wrapped = getattr(function, "__wrapped__", None)
@@ -236,14 +231,11 @@ def _source(value: types.FunctionType | type) -> bytes:
     try:
         return textwrap.dedent(inspect.getsource(value)).encode()
     except (OSError, TypeError):  # typed at a prompt
-        return (
-            _bytecode(value.__code__) if isinstance(value, types.FunctionType) else encode(value.__qualname__)
-        )
+        return _bytecode(value.__code__) if isinstance(value, types.FunctionType) else encode(value.__qualname__)
 
 
 def _bytecode(code: types.CodeType) -> bytes:
     constants = [
-        _bytecode(item) if isinstance(item, types.CodeType) else repr(item).encode()
-        for item in code.co_consts
+        _bytecode(item) if isinstance(item, types.CodeType) else repr(item).encode() for item in code.co_consts
     ]
     return _joined(b"bytecode", [code.co_code, " ".join(code.co_names).encode(), *constants])

@@ -103,7 +103,7 @@ def refine(
     label : callable
         Called with the result of `case`; returns a text or a number, the same all over a region.
     runs : int
-        Runs to spend, at least 16.
+        Runs to spend at most; at least 16.
     resolution : float
         Lines across the boundary are bisected until they are this short, as a share of the box.
     executor, seed, progress, fingerprint
@@ -169,9 +169,7 @@ class _Search:
 
     def values(self, point: Point) -> dict[str, AxisValue]:
         """Values of the axes at a point."""
-        return {
-            name: span.value(share) for (name, span), share in zip(self.spans.items(), point, strict=True)
-        }
+        return {name: span.value(share) for (name, span), share in zip(self.spans.items(), point, strict=True)}
 
     def label(self, point: Point) -> Any:
         """Label found at a point; None if the case failed there."""
@@ -194,9 +192,7 @@ class _Search:
             self.outcomes[point] = outcome
         if self._progress is not None:
             failed = sum(isinstance(outcome, str) for outcome in self.outcomes.values())
-            self._progress(
-                Progress(total=self.runs, finished=len(self.outcomes), failed=failed, found=self._found)
-            )
+            self._progress(Progress(total=self.runs, finished=len(self.outcomes), failed=failed, found=self._found))
 
     def find(self, together: int) -> None:
         """Spread runs over the box, then send them where labels differ."""

@@ -197,9 +197,7 @@ def failures(dataset: xr.Dataset) -> list[Failure]:
     found = []
     for index in np.argwhere(errors != ""):
         parameters = {dim: dataset[dim].values[i] for dim, i in zip(dims, index, strict=True)}
-        plain = {
-            dim: value.item() if isinstance(value, np.generic) else value for dim, value in parameters.items()
-        }
+        plain = {dim: value.item() if isinstance(value, np.generic) else value for dim, value in parameters.items()}
         found.append(Failure(parameters=plain, error=str(errors[tuple(index)])))
     return found
 
@@ -231,9 +229,7 @@ class _Run:
         self._finished, self._failed = int(finished.sum()), int(failed.sum())
         self._found = self._finished
         self._todo = deque(int(cell) for cell in np.flatnonzero(~finished))
-        self._suspects: deque[int] = (
-            deque()
-        )  # in flight each time when workers died: run alone, to know the culprit
+        self._suspects: deque[int] = deque()  # in flight each time when workers died: run alone, to know the culprit
         self._crashes: Counter[int] = Counter()
         self._running: dict[Future[tuple[list[Outcome], float]], list[int]] = {}
         self._per_case: float | None = None  # seconds, as last seen
@@ -286,9 +282,7 @@ class _Run:
             size = 1
         else:
             of_a_second = SECONDS / max(self._per_case, 1e-9)
-            shared = max(
-                len(self._todo) / (2 * workers), 0.05 * of_a_second
-            )  # all workers end nearly together
+            shared = max(len(self._todo) / (2 * workers), 0.05 * of_a_second)  # all workers end nearly together
             size = int(min(LARGEST_BATCH, of_a_second, shared))
         block = self._grid.block(self._todo[0])
         cells = [self._todo.popleft()]
@@ -310,9 +304,7 @@ class _Run:
             except (CancelledError, CannotLoadError) as error:
                 raise InputError(self._trouble(error)) from error
             except Exception as error:
-                if (
-                    type(error).__name__ != "KilledWorker"
-                ):  # of dask, after several workers died of this batch
+                if type(error).__name__ != "KilledWorker":  # of dask, after several workers died of this batch
                     raise InputError(self._trouble(error)) from error
                 if len(cells) == 1:
                     results[cells[0]] = died()
@@ -365,9 +357,7 @@ class _Run:
     def _tell(self) -> None:
         if self._progress is not None:
             self._progress(
-                Progress(
-                    total=self._grid.size, finished=self._finished, failed=self._failed, found=self._found
-                )
+                Progress(total=self._grid.size, finished=self._finished, failed=self._failed, found=self._found)
             )
 
     def _kept(self) -> str:
@@ -431,9 +421,7 @@ def _axis(name: str, given: object) -> NDArray[Any]:
     if values.dtype.kind in "buif" and np.isnan(values).any():
         raise InputError(f"{place}: must not hold NaN")
     if len(np.unique(values)) != len(values):
-        raise InputError(
-            f"{place}: holds a value twice; for replicas add an axis of their own, such as replica"
-        )
+        raise InputError(f"{place}: holds a value twice; for replicas add an axis of their own, such as replica")
     if values.dtype.kind == "U":
         return values.astype(object)
     return values.astype({"b": np.bool_, "u": np.int64, "i": np.int64, "f": np.float64}[values.dtype.kind])
@@ -452,9 +440,7 @@ def check_case(case: object, axes: Sequence[str]) -> bool:
     called = getattr(case, "__qualname__", repr(case))
     for name in axes:
         if name not in named and not anything:
-            raise InputError(
-                f"axes: {called} has no parameter {name!r}; it takes {', '.join(named) or 'none'}"
-            )
+            raise InputError(f"axes: {called} has no parameter {name!r}; it takes {', '.join(named) or 'none'}")
     for name, parameter in named.items():
         if name not in axes and name != "seed" and parameter.default is parameter.empty:
             raise InputError(
@@ -482,9 +468,7 @@ def _identity(job: Job, grid: _store.Grid, seed: int, fingerprint: object) -> di
     return parts | identity_of_code({"case": job.case, "measure": job.measure}, seed, fingerprint)
 
 
-def identity_of_code(
-    functions: Mapping[str, Callable[..., object]], seed: int, fingerprint: object
-) -> dict[str, str]:
+def identity_of_code(functions: Mapping[str, Callable[..., object]], seed: int, fingerprint: object) -> dict[str, str]:
     """Digest what decides the result of a case besides the values of its axes, part by part."""
     parts = {
         "stickslip version": _store.package_version(),
@@ -545,7 +529,5 @@ def _report(dataset: xr.Dataset, progress: Callable[[Progress], object] | None) 
 
 def _bookkeeping(dataset: xr.Dataset) -> tuple[NDArray[Any], NDArray[Any]]:
     if _store.KEY not in dataset or _store.ERROR not in dataset:
-        raise InputError(
-            f"dataset: has no variables {_store.KEY} and {_store.ERROR}; must be the result of a sweep"
-        )
+        raise InputError(f"dataset: has no variables {_store.KEY} and {_store.ERROR}; must be the result of a sweep")
     return dataset[_store.KEY].values, dataset[_store.ERROR].values

@@ -138,9 +138,7 @@ class Grid:
         order = [names.index(name) for name in encodings]
         keys = np.empty(self.size, dtype=np.uint64)
         for cell, index in enumerate(np.ndindex(self.shape)):
-            content = b"".join(
-                encoded[index[i]] for encoded, i in zip(encodings.values(), order, strict=True)
-            )
+            content = b"".join(encoded[index[i]] for encoded, i in zip(encodings.values(), order, strict=True))
             keys[cell] = cell_key(head, content)
         return keys
 
@@ -248,9 +246,9 @@ class Store:
         self.template = {
             name: _variable_of(array, len(grid.axes))
             for name, array in self._arrays.items()
-            if name not in (*grid.axes, ERROR, KEY)
-            and len(array.shape) >= len(grid.axes)
-            and name in _measured(group)
+            if name not in (ERROR, KEY)
+            and array.metadata.dimension_names[: len(grid.axes)] == tuple(grid.axes)
+            and name not in array.metadata.dimension_names
         }
         for variable in self.template.values():
             for dim in variable.dims:
@@ -267,14 +265,14 @@ class Store:
             self._arrays[name][region] = values
 
     def create(self, template: Mapping[str, Variable]) -> None:
-        """Make an array for each measured name, and name them in the group once all are there."""
+        """Make an array for each measured name; they count once the group, written last, lists them all."""
         with writing(self.path):
             for name, variable in template.items():
                 for dim, values in variable.coordinates.items():
                     _add_coordinate(self._group, dim, values, self.grid.attributes_of(dim))
                 _add_array(self._group, self.grid, name, variable)
-            self._group.attrs["measured"] = sorted(template)
             _consolidate(self.path)
+        self._group, _ = read_group(self.path)
         self._arrays = dict(self._group.arrays())
         self.template = dict(template)
 
@@ -300,9 +298,7 @@ def describe(outcome: Mapping[str, Value], grid: Grid) -> dict[str, Variable]:
         taken = {*grid.axes, ERROR, KEY}
         check_name("measure", name)
         if name in taken:
-            raise InputError(
-                f"measure: returned the name {name!r}, which is taken ({', '.join(sorted(taken))})"
-            )
+            raise InputError(f"measure: returned the name {name!r}, which is taken ({', '.join(sorted(taken))})")
         packed = value if isinstance(value, Packed) else Packed(values=np.asarray(value), dims=())
         dims = packed.dims
         if dims is None:
@@ -314,9 +310,7 @@ def describe(outcome: Mapping[str, Value], grid: Grid) -> dict[str, Variable]:
         for dim, size in zip(dims, packed.values.shape, strict=True):
             check_name("measure", dim)
             if dim in taken or dim in outcome or sizes.setdefault(dim, size) != size:
-                raise InputError(
-                    f"measure: the dimension {dim!r} of {name!r} is taken or of another size elsewhere"
-                )
+                raise InputError(f"measure: the dimension {dim!r} of {name!r} is taken or of another size elsewhere")
         for dim, values in packed.coordinates.items():
             if not np.array_equal(coordinates.setdefault(dim, values), values):
                 raise InputError(f"measure: two arrays have different values along {dim!r}")
@@ -343,9 +337,7 @@ def mismatch(template: Mapping[str, Variable], outcome: Mapping[str, Value]) -> 
             return f"measure returned shape {shape} for {name!r}, but {variable.shape} in the first case"
         if isinstance(value, Packed):
             for dim, values in value.coordinates.items():
-                if dim in variable.coordinates and not np.array_equal(
-                    variable.coordinates[dim], _as_read(values)
-                ):
+                if dim in variable.coordinates and not np.array_equal(variable.coordinates[dim], _as_read(values)):
                     return f"measure returned other values along {dim!r} than in the first case"
     return None
 
@@ -380,9 +372,7 @@ def new_store(path: Path, grid: Grid, provenance: str) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         draft = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}")
         try:
-            group = zarr.create_group(
-                draft, zarr_format=3, attributes={"provenance": provenance, "measured": []}
-            )
+            group = zarr.create_group(draft, zarr_format=3, attributes={"provenance": provenance})
             for name, values in grid.axes.items():
                 _add_coordinate(group, name, values, grid.attributes_of(name))
             for name, variable in _own_variables().items():
@@ -409,7 +399,7 @@ def read_group(path: Path) -> tuple[Any, dict[str, Any]]:
     if not path.is_dir():
         raise InputError(f"store = {str(path)!r}: is a file, not the directory of a sweep; {remedy}")
     try:
-        group = zarr.open_group(path, mode="r+", zarr_format=3, use_consolidated=False)
+        group = zarr.open_group(path, mode="r+", zarr_format=3, use_consolidated=True)
         provenance = json.loads(group.attrs["provenance"])
         form, version = provenance["format"], provenance["format_version"]
     except OSError as error:
@@ -445,7 +435,6 @@ def open_dataset(path: Path) -> xr.Dataset:
     for name in dataset.variables:
         if dataset[name].dtype.kind in "OT":
             dataset[name] = dataset[name].copy(data=_as_read(dataset[name].values))
-    dataset.attrs.pop("measured", None)
     result: xr.Dataset = dataset.drop_encoding()
     return result
 
@@ -462,9 +451,7 @@ def locked(path: Path) -> Iterator[None]:
     lock = path.with_name(path.name + ".lock").absolute()
     with _HELD_GUARD:
         if lock in _HELD:
-            raise InputError(
-                f"store = {str(path)!r}: another sweep of this process is writing it; choose another"
-            )
+            raise InputError(f"store = {str(path)!r}: another sweep of this process is writing it; choose another")
         _HELD.add(lock)
     try:
         with writing(path):
@@ -520,9 +507,7 @@ def import_zarr() -> Any:
             "a sweep with a store needs the zarr package, version 3: pip install stickslip[sweep]"
         ) from None
     if int(zarr.__version__.split(".")[0]) < 3:
-        raise InputError(
-            f"zarr {zarr.__version__} is too old for a store, 3 is needed: pip install stickslip[sweep]"
-        )
+        raise InputError(f"zarr {zarr.__version__} is too old for a store, 3 is needed: pip install stickslip[sweep]")
     return zarr
 
 
@@ -536,16 +521,8 @@ def package_version() -> str:
 
 def check_name(place: str, name: object) -> None:
     """Refuse a name that cannot stand in a store."""
-    if (
-        not isinstance(name, str)
-        or not name
-        or "/" in name
-        or name.startswith((".", "__"))
-        or name == "zarr.json"
-    ):
-        raise InputError(
-            f"{place}: {name!r} cannot be a name; use a text without '/' that starts with a letter"
-        )
+    if not isinstance(name, str) or not name or "/" in name or name.startswith((".", "__")) or name == "zarr.json":
+        raise InputError(f"{place}: {name!r} cannot be a name; use a text without '/' that starts with a letter")
 
 
 # ---------------------------------------------------------------- parts
@@ -642,10 +619,6 @@ def _consolidate(path: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # "not part of the specification": xarray reads it, and asks for it
         zarr.consolidate_metadata(path, zarr_format=3)
-
-
-def _measured(group: Any) -> list[str]:
-    return cast("list[str]", group.attrs.get("measured", []))
 
 
 def _variable_of(array: Any, axes: int) -> Variable:
