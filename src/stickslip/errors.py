@@ -81,9 +81,7 @@ def instance(place: str, value: object, kind: type | tuple[type, ...], hint: str
         raise InputError(f"{place} = {value!r}: must be {hint}")
 
 
-def _range_in_words(
-    above: float | None, at_least: float | None, below: float | None, at_most: float | None
-) -> str:
+def _range_in_words(above: float | None, at_least: float | None, below: float | None, at_most: float | None) -> str:
     words = [
         f"{word} {bound:g}"
         for word, bound in (

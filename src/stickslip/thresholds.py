@@ -10,7 +10,6 @@ Natural units: stretchings in units of ``x_s = f_s/k``.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Protocol, Self, cast, runtime_checkable
@@ -412,7 +411,7 @@ class LogNormal(Law):
 
     def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
         """Mean of ``x**order * exp(-q x)``, by quadrature in the logarithm (there is no closed form)."""
-        z, weight = _panels(-8.5, 8.5, self._panel_count(q))
+        z, weight = panels(-8.5, 8.5, self._panel_count(q))
         x = np.exp(self.log_mean + self.log_spread * z)
         return _laplace_of_nodes(q, x, weight * np.exp(-0.5 * z * z) / math.sqrt(2 * math.pi), order)
 
@@ -461,7 +460,7 @@ class Weibull(Law):
     def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
         """Mean of ``x**order * exp(-q x)``, by quadrature in the logarithm of the hazard (no closed form)."""
         fastest = float(np.max(np.abs(np.imag(q)), initial=0.0)) * float(self.inverse_survival(1e-9))
-        y, weight = _panels(-40.0, 3.7, 24 + int(4 * fastest / self.shape))
+        y, weight = panels(-40.0, 3.7, 24 + int(4 * fastest / self.shape))
         t = np.exp(y)
         return _laplace_of_nodes(q, self.scale * t ** (1 / self.shape), weight * t * np.exp(-t), order)
 
@@ -629,7 +628,7 @@ class SteadyState(Law):
         """Mean of ``x**order * exp(-q x)``, by quadrature between the knots."""
         low, high = 0.0, self.thresholds.support[1]
         fastest = float(np.max(np.abs(np.imag(q)), initial=0.0))
-        x, weight = _panels(low, high, 64 + int(fastest * high / 4))
+        x, weight = panels(low, high, 64 + int(fastest * high / 4))
         return _laplace_of_nodes(q, x, weight * self.density(x), order)
 
     def positive(self) -> SteadyState:
@@ -661,7 +660,7 @@ def _set(record: object, field: str, value: object) -> None:
 
 
 @lru_cache(maxsize=64)
-def _panels(low: float, high: float, count: int) -> tuple[Array, Array]:
+def panels(low: float, high: float, count: int) -> tuple[Array, Array]:
     """Nodes and weights of composite Gauss-Legendre quadrature with `count` panels of 16 nodes."""
     node, weight = np.polynomial.legendre.leggauss(16)
     edges = np.linspace(low, high, count + 1)

@@ -38,6 +38,7 @@ CONDITION_HELD = 1
 THRESHOLDS_USED_UP = 2
 DELAYS_USED_UP = 3
 BUDGET_SPENT = 4
+LOOK = 5
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -277,7 +278,8 @@ class Piece(NamedTuple):
     """A piece of the drive: ``D = D0 + v0 (t-t0) + a (t-t0)^2/2`` up to `end`, or to a condition seen at a sample.
 
     Conditions: 0 none; 1 slider at least `stop_value` away from `X0`; 2 and 3 driving force at least / at most
-    `stop_value`.
+    `stop_value`. `look` is a time at which the caller wants to look at the contacts: `advance` then returns before
+    the flight that passes it, so that looking changes nothing.
     """
 
     t0: float
@@ -288,6 +290,7 @@ class Piece(NamedTuple):
     stop_kind: int
     stop_value: float
     X0: float
+    look: float
 
 
 class State(NamedTuple):
@@ -317,6 +320,7 @@ _REFERENCE = 5
 WORK = 6  # of the drive, per contact, since the start
 DAMPED = 7  # dissipated by damping
 BROKEN = 8  # lost in breaks
+LOOKED = 9  # position of the slider at the time of a look
 # state.counts
 ATTACHED = 0
 SAMPLE = 1  # next sample
@@ -367,7 +371,7 @@ def make_state(
         ahead=make_queue(2 * N + 64, bins, width),
         behind=make_queue(3 * N + 64, bins, width),
         rebirths=make_queue(N + 64, _power_of_two(N / 8, N), time_width),
-        motion=np.zeros(9),
+        motion=np.zeros(10),
         counts=np.zeros(6, np.int64),
         cuts=np.zeros(16),
     )
@@ -381,6 +385,18 @@ def make_state(
     _rebuild(state, state.behind, -1.0)
     _sum_again(state)
     return state
+
+
+def contact_force(state: State) -> float:
+    """Force of the contacts, per contact."""
+    x = state.motion[POSITION] - state.motion[_REFERENCE]
+    return float((state.counts[ATTACHED] * x - state.motion[_SUM]) / state.contacts.size)
+
+
+def stretchings(state: State) -> Floats:
+    """Stretchings of the attached contacts at the time of a look."""
+    contacts = state.contacts[state.contacts["threshold"] > 0]
+    return np.asarray(state.motion[LOOKED] - contacts["birth"])
 
 
 def _power_of_two(wanted: float, most: int) -> int:
@@ -607,9 +623,7 @@ def _root(f: Flight, order: int, value: float, low: float, high: float) -> float
 
 
 @bare
-def _first_crossing(
-    f: Flight, to_ahead: float, to_behind: float, most: float, cuts: Floats
-) -> tuple[float, int]:
+def _first_crossing(f: Flight, to_ahead: float, to_behind: float, most: float, cuts: Floats) -> tuple[float, int]:
     """First time up to `most` at which the displacement reaches `to_ahead` or `-to_behind`, and which: 1 or -1.
 
     With neither, the end of the stretch that was searched and 0: `most` or, if sooner, a quarter of a period. The
@@ -753,7 +767,7 @@ def advance(
     Returns
     -------
     int
-        `REACHED_END`, `CONDITION_HELD`, `THRESHOLDS_USED_UP`, `DELAYS_USED_UP` or `BUDGET_SPENT`.
+        `REACHED_END`, `CONDITION_HELD`, `THRESHOLDS_USED_UP`, `DELAYS_USED_UP`, `BUDGET_SPENT` or `LOOK`.
     """
     motion, counts = state.motion, state.counts
     N = float(state.contacts.size)
@@ -809,6 +823,10 @@ def advance(
                 h, side = _first_crossing(flight, to_ahead, to_behind, most, state.cuts)
                 y, u = _at(flight, h)
         ends_at = limit if side == 0 and h == most else t + h
+
+        if ends_at > piece.look and t <= piece.look:
+            motion[LOOKED] = X + _at(flight, piece.look - t)[0]
+            return LOOK
 
         # Samples that fall inside.
         while counts[SAMPLE] < sample_times.size and sample_times[counts[SAMPLE]] <= min(ends_at, piece.end):

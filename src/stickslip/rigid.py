@@ -1,0 +1,211 @@
+"""Rigid motion of the slider: the force it meets, and how steeply that force can fall.
+
+The elastic instability of a slider on a spring is decided here, Eqs. (5)-(8): a spring softer than the critical
+stiffness cannot follow the fall of the force.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stickslip.errors import InputError, number, whole
+from stickslip.model import Delay, Interface
+from stickslip.simulate import LABELS, Contacts, MasterEquation, check_method, initial_nodes, pull_rigidly
+from stickslip.thresholds import excess
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from stickslip.kernels import renewal as kernel
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Renewal:
+    """Method for rigid motion: the master equation as a renewal equation, solved by fast convolution.
+
+    Parameters
+    ----------
+    points : int
+        Intervals of the grid of positions; the error falls as ``points**-6`` for smooth laws.
+    """
+
+    points: int = 4096
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", whole("Renewal.points", self.points, at_least=8, at_most=10_000_000))
+
+
+def slide(
+    interface: Interface,
+    distance: float,
+    *,
+    velocity: float = 1.0,
+    method: Renewal | Contacts | MasterEquation = Renewal(),
+) -> xr.Dataset:
+    """Move a rigid slider over an interface at a constant velocity, as in Fig. 1 of the paper.
+
+    Parameters
+    ----------
+    interface : Interface
+    distance : float
+        Length of the motion, in ``x_s``.
+    velocity : float
+        In ``x_s`` per time; matters only if broken contacts come back after a delay.
+    method : Renewal, Contacts or MasterEquation
+
+    Returns
+    -------
+    xarray.Dataset
+        On positions ``X``: ``F_c`` (force per contact in ``f_s``, Eq. (4)) and ``attached``; with `Renewal` also
+        ``breaking_rate`` (breaks per contact and ``x_s``, Eq. (2)) and ``stiffness`` (``dF_c/dX`` in ``k``).
+
+    Raises
+    ------
+    InputError
+        If the distance or the velocity is not positive, or the method cannot take the interface.
+    """
+    distance = number("slide: distance", distance, above=0, hint="in x_s")
+    velocity = number("slide: velocity", velocity, above=0, hint="in x_s per time")
+    check_method(interface, method)
+    if isinstance(method, (Contacts, MasterEquation)):
+        return pull_rigidly(interface, distance, velocity, method, points=math.ceil(min(1000 * distance, 1e6)))
+    if not isinstance(method, Renewal):
+        raise InputError(f"slide: method = {method!r}: must be Renewal(), Contacts(...) or MasterEquation(...)")
+    import xarray as xr
+
+    solution = _Solution(interface, distance, velocity, method.points)
+    X = np.linspace(0.0, distance, method.points + 1)
+    response = solution.at(X)
+    return xr.Dataset(
+        {
+            "F_c": ("X", response.force, LABELS["F_c"]),
+            "attached": ("X", response.attached, LABELS["attached"]),
+            "breaking_rate": ("X", response.rate, {"units": "1/x_s", "long_name": "breaks per contact and x_s"}),
+            "stiffness": ("X", response.stiffness, {"units": "k", "long_name": "stiffness dF_c/dX, per contact"}),
+        },
+        coords={"X": ("X", X, LABELS["X"])},
+    )
+
+
+def effective_stiffness(interface: Interface, X: ArrayLike, *, velocity: float = 1.0) -> Array:
+    """Effective stiffness of the interface ``K_eff = -dF_c/dX``, Eq. (7), per contact.
+
+    Computed as ``Int x P Q dx`` minus the attached fraction, not as a numerical derivative.
+
+    Parameters
+    ----------
+    interface : Interface
+    X : array_like
+        Displacements since the start of the motion, in ``x_s``, at least 0.
+    velocity : float
+        Matters only if there is a delay.
+    """
+    X = np.atleast_1d(np.asarray(X, dtype=float))
+    if X.size == 0 or not np.all(np.isfinite(X)) or X.min() < 0:
+        raise InputError("effective_stiffness: X must be finite displacements of at least 0, in x_s")
+    check_method(interface, Renewal())
+    distance = max(float(X.max()), 1e-3)
+    points = max(256, math.ceil(distance / _spacing(interface)))
+    return -_Solution(interface, distance, velocity, points).at(X).stiffness
+
+
+def critical_stiffness(interface: Interface, *, reattachment: bool = True) -> float:
+    """Critical stiffness ``K*`` of the driving spring, Eq. (8), per contact in units of ``k``.
+
+    A softer spring lets the slider jump when the force of the contacts falls; a stiffer one does not.
+
+    Parameters
+    ----------
+    interface : Interface
+        Its delay does not enter.
+    reattachment : bool
+        Broken contacts are reborn at once (default), or never.
+
+    Returns
+    -------
+    float
+        Zero for an interface that starts in the steady state of sliding.
+
+    Notes
+    -----
+    For the Gaussian thresholds of the paper's Fig. 4 (spread .1, initial spread .01) the values are 2.989 and, without
+    re-attachment, 3.548. The paper prints 3.59, which its Eqs. (1)-(4) do not give.
+    """
+    return steepest_fall(interface, reattachment=reattachment)[0]
+
+
+def steepest_fall(interface: Interface, *, reattachment: bool = True) -> tuple[float, float]:
+    """Return the largest effective stiffness and the displacement where it occurs; see `critical_stiffness`."""
+    check_method(interface, Renewal())
+    delay = Delay(0.0) if reattachment else Delay(math.inf)
+    bare = Interface(thresholds=interface.thresholds, initial=interface.initial, delay=delay)
+    law = bare.threshold_law
+    # The first fall is the steepest: renewal only smooths. Twice the largest initial travel to break covers it.
+    distance = min(law.support[1] - min(bare.initial.support[0], 0.0), 4.0 * float(law.inverse_survival(1e-3))) + 0.1
+    points = max(512, math.ceil(distance / _spacing(bare)))
+    solution = _Solution(bare, distance, 1.0, points)
+    X = np.linspace(0.0, distance, points + 1)
+    # Where the law jumps, the fall is steepest just before or after: look at both sides.
+    jumps = np.array([knot - x for knot in law.knots for x in solution.initial_stretchings])
+    jumps = jumps[(jumps > 0) & (jumps < distance)]
+    X = np.unique(np.concatenate([X, np.nextafter(jumps, 0), np.nextafter(jumps, np.inf)]))
+    K_eff = -solution.at(X).stiffness
+    best = int(np.argmax(K_eff))
+    for _ in range(3):
+        near = np.linspace(X[max(best - 1, 0)], X[min(best + 1, X.size - 1)], 41)
+        near = np.unique(np.append(near, X[best]))
+        K_near = -solution.at(near).stiffness
+        X, K_eff, best = near, K_near, int(np.argmax(K_near))
+    value = float(K_eff[best])
+    # Rounding of the steady state's flat force is not a fall.
+    return (value, float(X[best])) if value > 1e-9 else (0.0, float(X[best]))
+
+
+def static_friction(interface: Interface) -> tuple[float, float]:
+    """Largest force of the contacts in quasi-static motion, per contact in ``f_s``, and the displacement there."""
+    run = slide(interface.__class__(thresholds=interface.thresholds, initial=interface.initial), _reach(interface))
+    force = run["F_c"].to_numpy()
+    best = int(np.argmax(force))
+    return float(force[best]), float(run["X"].to_numpy()[best])
+
+
+def _reach(interface: Interface) -> float:
+    return 4.0 * float(interface.threshold_law.inverse_survival(1e-3))
+
+
+def _spacing(interface: Interface) -> float:
+    """Spacing of the grid that resolves the laws for six digits and more."""
+    spreads = [interface.threshold_law.standard_deviation(), interface.initial.standard_deviation()]
+    return max(min(s for s in spreads if s > 0) / 4.0, 1e-4) if max(spreads) > 0 else 1e-3
+
+
+class _Solution:
+    """The renewal equation solved once, to be looked at anywhere."""
+
+    def __init__(self, interface: Interface, distance: float, velocity: float, points: int) -> None:
+        from stickslip.kernels import renewal
+
+        self._kernel = renewal
+        law = interface.threshold_law
+        self.initial_stretchings, weight = initial_nodes(interface)
+        delay, share = interface.delay.quadrature()
+        self._contacts = renewal.Contacts(
+            law.density,
+            lambda x, n: excess(law, x, n),
+            self.initial_stretchings,
+            weight,
+            np.abs(self.initial_stretchings),
+            velocity * delay,
+            share,
+        )
+        self._reborn = renewal.solve(self._contacts, distance, points)
+
+    def at(self, X: Array) -> kernel.Response:
+        return self._kernel.observe(self._contacts, self._reborn, X)

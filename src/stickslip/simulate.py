@@ -1,0 +1,690 @@
+"""One door to all solvers: an interface, a slider, a drive and a method in, a labelled Dataset out.
+
+>>> run = simulate(interface, slider, hold(velocity=1.0, duration=20), method=Contacts(10_000, seed=1))
+
+The method is a value: `Contacts` (N contacts, event by event) or `MasterEquation` (N to infinity, on cohorts).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip import store
+from stickslip.drive import Drive, ForceAbove, ForceBelow, Piece, Travel, hold
+from stickslip.errors import InputError, instance, number, whole
+from stickslip.model import Delay, Interface, Slider
+from stickslip.thresholds import Law, SteadyState, panels
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+Progress = Callable[[float], None]
+"""Called now and then with the share of the work that is done, 0 to 1."""
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What the user chooses
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Method: `count` contacts, event by event, exact for their number.
+
+    Parameters
+    ----------
+    count : int
+        Number of contacts ``N``.
+    seed : int
+        The same seed gives the same run, bit for bit, whatever is recorded.
+    """
+
+    count: int = 10_000
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        # 1e8 contacts take some 15 GB.
+        count = whole("Contacts.count", self.count, at_least=1, at_most=100_000_000, hint="number of contacts N")
+        object.__setattr__(self, "count", count)
+        object.__setattr__(self, "seed", whole("Contacts.seed", self.seed, at_least=0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class MasterEquation:
+    """Method: the master equation, Eqs. (1)-(4), on cohorts: the limit of infinitely many contacts.
+
+    Parameters
+    ----------
+    cells : int
+        Resolution: cohorts per ``x_s`` of motion. The error falls as ``cells**-2``.
+    memoryless : bool
+        Use the paper's approximation, Eq. (10), for the detached contacts in place of the true delay. It has no
+        memory and gives an oscillation of its own; for comparison only.
+    """
+
+    cells: int = 400
+    memoryless: bool = False
+
+    def __post_init__(self) -> None:
+        cells = whole("MasterEquation.cells", self.cells, at_least=10, at_most=100_000, hint="cohorts per x_s")
+        object.__setattr__(self, "cells", cells)
+
+
+Method = Contacts | MasterEquation
+
+
+@dataclass(frozen=True, kw_only=True)
+class Record:
+    """What to record.
+
+    Parameters
+    ----------
+    interval : float, optional
+        Time between samples; by default some fine fraction of the run that resolves the oscillation of the slider.
+    snapshots : tuple of float
+        Times at which to record the law of stretchings ``Q(x)``.
+    bins : int
+        Bins of a snapshot.
+    """
+
+    interval: float | None = None
+    snapshots: tuple[float, ...] = ()
+    bins: int = 200
+
+    def __post_init__(self) -> None:
+        if self.interval is not None:
+            object.__setattr__(self, "interval", number("Record.interval", self.interval, above=0))
+        times = tuple(number(f"Record.snapshots[{i}]", t, at_least=0) for i, t in enumerate(self.snapshots))
+        object.__setattr__(self, "snapshots", tuple(sorted(times)))
+        object.__setattr__(self, "bins", whole("Record.bins", self.bins, at_least=1, at_most=100_000))
+
+
+@dataclass(frozen=True)
+class Relaxed:
+    """Start: slider at rest, spring unstretched, contacts with the interface's initial law."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sliding:
+    """Start: steady smooth sliding at the drive's first velocity, contacts detached as they then are on average.
+
+    Parameters
+    ----------
+    kick : float
+        Added to the slider's velocity, as a share of it: whether it dies out or grows tells the stability.
+    """
+
+    kick: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "kick", number("Sliding.kick", self.kick))
+
+
+Start = Relaxed | Sliding
+
+
+def records() -> dict[str, type]:
+    """Return every record that a run's provenance can name, for `stickslip.store.decode`."""
+    return store.records() | {kind.__name__: kind for kind in (Contacts, MasterEquation, Record, Relaxed, Sliding)}
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The door
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def simulate(
+    interface: Interface,
+    slider: Slider,
+    drive: Drive,
+    method: Method = MasterEquation(),
+    *,
+    record: Record = Record(),
+    start: Start = Relaxed(),
+    progress: Progress | None = None,
+) -> xr.Dataset:
+    """Pull a slider on an interface by a spring, Eq. (11).
+
+    Parameters
+    ----------
+    interface, slider, drive
+        The rig, in natural units.
+    method : Contacts or MasterEquation
+    record : Record
+        Sampling and snapshots; it never changes the motion.
+    start : Relaxed or Sliding
+    progress : callable, optional
+        Called with the share of the drive that is done.
+
+    Returns
+    -------
+    xarray.Dataset
+        On ``t``: ``X`` and ``velocity`` of the slider, ``F_d`` and ``F_c`` (driving force and force of the contacts,
+        per contact, in ``f_s``), ``attached`` (fraction), ``drive_velocity``, and the energies ``work``,
+        ``kinetic_energy``, ``spring_energy``, ``contact_energy``, ``damped_energy``, ``broken_energy`` (per contact,
+        in ``f_s x_s``); with snapshots, ``Q`` on ``(snapshot, x)``. The attribute ``provenance`` tells how to make it
+        again; see `repeat`.
+
+    Raises
+    ------
+    InputError
+        If the rig cannot be simulated: no mass, thresholds without a density for the master equation, a snapshot
+        beyond the end.
+    """
+    _check(interface, slider, drive, method, record, start)
+    motion = _Motion(interface, slider, drive, start, record, _sample_times(slider, drive, record))
+    _follow(motion, method, progress)
+    arguments = {
+        "interface": interface,
+        "slider": slider,
+        "drive": drive,
+        "method": method,
+        "record": record,
+        "start": start,
+    }
+    return _dataset(motion, slider, store.provenance("simulate", arguments))
+
+
+def pull_rigidly(
+    interface: Interface,
+    distance: float,
+    velocity: float,
+    method: Method,
+    points: int,
+    progress: Progress | None = None,
+) -> xr.Dataset:
+    """Move a rigid slider at a constant velocity; the engine room of `stickslip.rigid.slide`.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``F_c`` and ``attached`` on ``points + 1`` positions ``X``.
+    """
+    duration = distance / velocity
+    record = Record(interval=duration / points)
+    motion = _Motion(
+        interface, None, hold(velocity, duration), Relaxed(), record, np.linspace(0.0, duration, points + 1)
+    )
+    _follow(motion, method, progress)
+    x = ("X", velocity * motion.times, {"units": "x_s", "long_name": "displacement of the slider"})
+    variables = {name: ("X", motion.rows[:, _COLUMNS.index(name)], LABELS[name]) for name in ("F_c", "attached")}
+    return _as_dataset(variables, {"X": x}, {})
+
+
+def repeat(run: xr.Dataset, progress: Progress | None = None) -> xr.Dataset:
+    """Make a run again from its provenance: the same numbers, bit for bit.
+
+    Raises
+    ------
+    InputError
+        If the Dataset carries no provenance of `simulate`.
+    """
+    return simulate(**case_of(run), progress=progress)
+
+
+def case_of(run: xr.Dataset) -> dict[str, Any]:
+    """Return the arguments of `simulate` that made a run."""
+    content = store.read_provenance(run)
+    if content["call"] != "simulate":
+        raise InputError(f"this file was made by {content['call']!r}, not by `simulate`")
+    decoded: dict[str, Any] = store.decode(content["arguments"], records())
+    return decoded
+
+
+def _check(interface: Interface, slider: Slider, drive: Drive, method: Method, record: Record, start: Start) -> None:
+    instance("simulate: interface", interface, Interface, "an Interface")
+    instance("simulate: slider", slider, Slider, "a Slider")
+    instance("simulate: drive", drive, Drive, "a drive, made with hold() or ramp()")
+    instance("simulate: method", method, (Contacts, MasterEquation), "Contacts(...) or MasterEquation(...)")
+    instance("simulate: record", record, Record, "a Record")
+    instance("simulate: start", start, (Relaxed, Sliding), "Relaxed() or Sliding()")
+    check_method(interface, method)
+    if slider.mass == 0:
+        raise InputError("Slider.mass = 0: a simulation needs a mass above 0; the massless limit is for stability only")
+    if record.snapshots and record.snapshots[-1] > drive.duration:
+        raise InputError(
+            f"Record.snapshots: {record.snapshots[-1]:g} lies beyond the end of the drive ({drive.duration:g})"
+        )
+    if isinstance(start, Sliding):
+        if drive.pieces[0].start <= 0:
+            raise InputError(
+                f"Sliding: the drive starts at velocity {drive.pieces[0].start:g}: steady sliding needs one above 0"
+            )
+        if math.isinf(interface.delay.moment(1)):
+            raise InputError("Sliding: contacts that never come back have no steady sliding; start Relaxed()")
+
+
+def check_method(interface: Interface, method: object) -> None:
+    """Raise `InputError` if the method cannot take the interface."""
+    if interface.ageing is not None:
+        raise InputError(f"Interface.ageing = {interface.ageing}: not available with {type(method).__name__}")
+    if not isinstance(method, Contacts):
+        interface.threshold_law.density(0.0)  # complains of a law without a density
+
+
+def _sample_times(slider: Slider, drive: Drive, record: Record) -> Array:
+    interval = record.interval
+    if interval is None:
+        # A tenth of a radian of the fastest oscillation, within bounds on the size of the result.
+        fastest = math.sqrt((slider.stiffness + 1.0) / slider.mass)
+        count = min(max(drive.duration * fastest / 0.1, 2_000.0), 50_000.0)
+        interval = drive.duration / math.ceil(count)
+    count = drive.duration / interval
+    if count > 50_000_000:
+        raise InputError(
+            f"Record.interval = {interval:g}: {count:.3g} samples; choose at least {drive.duration / 5e7:g}"
+        )
+    # The last sample lies on the end if the interval divides the duration, rounding aside.
+    return interval * np.arange(math.floor(count * (1 + 1e-12)) + 1)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# A run in the making
+# ---------------------------------------------------------------------------------------------------------------------
+
+_COLUMNS = ("X", "velocity", "F_c", "attached", "contact_energy", "work", "damped_energy", "broken_energy")
+
+
+@dataclass
+class _Motion:
+    """What the engines share: the rig (no slider: rigid motion), the times wanted, and the table that fills up."""
+
+    interface: Interface
+    slider: Slider | None
+    drive: Drive
+    start: Start
+    record: Record
+    times: Array
+    rows: Array = field(init=False)
+    drive_velocity: Array = field(init=False)
+    drive_position: Array = field(init=False)
+    filled: int = 0
+    snapshots: list[_Snapshot] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.rows = np.empty((self.times.size, len(_COLUMNS)))
+        self.drive_velocity = np.empty(self.times.size)
+        self.drive_position = np.empty(self.times.size)
+
+    @property
+    def first_velocity(self) -> float:
+        """Velocity of the slider at time 0."""
+        drive = self.drive.pieces[0].start
+        if self.slider is None:
+            return drive
+        return drive * (1.0 + self.start.kick) if isinstance(self.start, Sliding) else 0.0
+
+    @property
+    def next_look(self) -> float:
+        """Time of the next snapshot; infinite if none is left."""
+        taken = len(self.snapshots)
+        return self.record.snapshots[taken] if taken < len(self.record.snapshots) else math.inf
+
+    def steady_attached(self) -> float:
+        """Attached fraction in steady sliding at the drive's first velocity, Eq. (10)."""
+        mean = self.interface.threshold_law.moment(1)
+        return mean / (mean + self.drive.pieces[0].start * self.interface.delay.moment(1))
+
+    def drive_origin(self, contact_force: float) -> float:
+        """Position of the drive at time 0: a slider that starts sliding starts in balance."""
+        if self.slider is None or isinstance(self.start, Relaxed):
+            return 0.0
+        drag = self.slider.mass * self.slider.damping * self.drive.pieces[0].start
+        return (contact_force + drag) / self.slider.stiffness
+
+
+@dataclass(frozen=True)
+class _Snapshot:
+    """Stretchings at a moment, and the share of all contacts at each; `cells`: each stands for its neighbourhood."""
+
+    time: float
+    stretching: Array
+    share: Array
+    cells: bool
+
+    def density(self, edges: Array) -> Array:
+        """Share of contacts per unit stretching in each bin."""
+        if not self.cells:
+            counts, _ = np.histogram(self.stretching, edges, weights=self.share)
+            return counts / np.diff(edges)
+        order = np.argsort(self.stretching)
+        x, total = self.stretching[order], np.cumsum(self.share[order])
+        between = np.append(0.5 * (x[1:] + x[:-1]), x[-1])
+        return np.diff(np.interp(edges, np.append(x[0], between), np.append(0.0, total))) / np.diff(edges)
+
+
+@dataclass(frozen=True)
+class _Pull:
+    """A piece of the drive in its place: times, and where the drive is at its beginning."""
+
+    begin: float
+    position: float
+    piece: Piece
+
+    @property
+    def end(self) -> float:
+        return self.begin + self.piece.duration
+
+    def velocity(self, t: Array) -> Array:
+        return self.piece.start + self.piece.acceleration * (t - self.begin)
+
+    def displacement(self, t: Array) -> Array:
+        since = t - self.begin
+        return self.position + since * (self.piece.start + 0.5 * self.piece.acceleration * since)
+
+    def stop(self) -> tuple[int, float]:
+        """The condition as the kernels take it: kind and value."""
+        match self.piece.until:
+            case Travel(distance):
+                return 1, distance
+            case ForceAbove(force):
+                return 2, force
+            case ForceBelow(force):
+                return 3, force
+            case None:
+                return 0, 0.0
+
+
+class _Engine(Protocol):
+    """A solver on the way."""
+
+    def contact_force(self) -> float:
+        """Force of the contacts now, per contact."""
+        ...
+
+    def pull(self, pull: _Pull, report: Progress) -> float:
+        """Follow a piece of the drive, fill rows, take snapshots; return the time at which it ended."""
+        ...
+
+
+def _follow(motion: _Motion, method: Method, progress: Progress | None) -> None:
+    """Follow the drive from piece to piece."""
+    engine: _Engine = _ContactsEngine(motion, method) if isinstance(method, Contacts) else _Cohorts(motion, method)
+    report = progress or (lambda share: None)
+    total = motion.drive.duration
+    begin, position = 0.0, motion.drive_origin(engine.contact_force())
+    for piece in motion.drive.pieces:
+        pull = _Pull(begin, position, piece)
+        first = motion.filled
+        begin = engine.pull(pull, lambda t: report(min(t / total, 1.0)))
+        sampled = slice(first, motion.filled)
+        motion.drive_velocity[sampled] = pull.velocity(motion.times[sampled])
+        motion.drive_position[sampled] = pull.displacement(motion.times[sampled])
+        position = float(pull.displacement(np.asarray(begin)))
+    report(1.0)
+
+
+class _ContactsEngine:
+    """The event engine of `stickslip.kernels.contacts`, fed with random numbers in blocks of a fixed length."""
+
+    _BLOCK = 16_384
+    _EVENTS = 400_000  # between two reports of progress: some 50 ms
+
+    def __init__(self, motion: _Motion, method: Contacts) -> None:
+        from stickslip.kernels import contacts as kernel
+
+        self._kernel, self._motion = kernel, motion
+        self._law, self._delay = motion.interface.threshold_law, motion.interface.delay
+        initial, thresholds, delays = (
+            np.random.default_rng(seed) for seed in np.random.SeedSequence(method.seed).spawn(3)
+        )
+        self._threshold_rng, self._delay_rng = thresholds, delays
+        x, threshold, pending = _first_contacts(motion, method.count, initial)
+        self._state = kernel.make_state(-x, threshold, pending, self._delay.moment(1), velocity=motion.first_velocity)
+        fixed = self._delay.time if isinstance(self._delay, Delay) else math.nan
+        slider = motion.slider
+        self._rig = (
+            kernel.Rig(0.0, 0.0, 0.0, fixed)
+            if slider is None
+            else kernel.Rig(slider.stiffness, 1.0 / slider.mass, slider.damping, fixed)
+        )
+        self._thresholds = self._law.sample(self._threshold_rng, self._BLOCK)
+        self._delays = np.empty(0)
+
+    def contact_force(self) -> float:
+        """Force of the contacts now, per contact."""
+        return self._kernel.contact_force(self._state)
+
+    def pull(self, pull: _Pull, report: Progress) -> float:
+        """Follow a piece of the drive to its end."""
+        kernel, state, motion = self._kernel, self._state, self._motion
+        kind, value = pull.stop()
+        origin = float(state.motion[kernel.POSITION])
+        while True:
+            piece = kernel.Piece(
+                t0=pull.begin,
+                end=pull.end,
+                D0=pull.position,
+                v0=pull.piece.start,
+                a=pull.piece.acceleration,
+                stop_kind=kind,
+                stop_value=value,
+                X0=origin,
+                look=motion.next_look,
+            )
+            why = kernel.advance(
+                state, self._rig, piece, motion.times, motion.rows, self._thresholds, self._delays, self._EVENTS
+            )
+            motion.filled = int(state.counts[kernel.SAMPLE])
+            now = float(state.motion[kernel.TIME])
+            if why == kernel.THRESHOLDS_USED_UP:
+                self._thresholds = self._law.sample(self._threshold_rng, self._BLOCK)
+                state.counts[kernel.THRESHOLD] = 0
+            elif why == kernel.DELAYS_USED_UP:
+                self._delays = self._delay.sample(self._delay_rng, self._BLOCK)
+                state.counts[kernel.DELAY] = 0
+            elif why == kernel.LOOK:
+                x = kernel.stretchings(state)
+                share = np.full(x.size, 1.0 / state.contacts.size)
+                motion.snapshots.append(_Snapshot(motion.next_look, x, share, cells=False))
+            elif why == kernel.BUDGET_SPENT:
+                report(now)
+            else:
+                return now
+
+
+def _first_contacts(motion: _Motion, count: int, rng: np.random.Generator) -> tuple[Array, Array, Array]:
+    """Draw stretchings and thresholds of all contacts (detached ones last), and when the latter are born again."""
+    law, delay = motion.interface.threshold_law, motion.interface.delay
+    if isinstance(motion.start, Relaxed):
+        initial, attached = motion.interface.initial, count
+    else:
+        initial, attached = SteadyState(thresholds=law), round(count * motion.steady_attached())
+    x = initial.sample(rng, attached)
+    largest = law.support[1]
+    while (again := np.flatnonzero(np.abs(x) >= largest)).size:
+        x[again] = initial.sample(rng, again.size)
+    threshold = law.sample_beyond(rng, np.abs(x))
+    # Caught in the middle of a delay: long delays are met more often, and anywhere within them.
+    detached = count - attached
+    pool = delay.sample(rng, 4 * detached + 1000) if detached else np.empty(0)
+    if isinstance(delay, Delay):
+        pending = delay.time * rng.random(detached)
+    elif detached:
+        pending = rng.choice(pool, detached, p=pool / pool.sum()) * rng.random(detached)
+    else:
+        pending = np.empty(0)
+    return np.append(x, np.zeros(detached)), np.append(threshold, np.zeros(detached)), pending
+
+
+class _Cohorts:
+    """The cohorts of `stickslip.kernels.cohorts`."""
+
+    _STEPS = 5_000  # between two reports of progress
+
+    def __init__(self, motion: _Motion, method: MasterEquation) -> None:
+        from stickslip.kernels import cohorts as kernel
+
+        self._kernel, self._motion, self._cells = kernel, motion, float(method.cells)
+        interface, slider = motion.interface, motion.slider
+        self._table = kernel.Table(*survival_table(interface.threshold_law))
+        delay, weight = interface.delay.quadrature()
+        self._rebirth = kernel.Rebirth(delay, weight, method.memoryless)
+        self._mechanics = (
+            kernel.Mechanics(0.0, 0.0, 0.0, True)
+            if slider is None
+            else kernel.Mechanics(slider.stiffness, slider.mass, slider.damping, False)
+        )
+        if isinstance(motion.start, Relaxed):
+            (x, share), rate = initial_nodes(interface), 0.0
+        else:
+            attached = motion.steady_attached()
+            x, share = kernel.smooth_sliding(self._table, self._cells, attached)
+            rate = attached * motion.drive.pieces[0].start / interface.threshold_law.moment(1)
+        self._state = kernel.initial_state(
+            self._table, self._rebirth, x, share, velocity=motion.first_velocity, rate=rate
+        )
+
+    def contact_force(self) -> float:
+        """Force of the contacts now, per contact."""
+        return float(self._state.scalar[self._kernel.CONTACT_FORCE])
+
+    def pull(self, pull: _Pull, report: Progress) -> float:
+        """Follow a piece of the drive to its end."""
+        kernel, motion = self._kernel, self._motion
+        drive = kernel.Pull(pull.begin, pull.position, pull.piece.start, pull.piece.acceleration)
+        kind, value = pull.stop()
+        stop = kernel.Stop(kind, value, float(self._state.scalar[kernel.POSITION]))
+        # A sample on the seam of two pieces belongs to the later one; the last piece keeps its end.
+        wanted = motion.times[motion.filled : np.searchsorted(motion.times, pull.end * (1 + 1e-12), side="right")]
+        while True:
+            before = self._state
+            done = kernel.advance(
+                before,
+                self._table,
+                self._rebirth,
+                self._mechanics,
+                drive,
+                until=pull.end,
+                times=wanted,
+                cells=self._cells,
+                stop=stop,
+                max_steps=self._STEPS,
+            )
+            self._state = done.state
+            now = float(done.state.scalar[kernel.TIME])
+            self._keep(done.rows)
+            wanted = wanted[len(done.rows) :]
+            while motion.next_look <= now:
+                # From where the last leg began, aside: the run itself does not stop here.
+                aside = kernel.advance(
+                    before,
+                    self._table,
+                    self._rebirth,
+                    self._mechanics,
+                    drive,
+                    until=motion.next_look,
+                    times=np.empty(0),
+                    cells=self._cells,
+                ).state
+                x, share = kernel.stretchings(aside)
+                motion.snapshots.append(_Snapshot(motion.next_look, x, share, cells=True))
+            report(now)
+            if done.reason != kernel.PAUSED:
+                return now
+
+    def _keep(self, rows: Array) -> None:
+        kernel, motion = self._kernel, self._motion
+        columns = [
+            kernel.POSITION,
+            kernel.VELOCITY,
+            kernel.CONTACT_FORCE,
+            kernel.ATTACHED,
+            kernel.STORED,
+            kernel.WORK,
+            kernel.DAMPED,
+            kernel.LOST,
+        ]
+        motion.rows[motion.filled : motion.filled + len(rows)] = rows[:, columns]
+        motion.filled += len(rows)
+
+
+def survival_table(law: Law) -> tuple[Array, Array, float]:
+    """Tabulate survival and density of thresholds for cubic interpolation to 1e-13 (smooth laws), and the spacing."""
+    end = law.support[1]
+    count = math.ceil(end / min(max(2e-3 * law.standard_deviation(), end / 2**20), end / 64))
+    spacing = end / count
+    x = spacing * np.arange(count + 1)
+    survival = law.survival(x)
+    survival[-1] = 0.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        density = law.density(x)
+    if not np.isfinite(density[0]):  # laws with a singular start
+        density[0] = (survival[0] - survival[1]) / spacing
+    return survival, density, spacing
+
+
+def initial_nodes(interface: Interface) -> tuple[Array, Array]:
+    """Quadrature nodes of the initial stretchings, between the jumps of their law, and their weights of sum 1."""
+    law, thresholds = interface.initial, interface.threshold_law
+    spread = law.standard_deviation()
+    if spread == 0:
+        return np.array([law.moment(1)]), np.ones(1)
+    low, high = max(law.support[0], -thresholds.support[1]), min(law.support[1], thresholds.support[1])
+    edges = [low, *(knot for knot in sorted({*law.knots, *thresholds.knots}) if low < knot < high), high]
+    width = 4.0 * min(spread, max(thresholds.standard_deviation(), 1e-3 * spread))
+    parts = [
+        panels(left, right, math.ceil((right - left) / width)) for left, right in zip(edges, edges[1:], strict=False)
+    ]
+    x, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
+    weight = weight * law.density(x)
+    kept = (weight > 0) & (thresholds.survival(np.abs(x)) > 0)
+    return x[kept], weight[kept] / weight[kept].sum()
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The result
+# ---------------------------------------------------------------------------------------------------------------------
+
+LABELS: Mapping[str, Mapping[str, str]] = {
+    "t": {"units": "time", "long_name": "time"},
+    "X": {"units": "x_s", "long_name": "displacement of the slider"},
+    "velocity": {"units": "x_s/time", "long_name": "velocity of the slider"},
+    "F_d": {"units": "f_s", "long_name": "driving force per contact"},
+    "F_c": {"units": "f_s", "long_name": "force of the contacts, per contact"},
+    "attached": {"units": "1", "long_name": "fraction of attached contacts"},
+    "drive_velocity": {"units": "x_s/time", "long_name": "velocity of the drive"},
+    "work": {"units": "f_s x_s", "long_name": "work of the drive, per contact"},
+    "kinetic_energy": {"units": "f_s x_s", "long_name": "kinetic energy of the slider, per contact"},
+    "spring_energy": {"units": "f_s x_s", "long_name": "energy of the driving spring, per contact"},
+    "contact_energy": {"units": "f_s x_s", "long_name": "energy stored in contacts, per contact"},
+    "damped_energy": {"units": "f_s x_s", "long_name": "energy dissipated by damping, per contact"},
+    "broken_energy": {"units": "f_s x_s", "long_name": "energy lost in breaks, per contact"},
+    "Q": {"units": "1/x_s", "long_name": "density of stretchings, per contact"},
+    "x": {"units": "x_s", "long_name": "stretching"},
+    "snapshot": {"units": "time", "long_name": "time of the snapshot"},
+}
+"""Units and names of every variable of a run."""
+
+
+def _dataset(motion: _Motion, slider: Slider, provenance: str) -> xr.Dataset:
+    kept = slice(0, motion.filled)
+    values = {name: motion.rows[kept, i] for i, name in enumerate(_COLUMNS)}
+    values["drive_velocity"] = motion.drive_velocity[kept]
+    values["F_d"] = slider.stiffness * (motion.drive_position[kept] - values["X"])
+    values["kinetic_energy"] = 0.5 * slider.mass * values["velocity"] ** 2
+    values["spring_energy"] = 0.5 * values["F_d"] ** 2 / slider.stiffness
+    variables = {name: ("t", values[name], LABELS[name]) for name in LABELS if name in values}
+    coordinates = {"t": ("t", motion.times[kept], LABELS["t"])}
+    if motion.snapshots:
+        low = min(float(s.stretching.min(initial=0.0)) for s in motion.snapshots)
+        high = max(float(s.stretching.max(initial=0.0)) for s in motion.snapshots)
+        edges = np.linspace(low, max(high, low + 1e-12) * (1 + 1e-12), motion.record.bins + 1)
+        densities = np.array([s.density(edges) for s in motion.snapshots])
+        variables["Q"] = (("snapshot", "x"), densities, LABELS["Q"])
+        coordinates["snapshot"] = ("snapshot", np.array([s.time for s in motion.snapshots]), LABELS["snapshot"])
+        coordinates["x"] = ("x", 0.5 * (edges[1:] + edges[:-1]), LABELS["x"])
+    return _as_dataset(variables, coordinates, {"provenance": provenance})
+
+
+def _as_dataset(variables: Mapping[str, Any], coordinates: Mapping[str, Any], attrs: Mapping[str, str]) -> xr.Dataset:
+    import xarray as xr
+
+    return xr.Dataset(dict(variables), dict(coordinates), dict(attrs))

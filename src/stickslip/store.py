@@ -1,0 +1,173 @@
+"""Datasets to files and back, records to plain data and back, and the content hash of a case.
+
+A result carries, as one JSON string in its attribute ``provenance``, all that is needed to make it again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import tempfile
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stickslip import drive, model, thresholds, units
+from stickslip.errors import InputError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Plain = Any
+"""What JSON can hold: None, bool, int, float, str, list, dict."""
+
+_MODULES = (thresholds, model, drive, units)
+
+
+def records() -> dict[str, type]:
+    """Return the records of the lower layers by name, for `decode`."""
+    return {
+        name: kind
+        for module in _MODULES
+        for name, kind in vars(module).items()
+        if isinstance(kind, type) and is_dataclass(kind)
+    }
+
+
+def encode(value: object) -> Plain:
+    """Turn a record, or a tuple, mapping or plain value of records, into what JSON can hold.
+
+    A record becomes a mapping with its class name under ``"record"``; infinities become strings.
+    """
+    if is_dataclass(value) and not isinstance(value, type):
+        content = {field.name: encode(getattr(value, field.name)) for field in fields(value) if field.init}
+        return {"record": type(value).__name__, **content}
+    if isinstance(value, Mapping):
+        return {str(key): encode(item) for key, item in value.items()}
+    if isinstance(value, (tuple, list)):
+        return [encode(item) for item in value]
+    if isinstance(value, float) and math.isinf(value):
+        return "inf" if value > 0 else "-inf"
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return value
+    raise InputError(f"{value!r} cannot be written to a file; use a record, a number, a string or a tuple of these")
+
+
+def decode(plain: Plain, kinds: Mapping[str, type]) -> Any:
+    """Turn what `encode` gave back into records of the kinds listed."""
+    if isinstance(plain, dict):
+        content = {key: decode(item, kinds) for key, item in plain.items() if key != "record"}
+        if "record" not in plain:
+            return content
+        kind = kinds.get(plain["record"])
+        if kind is None:
+            raise InputError(f"provenance names the record {plain['record']!r}, which this version does not have")
+        known = {field.name for field in fields(kind)}
+        if strange := sorted(set(content) - known):
+            raise InputError(f"provenance of {plain['record']} has the field {strange[0]!r}, unknown to this version")
+        return kind(**content)
+    if isinstance(plain, list):
+        return tuple(decode(item, kinds) for item in plain)
+    if plain in ("inf", "-inf"):
+        return float(plain)
+    return plain
+
+
+def provenance(call: str, arguments: Mapping[str, object]) -> str:
+    """Return the JSON string that says which call made a result, with what, by which version."""
+    return json.dumps({"stickslip": version("stickslip"), "call": call, "arguments": encode(arguments)}, sort_keys=True)
+
+
+def read_provenance(data: xr.Dataset) -> dict[str, Any]:
+    """Return the provenance of a result as plain data.
+
+    Raises
+    ------
+    InputError
+        If the Dataset has none, or one that cannot be read.
+    """
+    text = data.attrs.get("provenance")
+    if not isinstance(text, str):
+        raise InputError("this file has no provenance: it is not a run made by stickslip; analyse it with `measure`")
+    try:
+        content = json.loads(text)
+        content["call"], content["arguments"]
+    except (json.JSONDecodeError, KeyError, TypeError):
+        raise InputError("the provenance in this file is damaged; make the run again") from None
+    return dict(content)
+
+
+def content_hash(value: object) -> str:
+    """Return a hash of the content of a case: equal for equal records, whatever the session or the machine."""
+    return hashlib.sha256(json.dumps(encode(value), sort_keys=True).encode()).hexdigest()
+
+
+def save(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
+    """Write a Dataset as NetCDF, whole or not at all.
+
+    The file is written beside its final place under another name and moved there when complete.
+
+    Raises
+    ------
+    InputError
+        If the place cannot be written.
+    """
+    target = Path(path)
+    if target.is_dir():
+        raise InputError(f"{target}: is a directory; give the name of a file, such as {target / 'run.nc'}")
+    try:
+        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
+    except OSError as error:
+        raise InputError(f"{target}: cannot be written ({error.strerror}); choose another place") from None
+    os.close(handle)
+    part = Path(name)
+    try:
+        data.to_netcdf(part, engine="h5netcdf", encoding={v: {"zlib": True, "complevel": 1} for v in data.data_vars})
+        part.chmod(0o666 & ~_umask())
+        part.replace(target)
+    except OSError as error:
+        raise InputError(f"{target}: cannot be written ({error.strerror or error}); nothing was left behind") from None
+    finally:
+        part.unlink(missing_ok=True)
+    return target
+
+
+def load(path: str | os.PathLike[str]) -> xr.Dataset:
+    """Read a Dataset that `save` wrote, into memory.
+
+    Raises
+    ------
+    InputError
+        If there is no such file or it is not NetCDF.
+    """
+    import xarray as xr
+
+    source = Path(path)
+    if not source.exists():
+        raise InputError(f"{source}: no such file")
+    if source.is_dir():
+        raise InputError(f"{source}: is a directory, not a file")
+    if not is_netcdf(source):
+        raise InputError(f"{source}: is not a NetCDF file; a run is made with `stickslip simulate RIG -o run.nc`")
+    try:
+        with xr.open_dataset(source, engine="h5netcdf") as data:
+            return data.load()
+    except (OSError, ValueError, KeyError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(f"{source}: cannot be read as NetCDF ({reason}); the file may be damaged") from None
+
+
+def is_netcdf(path: str | os.PathLike[str]) -> bool:
+    """Whether a file begins as NetCDF 4 (HDF5) files do."""
+    with Path(path).open("rb") as file:
+        return file.read(8) == b"\x89HDF\r\n\x1a\n"
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
