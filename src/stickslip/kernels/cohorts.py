@@ -33,7 +33,7 @@ IntArray = NDArray[np.int64]
 
 
 class Table(NamedTuple):
-    """Survival and density of the thresholds at ``x = spacing * (0, 1, 2 ...)``, up to where nothing survives."""
+    """Survival and density of the thresholds at ``x = spacing * (0, 1, 2 ...)``; made by `tabulate`."""
 
     survival: Array
     density: Array
@@ -83,7 +83,7 @@ class Stop(NamedTuple):
 
 
 class State(NamedTuple):
-    """All that the next step needs. Arrays have room to spare; `count` says what is in use.
+    """All that the next step needs. Arrays have room to spare; `used` says how much is filled.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ class State(NamedTuple):
         Times, and the mass broken up to them.
     cursor : ndarray of int, shape (n_delays,)
         Place in `broken` of the time one delay ago.
-    count : ndarray of int, shape (2,)
+    used : ndarray of int, shape (2,)
         Number of cohorts and of times in use.
     """
 
@@ -103,7 +103,7 @@ class State(NamedTuple):
     cohort: Array
     broken: Array
     cursor: IntArray
-    count: IntArray
+    used: IntArray
 
 
 # Columns of the samples, which are also the first scalars. Energies: work of the drive, dissipated by
@@ -125,6 +125,8 @@ TOLERANCE = 20.0
 """Largest disagreement on where a step ends, times ``cells**2``."""
 PHASE = 0.5
 """Largest phase, in radians, that an oscillation that has not died out turns in a step."""
+ONE_PLACE = 1e-3
+"""Travel, times `cells`, that makes no difference to where something breaks or is born."""
 EXTINCT = 1e-12
 """A cohort of which a smaller share survives is dropped; its rest counts as broken."""
 
@@ -141,13 +143,12 @@ def survival(table: Table, x: float) -> float:
     rise = right - left
     a = -table.spacing * table.density[i] - rise
     b = rise + table.spacing * table.density[i + 1]
-    return left + u * (rise + (1.0 - u) * ((1.0 - u) * a + u * b))
+    return float(left + u * (rise + (1.0 - u) * ((1.0 - u) * a + u * b)))
 
 
 @jit
 def response(t: float, eta: float, w: float) -> tuple[float, float, float, float, float]:
-    """Motion of ``x'' + eta x' + w x`` after a unit kick: velocity, position, and its three repeated
-    integrals.
+    """Solve ``x'' + eta x' + w x = 0`` after a unit kick: velocity, position and its three repeated integrals.
 
     The integrals are the motion under a unit load that is constant, linear and quadratic (``t**2 / 2``) in
     time. A power series over a short time is doubled until the time is reached: one formula for oscillation,
@@ -277,7 +278,7 @@ def _due(state: State, rebirth: Rebirth, dt: float) -> tuple[float, float]:
     """Births in the next `dt` of what has already broken, and the share of what breaks in it that is born in it."""
     if rebirth.memoryless:
         return 0.0, 1.0
-    last = state.count[1] - 1
+    last = state.used[1] - 1
     t = state.broken[0, last]
     known = share = 0.0
     for i in range(rebirth.delay.size):
@@ -306,7 +307,7 @@ def _place(broken: Array, j: int, last: int, t: float) -> int:
 def _between(broken: Array, j: int, t: float) -> float:
     """Mass broken up to time `t` in interval `j`."""
     share = (t - broken[0, j]) / (broken[0, j + 1] - broken[0, j])
-    return broken[1, j] + share * (broken[1, j + 1] - broken[1, j])
+    return float(broken[1, j] + share * (broken[1, j + 1] - broken[1, j]))
 
 
 @jit
@@ -326,7 +327,7 @@ def _arrive(
     X, V = scalar[POSITION], scalar[VELOCITY]
     X1, V1 = _move(dt, scalar, mechanics, pull, slope, ramp)
     turn = _turning_point(X, V, X1, V1, dt)
-    old, force = _sweep(state.cohort, state.count[0], table, X1, turn)
+    old, force = _sweep(state.cohort, state.used[0], table, X1, turn)
     # Half of the births sit at the start of the step, and some of them may already break in it.
     known, share = due
     young = survival(table, max(abs(X1 - X), abs(turn - X)))
@@ -337,7 +338,7 @@ def _arrive(
     force += 0.5 * born * young * (X1 - X)
     grip = 1.0
     if rebirth.memoryless:
-        grip = _grip(state.cohort, state.count[0], table, X1, V1, rebirth)
+        grip = _grip(state.cohort, state.used[0], table, X1, V1, rebirth)
     return _Trial(dt, slope, ramp, X1, V1, turn, grip * force, grip * mass_in, mass_in, broken, born)
 
 
@@ -362,8 +363,9 @@ def _try_step(
         frequency = math.sqrt((mechanics.stiffness + scalar[MASS_IN]) / mechanics.mass)
         disagreement = max(abs(trial.X - guess.X), abs(trial.V - guess.V) / frequency)
     path = max(abs(trial.X - scalar[POSITION]), abs(trial.turn - scalar[POSITION]))
-    trouble = cells * max(path, max(trial.broken, trial.born) / BREAK_CAP, math.sqrt(disagreement / TOLERANCE))
-    return trial, trouble
+    # What breaks or is born almost in one place need not be resolved: a law with all its values at one point cannot.
+    mass = min(max(trial.broken, trial.born) / BREAK_CAP, path / ONE_PLACE)
+    return trial, cells * max(path, mass, math.sqrt(disagreement / TOLERANCE))
 
 
 @jit
@@ -392,7 +394,7 @@ def _attach(state: State, table: Table, b: float, alive: float, reach: float, me
     cohort = state.cohort
     if alive <= 0.0:
         return
-    j = state.count[0] - 1
+    j = state.used[0] - 1
     if j >= 0 and abs(b - cohort[BIRTH, j]) <= merge and abs(reach - cohort[REACH, j]) <= merge:
         total = alive + cohort[ALIVE, j]
         share = alive / total
@@ -401,7 +403,7 @@ def _attach(state: State, table: Table, b: float, alive: float, reach: float, me
         alive = total
     else:
         j += 1
-        state.count[0] = j + 1
+        state.used[0] = j + 1
     cohort[BIRTH, j], cohort[MASS, j] = b, alive / survival(table, reach)
     cohort[REACH, j], cohort[ALIVE, j] = reach, alive
 
@@ -413,7 +415,7 @@ def _commit(state: State, table: Table, mechanics: Mechanics, pull: Pull, trial:
     travel = trial.X - scalar[POSITION]
     kept = 0
     lost = stored = 0.0
-    for j in range(state.count[0]):
+    for j in range(state.used[0]):
         reach, alive = cohort[TRIAL_REACH, j], cohort[TRIAL_ALIVE, j]
         middle = 0.5 * (reach + cohort[REACH, j])
         lost += 0.5 * middle * middle * (cohort[ALIVE, j] - alive)
@@ -422,7 +424,7 @@ def _commit(state: State, table: Table, mechanics: Mechanics, pull: Pull, trial:
             cohort[BIRTH, kept], cohort[MASS, kept] = cohort[BIRTH, j], cohort[MASS, j]
             cohort[REACH, kept], cohort[ALIVE, kept] = reach, alive
             kept += 1
-    state.count[0] = kept
+    state.used[0] = kept
     half = 0.5 * trial.born
     reach = max(abs(travel), abs(trial.turn - scalar[POSITION]))
     young = half * survival(table, reach)
@@ -437,10 +439,10 @@ def _commit(state: State, table: Table, mechanics: Mechanics, pull: Pull, trial:
     scalar[ATTACHED], scalar[MASS_IN] = trial.attached, trial.mass_in
     scalar[MASS_OUT] += trial.broken - trial.born
     _measure_spring(scalar, mechanics, pull)
-    n = state.count[1]
+    n = state.used[1]
     state.broken[0, n] = scalar[TIME]
     state.broken[1, n] = state.broken[1, n - 1] + trial.broken
-    state.count[1] = n + 1
+    state.used[1] = n + 1
 
 
 @jit
@@ -485,28 +487,30 @@ def _sample(row: Array, t: float, before: Array, trial: _Trial, after: Array, me
 @jit
 def _holds(row: Array, stop: Stop) -> bool:
     if stop.kind == 1:
-        return abs(row[POSITION] - stop.origin) >= stop.value
+        return bool(abs(row[POSITION] - stop.origin) >= stop.value)
     if stop.kind == 2:
-        return row[DRIVE_FORCE] >= stop.value
-    return stop.kind == 3 and row[DRIVE_FORCE] <= stop.value
+        return bool(row[DRIVE_FORCE] >= stop.value)
+    return bool(stop.kind == 3 and row[DRIVE_FORCE] <= stop.value)
 
 
 @jit
 def _make_room(state: State) -> bool:
-    """Forget what has been born again; False if there is still no room for another step."""
-    last = state.count[1] - 1
-    if last + 1 == state.broken.shape[1]:
-        first = last - 1
+    """Whether there is room for another step; if need be after forgetting what has been born again."""
+    count = state.used[1]
+    if count == state.broken.shape[1]:
+        first = count - 2
         for i in range(state.cursor.size):
             first = min(first, state.cursor[i])
+        if first < count // 2:
+            return False  # so that the moves do not add up
         base = state.broken[1, first]  # small numbers keep their digits
-        for j in range(first, last + 1):
+        for j in range(first, count):
             state.broken[0, j - first] = state.broken[0, j]
             state.broken[1, j - first] = state.broken[1, j] - base
         for i in range(state.cursor.size):
             state.cursor[i] -= first
-        state.count[1] = last + 1 - first
-    return state.count[0] + 2 <= state.cohort.shape[1] and 2 * state.count[1] <= state.broken.shape[1]
+        state.used[1] = count - first
+    return bool(state.used[0] + 2 <= state.cohort.shape[1])
 
 
 @jit
@@ -540,9 +544,8 @@ def _run(
         left = until - scalar[TIME]
         if left <= smallest:
             return FINISHED, filled, max_steps
-        if state.count[1] == state.broken.shape[1] or state.count[0] + 2 > state.cohort.shape[1]:
-            if not _make_room(state):
-                return NO_ROOM, filled, max_steps
+        if not _make_room(state):
+            return NO_ROOM, filled, max_steps
         planned = step if step > 0.0 else min(scalar[NEXT_STEP], _longest_step(scalar, mechanics, pull, cells))
         while True:
             dt = min(planned, left)
@@ -585,6 +588,29 @@ class Progress(NamedTuple):
     state: State
     rows: Array
     reason: int
+
+
+def tabulate(survival: Array, density: Array, spacing: float) -> Table:
+    """Make a table of a law of thresholds.
+
+    Parameters
+    ----------
+    survival, density : ndarray, shape (n,)
+        ``J_c`` and ``P_c`` at ``x = spacing * (0, 1, ..., n - 1)``: from ``J_c(0) = 1`` to where less than `EXTINCT`
+        survives. Between the points ``J_c`` is a cubic with these slopes, to an error of
+        ``spacing**4 / 384 * (largest fourth derivative)``.
+    spacing : float
+        Distance between points.
+
+    Returns
+    -------
+    Table
+        With densities so limited, where they jump or diverge, that the survival never rises in between.
+    """
+    chord = np.concatenate([[0.0], -np.diff(survival) / spacing, [0.0]])
+    chord[0], chord[-1] = chord[1], chord[-2]
+    limit = 3.0 * np.minimum(chord[:-1], chord[1:])
+    return Table(np.asarray(survival, float), np.clip(density, 0.0, limit), spacing)
 
 
 def initial_state(
@@ -693,7 +719,8 @@ def advance(
     -------
     Progress
     """
-    state = State(*(array.copy() for array in state))
+    scalar, cohort, broken, cursor, used = state
+    state = State(scalar.copy(), cohort.copy(), broken.copy(), cursor.copy(), used.copy())
     rows = np.empty((len(times), COLUMNS))
     filled, reason = 0, NO_ROOM
     steps = max_steps
@@ -703,6 +730,12 @@ def advance(
         )
         filled += more
         if reason == NO_ROOM:
-            cohort, broken = (np.concatenate([rows_, np.zeros_like(rows_)], axis=1) for rows_ in state[1:3])
-            state = state._replace(cohort=cohort, broken=broken)
+            if state.used[0] + 2 > state.cohort.shape[1]:
+                state = state._replace(cohort=_doubled(state.cohort))
+            else:
+                state = state._replace(broken=_doubled(state.broken))
     return Progress(state, rows[:filled], reason)
+
+
+def _doubled(table: Array) -> Array:
+    return np.concatenate([table, np.zeros_like(table)], axis=1)
