@@ -1,0 +1,29 @@
+"""What a force trace shows: its slips, its regime, and where the regime changes on a ramp.
+
+Every function takes an `xarray.Dataset` with the coordinate `t` and the variable `F_d`, the force of the
+driving spring: a run of the model (which also has `X`, `velocity`, `drive_velocity`, `attached`) or a trace
+measured on a bench, read with `read_trace` (which has the force only). What is there is used. Units are those
+of the data.
+
+A slip is a fall of the force. Nothing here asks whether the slider is at rest: with contacts that hold, a
+driven slider creeps at ``v K/(K + k N_c)`` between slips, so rest tells nothing about the regime.
+"""
+
+from stickslip.measure.ramps import Transitions, amplitude, hysteresis, transitions
+from stickslip.measure.readings import read_trace
+from stickslip.measure.slips import EventStatistics, Spread, event_statistics, events
+from stickslip.measure.verdict import Regime, regime
+
+__all__ = [
+    "EventStatistics",
+    "Regime",
+    "Spread",
+    "Transitions",
+    "amplitude",
+    "event_statistics",
+    "events",
+    "hysteresis",
+    "read_trace",
+    "regime",
+    "transitions",
+]

@@ -1,0 +1,309 @@
+"""Where stick-slip starts and ends while the velocity of the drive changes."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from stickslip.errors import InputError, UndecidedError, number
+from stickslip.measure.arrays import CONSTANT_DRIVE, Trace, turns
+
+_PARTS = 16  # the window moves in steps of a sixteenth of it
+_LONGEST_TRANSIENT = 25  # windows: 100 x_s, by default
+_SI_UNITS = {"n", "mn", "kn", "un", "µn", "m", "mm", "um", "µm", "nm", "cm"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Transitions:
+    """Velocities of the drive at which stick-slip starts and ends, on the way up and on the way down.
+
+    Each is None where it was not seen; `notes` says why.
+
+    Attributes
+    ----------
+    v1, v2 : float or None
+        On the way up: the first velocity at which stick-slip sets in, and the last at which it ends after
+        that.
+    v2_down, v1_down : float or None
+        On the way down (``v2'``, ``v1'``): the first at which it sets in again, and the last at which it
+        ends.
+    level : float
+        The criterion: peak to peak of the driving force over `window` of drive travel above this level.
+    window : float
+        Travel of the drive over which the peak to peak is taken.
+    notes : tuple of str
+        What was not seen and why, and what else a reader should know.
+    """
+
+    v1: float | None
+    v2: float | None
+    v2_down: float | None
+    v1_down: float | None
+    level: float
+    window: float
+    notes: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        names = {"v1": self.v1, "v2": self.v2, "v2'": self.v2_down, "v1'": self.v1_down}
+        found = ", ".join(f"{name} = {'not seen' if v is None else f'{v:.4g}'}" for name, v in names.items())
+        rule = f"stick-slip where F_d swings by more than {self.level:g} over a drive travel of {self.window:g}"
+        return "\n".join([f"{found} ({rule})", *self.notes])
+
+
+def amplitude(run: xr.Dataset, *, window: float = 4.0) -> xr.Dataset:
+    """Return the peak to peak of the driving force over a moving stretch of drive travel.
+
+    Parameters
+    ----------
+    run : Dataset
+        A run, with `F_d` and `drive_velocity`.
+    window : float
+        Travel of the drive over which the peak to peak is taken, in the unit of `X` (``x_s`` for runs of the
+        model); it should hold two cycles or more.
+
+    Returns
+    -------
+    Dataset
+        Along ``travel`` (of the drive, at the middle of the window): `peak_to_peak`, `drive_velocity` there,
+        and the times `begin`, `middle` and `end` of the window.
+
+    Raises
+    ------
+    InputError
+        If the run has no drive velocity, or the drive turns back.
+    UndecidedError
+        If the drive travels less than two windows, or there are too few samples in a window.
+    """
+    window = number("window", window, above=0, hint="in the unit of X")
+    trace = Trace.of(run)
+    if trace.drive is None:
+        raise InputError("transitions: need a run with the variable drive_velocity; a trace of the force has none")
+    if np.any(trace.drive < 0):
+        raise InputError(f"transitions: drive_velocity = {trace.sign * trace.drive.min():g}: the drive turns back")
+    steps = 0.5 * (trace.drive[1:] + trace.drive[:-1]) * np.diff(trace.t)
+    travel = np.concatenate([[0.0], np.cumsum(steps)])
+    if travel[-1] < 2 * window:
+        raise UndecidedError(
+            f"transitions: the drive travels {travel[-1]:.4g} in all, less than 2 windows of {window:g}: run it longer"
+        )
+    count = int(travel[-1] / window * _PARTS)
+    begins = np.searchsorted(travel, np.arange(count) * window / _PARTS)
+    if np.any(np.diff(begins) < 1):
+        raise UndecidedError(
+            f"transitions: fewer than {_PARTS} samples in some window of drive travel {window:g}: record more often"
+        )
+    high = np.lib.stride_tricks.sliding_window_view(np.maximum.reduceat(trace.force, begins), _PARTS).max(axis=1)
+    low = np.lib.stride_tricks.sliding_window_view(np.minimum.reduceat(trace.force, begins), _PARTS).min(axis=1)
+    begin = np.arange(high.size) * window / _PARTS
+    times = {
+        name: np.interp(begin + share * window, travel, trace.t)
+        for name, share in (("begin", 0.0), ("middle", 0.5), ("end", 1.0))
+    }
+    force_unit, time_unit = run["F_d"].attrs.get("units", ""), run["t"].attrs.get("units", "")
+    velocity = trace.sign * np.interp(times["middle"], trace.t, trace.drive)
+    length = str(run["X"].attrs.get("units", "")) if "X" in run else ""
+    return xr.Dataset(
+        {
+            "peak_to_peak": (
+                "travel",
+                high - low,
+                {"units": force_unit, "long_name": "peak to peak of the driving force"},
+            ),
+            "drive_velocity": (
+                "travel",
+                velocity,
+                {"units": run["drive_velocity"].attrs.get("units", ""), "long_name": "velocity of the drive"},
+            ),
+            **{
+                name: (
+                    "travel",
+                    value,
+                    {"units": time_unit, "long_name": f"time at the {name} of the window"},
+                )
+                for name, value in times.items()
+            },
+        },
+        coords={
+            "travel": ("travel", begin + 0.5 * window, {"units": length, "long_name": "travel of the drive"}),
+        },
+        attrs={"window": window},
+    )
+
+
+def transitions(run: xr.Dataset, *, level: float | None = None, window: float | None = None) -> Transitions:
+    """Return the velocities at which stick-slip starts and ends while the drive speeds up and slows down.
+
+    Stick-slip is where the driving force swings by more than `level`, peak to peak, over a drive travel of
+    `window`; it starts at the end of the first such window and ends at the start of the last one. A state
+    shorter than half a window of travel is passed over. What a run does from its very start is no transition:
+    it may be the transient from the state it was started in.
+
+    A ramp passes the boundary before the oscillation has grown (delayed bifurcation) and noise may set it off
+    early, so the answers depend on the rate of the ramp; they are not the velocities of linear stability.
+
+    Parameters
+    ----------
+    run : Dataset
+        A run in which the drive speeds up, or slows down, or first speeds up and then slows down; it may also
+        hold.
+    level : float, optional
+        In the unit of `F_d`; by default .4, in ``f_s`` per contact.
+    window : float, optional
+        In the unit of `X`; by default 4, in ``x_s``. Both must be given for a run in SI units.
+
+    Raises
+    ------
+    InputError
+        If the run has no drive velocity, or is in SI units and `level` or `window` is not given.
+    UndecidedError
+        If the drive does not change, goes up and down more than once, or travels too short a way.
+    """
+    for name, value, of in (("level", level, "F_d"), ("window", window, "X")):
+        unit = str(run[of].attrs.get("units", "")) if of in run else ""
+        if value is None and unit.strip().lower() in _SI_UNITS:
+            raise InputError(f"transitions: {of} is in {unit}: give {name} in that unit (.4 f_s and 4 x_s are usual)")
+    level = 0.4 if level is None else number("level", level, above=0, hint="in the unit of F_d")
+    swing = amplitude(run, window=4.0 if window is None else window)
+    top = _turning_time(run)
+    on = _settled(np.asarray(swing["peak_to_peak"].values > level), _PARTS // 2)
+    t, drive = np.asarray(run["t"].values, dtype=float), np.asarray(run["drive_velocity"].values, dtype=float)
+    change = np.flatnonzero(on[1:] != on[:-1]) + 1
+    starts = np.asarray(swing["end"].values)[change[on[change]]]
+    stops = np.asarray(swing["begin"].values)[change[~on[change]] - 1]
+    middle = np.asarray(swing["middle"].values)
+
+    notes: list[str] = []
+    if on[0]:
+        state = f"until v = {np.interp(stops[0], t, drive):.3g}" if stops.size else "all along"
+        notes.append(f"the force swings above the level from the start {state}: the state the run was started in")
+    # What the start leaves behind dies within some tens of windows; what lasts longer has an end that counts.
+    lasting = float(np.interp(_LONGEST_TRANSIENT, swing["travel"].values / float(swing.attrs["window"]), middle))
+    if starts.size:
+        lasting = min(lasting, float(starts[0]))
+
+    found: dict[str, float | None] = {}
+    for way, onset, ending, moves, first, last in (
+        ("up", "v1", "v2", t[0] < top, -np.inf, top),
+        ("down", "v2'", "v1'", top < t[-1], top, np.inf),
+    ):
+        here = starts[(starts > first) & (starts <= last)]
+        there = stops[(stops > first) & (stops <= last) & ((stops > lasting) | (t[0] >= top))]
+        found[onset] = float(np.interp(here[0], t, drive)) if here.size else None
+        found[ending] = float(np.interp(there[-1], t, drive)) if there.size else None
+        seen = on[(middle > first) & (middle <= last)]
+        if not moves:
+            why = f"the drive never {'speeds up' if way == 'up' else 'slows down'}"
+        elif not seen.size:
+            why = f"less than a window of travel on the way {way}"
+        elif seen.all() or not seen.any():
+            why = f"{'stick-slip' if seen.all() else 'no stick-slip'} all the way {way}"
+        else:
+            why = f"it does not {'set in' if found[onset] is None else 'end'} on the way {way}"
+        missing = [name for name in (onset, ending) if found[name] is None]
+        if missing:
+            notes.append(f"{' and '.join(missing)} not seen: {why}")
+        if here.size > 1:
+            notes.append(f"stick-slip sets in {here.size} times on the way {way}: first onset and last end are given")
+    return Transitions(
+        v1=found["v1"],
+        v2=found["v2"],
+        v2_down=found["v2'"],
+        v1_down=found["v1'"],
+        level=level,
+        window=float(swing.attrs["window"]),
+        notes=tuple(notes),
+    )
+
+
+def hysteresis(run: xr.Dataset, *, window: float = 4.0) -> xr.Dataset:
+    """Return the swing of the force on the way up and on the way down, against the velocity of the drive.
+
+    Parameters
+    ----------
+    run : Dataset
+        A run in which the drive speeds up and then slows down.
+    window : float
+        As for `amplitude`.
+
+    Returns
+    -------
+    Dataset
+        Along ``drive_velocity`` (the range that both ways share): `up` and `down`, peak to peak of the
+        driving force, and `difference`, down less up.
+
+    Raises
+    ------
+    UndecidedError
+        If the drive does not go up and then down, or both ways share no velocities.
+    """
+    swing = amplitude(run, window=window)
+    top = _turning_time(run)
+    middle, speed = np.asarray(swing["middle"].values), np.abs(np.asarray(swing["drive_velocity"].values))
+    force = np.asarray(swing["peak_to_peak"].values)
+    branches = [(speed[way], force[way]) for way in (middle <= top, middle > top)]
+    if any(v.size < 2 for v, _ in branches):
+        raise UndecidedError("hysteresis: the drive must speed up and then slow down; it goes one way only")
+    low, high = max(float(v.min()) for v, _ in branches), min(float(v.max()) for v, _ in branches)
+    if not low < high:
+        raise UndecidedError("hysteresis: the way up and the way down share no velocities")
+    grid = np.linspace(low, high, 201)
+    up, down = (np.interp(grid, v[order], f[order]) for v, f in branches for order in [np.argsort(v, kind="stable")])
+    unit = swing["peak_to_peak"].attrs["units"]
+    return xr.Dataset(
+        {
+            "up": (
+                "drive_velocity",
+                up,
+                {"units": unit, "long_name": "swing of the force, drive speeding up"},
+            ),
+            "down": (
+                "drive_velocity",
+                down,
+                {"units": unit, "long_name": "swing of the force, drive slowing down"},
+            ),
+            "difference": (
+                "drive_velocity",
+                down - up,
+                {"units": unit, "long_name": "swing down less swing up"},
+            ),
+        },
+        coords={"drive_velocity": ("drive_velocity", grid, dict(swing["drive_velocity"].attrs))},
+        attrs={"window": swing.attrs["window"]},
+    )
+
+
+def _turning_time(run: xr.Dataset) -> float:
+    """Time at which the drive is fastest: its start if it only slows down, its end if it only speeds up."""
+    t, drive = (
+        np.asarray(run["t"].values, dtype=float),
+        np.abs(np.asarray(run["drive_velocity"].values, dtype=float)),
+    )
+    margin = 1e-3 * float(drive.max())
+    if np.ptp(drive) <= CONSTANT_DRIVE * float(drive.max()):
+        raise UndecidedError(
+            f"transitions: the drive keeps its velocity ({drive[-1]:.4g}); ramp it, or ask for the regime"
+        )
+    peaks, _ = turns(np.concatenate([[0.0], drive, [0.0]]), max(margin, 1e-300))
+    if len(peaks) > 1:
+        raise UndecidedError(
+            f"transitions: the drive speeds up and slows down {len(peaks)} times; select one loop with "
+            "run.sel(t=slice(from, to))"
+        )
+    fastest = np.flatnonzero(drive >= drive.max() - margin)
+    return float(t[fastest[0]] if fastest[0] == 0 else t[fastest[-1]])
+
+
+def _settled(on: NDArray[np.bool_], shortest: int) -> NDArray[np.bool_]:
+    """Pass over states shorter than so many steps, from the start onwards."""
+    edges = np.concatenate([[0], np.flatnonzero(on[1:] != on[:-1]) + 1, [on.size]])
+    result = on.copy()
+    state = bool(on[0])
+    for begin, end in itertools.pairwise(edges):
+        if end - begin >= shortest or end == on.size:
+            state = bool(on[begin])
+        result[begin:end] = state
+    return result
