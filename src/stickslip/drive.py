@@ -10,6 +10,7 @@ Drives are values: comparable, printable, joined by `Drive.then`.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -82,13 +83,17 @@ class Drive:
     pieces: tuple[Piece, ...]
 
     def __post_init__(self) -> None:
+        instance("Drive.pieces", self.pieces, tuple, "a tuple of pieces; make a drive with hold() or ramp()")
+        for i, piece in enumerate(self.pieces):
+            instance(f"Drive.pieces[{i}]", piece, Piece, "a piece; make a drive with hold() or ramp()")
         if not self.pieces:
             raise InputError("Drive.pieces: must hold at least one piece; make one with hold() or ramp()")
 
     @property
     def duration(self) -> float:
         """Time the whole drive lasts if no condition ends a piece early."""
-        return sum(piece.duration for piece in self.pieces)
+        *_, total = accumulate(piece.duration for piece in self.pieces)  # in order, as a run adds them up
+        return total
 
     def then(self, other: Drive) -> Drive:
         """Return this drive followed by another."""
@@ -107,7 +112,7 @@ class Drive:
             times += [begin, begin + piece.duration]
             values += [piece.start, piece.end]
             begin += piece.duration
-        return np.interp(np.asarray(t, dtype=float), times, values)
+        return np.asarray(np.interp(np.asarray(t, dtype=float), times, values))
 
 
 def hold(velocity: float, duration: float) -> Drive:

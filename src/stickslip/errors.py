@@ -7,7 +7,8 @@ as it is.
 from __future__ import annotations
 
 import math
-from numbers import Real
+from numbers import Integral, Real
+from types import UnionType
 
 
 class InputError(ValueError):
@@ -52,7 +53,10 @@ def number(
     wanted = _range_in_words(above, at_least, below, at_most) + (f" ({hint})" if hint else "")
     if isinstance(value, bool) or not isinstance(value, Real):
         raise InputError(f"{place} = {value!r}: must be a number{wanted}")
-    result = float(value)
+    try:
+        result = float(value) + 0.0  # minus zero becomes zero: equal numbers are to look alike in a file, too
+    except OverflowError:
+        raise InputError(f"{place} = an integer of {len(str(value))} digits: must be a number{wanted}") from None
     out_of_range = (
         math.isnan(result)
         or (math.isinf(result) and not infinite)
@@ -72,10 +76,10 @@ def whole(place: str, value: object, *, at_least: int, at_most: int | None = Non
     result = number(place, value, at_least=at_least, at_most=at_most, hint=hint)
     if result != int(result):
         raise InputError(f"{place} = {result:g}: must be a whole number" + (f" ({hint})" if hint else ""))
-    return int(result)
+    return int(value) if isinstance(value, Integral) else int(result)  # a float does not hold every large seed
 
 
-def instance(place: str, value: object, kind: type | tuple[type, ...], hint: str) -> None:
+def instance(place: str, value: object, kind: type | UnionType | tuple[type, ...], hint: str) -> None:
     """Raise `InputError` unless `value` is of the kind asked for."""
     if not isinstance(value, kind):
         raise InputError(f"{place} = {value!r}: must be {hint}")

@@ -66,6 +66,7 @@ class Delay(DelayLaw):
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:
         """Return `size` times the delay; no random number is drawn."""
+        del rng
         return np.full(size, self.time)
 
     def quadrature(self) -> tuple[Array, Array]:

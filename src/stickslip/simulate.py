@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -282,7 +283,8 @@ def _sample_times(slider: Slider, drive: Drive, record: Record) -> Array:
             f"Record.interval = {interval:g}: {count:.3g} samples; choose at least {drive.duration / 5e7:g}"
         )
     # The last sample lies on the end if the interval divides the duration, rounding aside.
-    return interval * np.arange(math.floor(count * (1 + 1e-12)) + 1)
+    times = interval * np.arange(math.floor(count * (1 + 1e-12)) + 1)
+    return np.asarray(np.minimum(times, drive.duration))
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -353,11 +355,12 @@ class _Snapshot:
         """Share of contacts per unit stretching in each bin."""
         if not self.cells:
             counts, _ = np.histogram(self.stretching, edges, weights=self.share)
-            return counts / np.diff(edges)
+            return np.asarray(counts / np.diff(edges))
         order = np.argsort(self.stretching)
         x, total = self.stretching[order], np.cumsum(self.share[order])
         between = np.append(0.5 * (x[1:] + x[:-1]), x[-1])
-        return np.diff(np.interp(edges, np.append(x[0], between), np.append(0.0, total))) / np.diff(edges)
+        below = np.interp(edges, np.append(x[0], between), np.append(0.0, total))
+        return np.asarray(np.diff(below) / np.diff(edges))
 
 
 @dataclass(frozen=True)
@@ -373,11 +376,11 @@ class _Pull:
         return self.begin + self.piece.duration
 
     def velocity(self, t: Array) -> Array:
-        return self.piece.start + self.piece.acceleration * (t - self.begin)
+        return np.asarray(self.piece.start + self.piece.acceleration * (t - self.begin))
 
     def displacement(self, t: Array) -> Array:
         since = t - self.begin
-        return self.position + since * (self.piece.start + 0.5 * self.piece.acceleration * since)
+        return np.asarray(self.position + since * (self.piece.start + 0.5 * self.piece.acceleration * since))
 
     def stop(self) -> tuple[int, float]:
         """The condition as the kernels take it: kind and value."""
@@ -407,7 +410,7 @@ class _Engine(Protocol):
 def _follow(motion: _Motion, method: Method, progress: Progress | None) -> None:
     """Follow the drive from piece to piece."""
     engine: _Engine = _ContactsEngine(motion, method) if isinstance(method, Contacts) else _Cohorts(motion, method)
-    report = progress or (lambda share: None)
+    report = progress or (lambda _: None)
     total = motion.drive.duration
     begin, position = 0.0, motion.drive_origin(engine.contact_force())
     for piece in motion.drive.pieces:
@@ -630,9 +633,7 @@ def initial_nodes(interface: Interface) -> tuple[Array, Array]:
     low, high = max(law.support[0], -thresholds.support[1]), min(law.support[1], thresholds.support[1])
     edges = [low, *(knot for knot in sorted({*law.knots, *thresholds.knots}) if low < knot < high), high]
     width = 4.0 * min(spread, max(thresholds.standard_deviation(), 1e-3 * spread))
-    parts = [
-        panels(left, right, math.ceil((right - left) / width)) for left, right in zip(edges, edges[1:], strict=False)
-    ]
+    parts = [panels(left, right, math.ceil((right - left) / width)) for left, right in pairwise(edges)]
     x, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
     weight = weight * law.density(x)
     kept = (weight > 0) & (thresholds.survival(np.abs(x)) > 0)
@@ -671,7 +672,7 @@ def _dataset(motion: _Motion, slider: Slider, provenance: str) -> xr.Dataset:
     values["F_d"] = slider.stiffness * (motion.drive_position[kept] - values["X"])
     values["kinetic_energy"] = 0.5 * slider.mass * values["velocity"] ** 2
     values["spring_energy"] = 0.5 * values["F_d"] ** 2 / slider.stiffness
-    variables = {name: ("t", values[name], LABELS[name]) for name in LABELS if name in values}
+    variables: dict[str, Any] = {name: ("t", values[name], LABELS[name]) for name in LABELS if name in values}
     coordinates = {"t": ("t", motion.times[kept], LABELS["t"])}
     if motion.snapshots:
         low = min(float(s.stretching.min(initial=0.0)) for s in motion.snapshots)

@@ -9,7 +9,7 @@ import hashlib
 import json
 import math
 import os
-import tempfile
+import secrets
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from importlib.metadata import version
@@ -41,11 +41,12 @@ def records() -> dict[str, type]:
 def encode(value: object) -> Plain:
     """Turn a record, or a tuple, mapping or plain value of records, into what JSON can hold.
 
-    A record becomes a mapping with its class name under ``"record"``; infinities become strings.
+    A record becomes a mapping with its class name under ``"class"``, which can be the name of no field and of no
+    argument; infinities become strings.
     """
     if is_dataclass(value) and not isinstance(value, type):
         content = {field.name: encode(getattr(value, field.name)) for field in fields(value) if field.init}
-        return {"record": type(value).__name__, **content}
+        return {"class": type(value).__name__, **content}
     if isinstance(value, Mapping):
         return {str(key): encode(item) for key, item in value.items()}
     if isinstance(value, (tuple, list)):
@@ -60,16 +61,20 @@ def encode(value: object) -> Plain:
 def decode(plain: Plain, kinds: Mapping[str, type]) -> Any:
     """Turn what `encode` gave back into records of the kinds listed."""
     if isinstance(plain, dict):
-        content = {key: decode(item, kinds) for key, item in plain.items() if key != "record"}
-        if "record" not in plain:
+        content = {key: decode(item, kinds) for key, item in plain.items() if key != "class"}
+        if "class" not in plain:
             return content
-        kind = kinds.get(plain["record"])
+        name = plain["class"]
+        kind = kinds.get(name) if isinstance(name, str) else None
         if kind is None:
-            raise InputError(f"provenance names the record {plain['record']!r}, which this version does not have")
-        known = {field.name for field in fields(kind)}
+            raise InputError(f"provenance names the record {name!r}, which this version does not have")
+        known = {field.name for field in fields(kind) if field.init}
         if strange := sorted(set(content) - known):
-            raise InputError(f"provenance of {plain['record']} has the field {strange[0]!r}, unknown to this version")
-        return kind(**content)
+            raise InputError(f"provenance of {name} has the field {strange[0]!r}, unknown to this version")
+        try:
+            return kind(**content)
+        except TypeError:
+            raise InputError(f"provenance of {name} lacks a field; make the run again") from None
     if isinstance(plain, list):
         return tuple(decode(item, kinds) for item in plain)
     if plain in ("inf", "-inf"):
@@ -98,6 +103,8 @@ def read_provenance(data: xr.Dataset) -> dict[str, Any]:
         content["call"], content["arguments"]
     except (json.JSONDecodeError, KeyError, TypeError):
         raise InputError("the provenance in this file is damaged; make the run again") from None
+    if not isinstance(content["call"], str) or not isinstance(content["arguments"], dict):
+        raise InputError("the provenance in this file is damaged; make the run again")
     return dict(content)
 
 
@@ -119,15 +126,16 @@ def save(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     target = Path(path)
     if target.is_dir():
         raise InputError(f"{target}: is a directory; give the name of a file, such as {target / 'run.nc'}")
+    part = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
     try:
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
-    except OSError as error:
-        raise InputError(f"{target}: cannot be written ({error.strerror}); choose another place") from None
-    os.close(handle)
-    part = Path(name)
+        part.touch(exist_ok=False)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise InputError(f"{target}: cannot be written ({reason}); choose another place") from None
+    # What has no dimension, or is no number, cannot be compressed.
+    numbers = [name for name, values in data.variables.items() if values.ndim > 0 and values.dtype.kind in "fiub"]
     try:
-        data.to_netcdf(part, engine="h5netcdf", encoding={v: {"zlib": True, "complevel": 1} for v in data.data_vars})
-        part.chmod(0o666 & ~_umask())
+        data.to_netcdf(part, engine="h5netcdf", encoding={name: {"zlib": True, "complevel": 1} for name in numbers})
         part.replace(target)
     except OSError as error:
         raise InputError(f"{target}: cannot be written ({error.strerror or error}); nothing was left behind") from None
@@ -147,11 +155,16 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     import xarray as xr
 
     source = Path(path)
-    if not source.exists():
-        raise InputError(f"{source}: no such file")
-    if source.is_dir():
-        raise InputError(f"{source}: is a directory, not a file")
-    if not is_netcdf(source):
+    try:
+        known = is_netcdf(source)
+    except FileNotFoundError:
+        raise InputError(f"{source}: no such file") from None
+    except IsADirectoryError:
+        raise InputError(f"{source}: is a directory, not a file") from None
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise InputError(f"{source}: cannot be read ({reason})") from None
+    if not known:
         raise InputError(f"{source}: is not a NetCDF file; a run is made with `stickslip simulate RIG -o run.nc`")
     try:
         with xr.open_dataset(source, engine="h5netcdf") as data:
@@ -165,9 +178,3 @@ def is_netcdf(path: str | os.PathLike[str]) -> bool:
     """Whether a file begins as NetCDF 4 (HDF5) files do."""
     with Path(path).open("rb") as file:
         return file.read(8) == b"\x89HDF\r\n\x1a\n"
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

@@ -12,13 +12,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import pairwise
 from typing import Protocol, Self, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
-from stickslip.errors import InputError, number
+from stickslip.errors import InputError, number, whole
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -66,7 +67,8 @@ class Law(Protocol):
     def hazard(self, x: ArrayLike) -> Array:
         """Breaking rate per unit stretching ``P(x) = P_c(x)/J_c(x)``, Eq. (3); infinite beyond the support."""
         density, survival = self.density(x), self.survival(x)
-        return np.divide(density, survival, out=np.full_like(density, np.inf), where=survival > 0)
+        unbounded = np.full_like(density, np.inf)
+        return np.asarray(np.divide(density, survival, out=unbounded, where=survival > 0), dtype=float)
 
     def moment(self, order: int) -> float:
         """Mean of ``x**order``."""
@@ -85,7 +87,7 @@ class Law(Protocol):
         """Draw one value for each entry of `bound`, conditioned on exceeding it."""
         bound = np.asarray(bound, dtype=float)
         uniform = 1.0 - rng.random(bound.shape)
-        return np.maximum(self.inverse_survival(uniform * self.survival(bound)), bound)
+        return np.asarray(np.maximum(self.inverse_survival(uniform * self.survival(bound)), bound))
 
     @property
     def support(self) -> tuple[float, float]:
@@ -152,11 +154,11 @@ class Gaussian(Law):
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
         """Integral of ``y**order`` times the density over ``y > x``, by recursion in the order."""
-        x = np.maximum(np.asarray(x, dtype=float), self.lower)
+        low = np.maximum(np.asarray(x, dtype=float), self.lower)
         if self.spread == 0:
-            return np.where(x < self.mean, self.mean**order, 0.0)
-        finite = np.where(np.isfinite(x), x, 0.0)
-        z = self._z(x)
+            return np.where(low < self.mean, self.mean**order, 0.0)
+        finite = np.where(np.isfinite(low), low, 0.0)
+        z = self._z(low)
         edge = self.spread * np.exp(-0.5 * z**2) / math.sqrt(2 * math.pi)
         moments = [special.ndtr(-z)]
         for n in range(1, order + 1):
@@ -234,8 +236,8 @@ class Uniform(Law):
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
         """Integral of ``y**order`` times the density over ``y > x``."""
-        x = np.clip(np.asarray(x, dtype=float), self.low, self.high)
-        return np.asarray((self.high ** (order + 1) - x ** (order + 1)) / ((order + 1) * (self.high - self.low)))
+        low = np.clip(np.asarray(x, dtype=float), self.low, self.high)
+        return np.asarray((self.high ** (order + 1) - low ** (order + 1)) / ((order + 1) * (self.high - self.low)))
 
     def inverse_survival(self, probability: ArrayLike) -> Array:
         """Stretching exceeded with the given probability."""
@@ -500,7 +502,7 @@ class Empirical(Law):
             raise InputError(
                 f"Empirical: {len(edges)} edges and {len(weights)} weights: must be one edge more than weights"
             )
-        if any(right <= left for left, right in zip(edges, edges[1:], strict=False)):
+        if any(right <= left for left, right in pairwise(edges)):
             raise InputError("Empirical.edges: must rise from each edge to the next")
         total = sum(weights)
         if total <= 0:
@@ -527,6 +529,8 @@ class Empirical(Law):
         values = np.ravel(np.asarray(samples, dtype=float))
         if values.size == 0 or not np.all(np.isfinite(values)) or np.ptp(values) == 0:
             raise InputError("Empirical.from_samples: needs at least two different values, all finite")
+        if bins is not None:
+            bins = whole("Empirical.from_samples: bins", bins, at_least=1, at_most=10_000_000)
         counts, edges = np.histogram(values, bins="auto" if bins is None else bins)
         return cls(edges=tuple(edges.tolist()), weights=tuple(counts.astype(float).tolist()))
 
@@ -542,17 +546,17 @@ class Empirical(Law):
         """Integral of ``y**order`` times the density over ``y > x``."""
         edges, weights = np.array(self.edges), np.array(self.weights)
         heights = weights / np.diff(edges)
-        x = np.clip(np.asarray(x, dtype=float), edges[0], edges[-1])
+        low = np.clip(np.asarray(x, dtype=float), edges[0], edges[-1])
         powers = edges ** (order + 1) / (order + 1)
         beyond = np.append(np.cumsum((heights * np.diff(powers))[::-1])[::-1], 0.0)
-        bin_ = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, weights.size - 1)
-        rest = heights[bin_] * (powers[bin_ + 1] - x ** (order + 1) / (order + 1))
+        bin_ = np.clip(np.searchsorted(edges, low, side="right") - 1, 0, weights.size - 1)
+        rest = heights[bin_] * (powers[bin_ + 1] - low ** (order + 1) / (order + 1))
         return np.asarray(rest + beyond[bin_ + 1])
 
     def inverse_survival(self, probability: ArrayLike) -> Array:
         """Stretching exceeded with the given probability."""
         survival = np.append(np.cumsum(np.array(self.weights)[::-1])[::-1], 0.0)
-        return np.interp(np.asarray(probability, dtype=float), survival[::-1], np.array(self.edges)[::-1])
+        return np.asarray(np.interp(np.asarray(probability, dtype=float), survival[::-1], np.array(self.edges)[::-1]))
 
     def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
         """Mean of ``x**order * exp(-q x)``."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
-from stickslip.errors import number
+from stickslip.errors import InputError, number
 
 Quantity = Literal["force", "length", "time", "velocity", "stiffness", "mass", "rate", "energy"]
 
@@ -38,6 +38,11 @@ class Scales:
 
         A force in natural units is per contact and in ``f_s``: multiplied by ``N f_s`` it is the force of the whole
         interface; stiffness, mass and energy likewise.
+
+        Raises
+        ------
+        InputError
+            If there is no such quantity.
         """
         match quantity:
             case "force":
@@ -56,6 +61,8 @@ class Scales:
                 return 1.0 / self.time
             case "energy":
                 return self.force * self.stretching
+            case _:
+                raise InputError(f"quantity = {quantity!r}: must be one of {', '.join(get_args(Quantity))}")
 
     def natural(self, value: float, quantity: Quantity) -> float:
         """Turn a value in SI units into natural units."""
@@ -64,3 +71,35 @@ class Scales:
     def si(self, value: float, quantity: Quantity) -> float:
         """Turn a value in natural units into SI units."""
         return value * self.unit(quantity)
+
+
+_SI_OF: dict[str, tuple[tuple[tuple[Quantity, int], ...], str]] = {
+    "time": ((("time", 1),), "s"),
+    "x_s": ((("length", 1),), "m"),
+    "x_s/time": ((("velocity", 1),), "m/s"),
+    "f_s": ((("force", 1),), "N"),
+    "f_s x_s": ((("energy", 1),), "J"),
+    "1/x_s": ((("length", -1),), "1/m"),
+    "1/time": ((("rate", 1),), "1/s"),
+    "k": ((("stiffness", 1),), "N/m"),
+}
+
+
+def in_si(data: xr.Dataset, scales: Scales) -> xr.Dataset:
+    """Return a result in SI units: each variable scaled by its ``units``, and labelled anew.
+
+    Forces, energies and stiffnesses, per contact in natural units, become those of the whole interface. The
+    provenance stays as it is: it describes the run in natural units.
+    """
+    converted = data.copy()
+    for name in [*data.data_vars, *data.coords]:
+        factors, label = _SI_OF.get(str(data[name].attrs.get("units")), ((), ""))
+        if not factors:
+            continue
+        factor = 1.0
+        for quantity, power in factors:
+            factor *= scales.unit(quantity) ** power
+        title = str(data[name].attrs.get("long_name", name)).replace(", per contact", "").replace(" per contact", "")
+        values = (data[name].dims, data[name].to_numpy() * factor, {"units": label, "long_name": title})
+        converted = converted.assign_coords({name: values}) if name in data.coords else converted.assign({name: values})
+    return converted

@@ -110,7 +110,7 @@ def _clear(queue: Queue, key: float) -> None:
 def _is_full(queue: Queue) -> bool:
     counts = queue.counts
     in_front = counts[_LAST] - counts[_FIRST]
-    return counts[_CHAINED] + in_front >= queue.entries.size
+    return bool(counts[_CHAINED] + in_front >= queue.entries.size)
 
 
 @inlined
@@ -296,8 +296,8 @@ class Piece(NamedTuple):
 class State(NamedTuple):
     """All that the next step needs: contacts, queues, motion.
 
-    ``contacts`` holds birth position and threshold, shape (N,); a threshold of 0 marks a detached contact. ``ahead`` is keyed by
-    ``birth + threshold``, ``behind`` by ``threshold - birth``, ``rebirths`` by time. Entries of ``ahead`` and
+    ``contacts`` holds birth position and threshold, shape (N,); a threshold of 0 marks a detached contact. ``ahead`` is
+    keyed by ``birth + threshold``, ``behind`` by ``threshold - birth``, ``rebirths`` by time. Entries of ``ahead`` and
     ``behind`` outlive their contact and are recognised as stale when they come up.
     """
 
@@ -505,7 +505,8 @@ class Flight(NamedTuple):
     near: float
 
 
-_NEAR = 0.06  # (eta + w) h up to here, w with all contacts attached: eight Taylor terms leave an error under 1e-14 of the velocity
+# (eta + w) h up to here, w with all contacts attached: eight Taylor terms leave an error under 1e-14 of the velocity,
+_NEAR = 0.06
 _MIDDLE = 0.3  # and up to here, twelve
 _LEGS = 16.0  # flights of more legs than this go through the closed form
 
@@ -601,7 +602,7 @@ def _derivative(f: Flight, order: int, h: float) -> tuple[float, float]:
 
 @bare
 def _root(f: Flight, order: int, value: float, low: float, high: float) -> float:
-    """Where a derivative, known to be monotone from `low` to `high`, takes a value: Newton, kept inside by bisection."""
+    """Where a derivative, monotone from `low` to `high`, takes a value: Newton, kept inside by bisection."""
     rising = _derivative(f, order, high)[0] > _derivative(f, order, low)[0]
     h = 0.5 * (low + high)
     for _ in range(200):
