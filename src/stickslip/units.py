@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 from stickslip.errors import InputError, number
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Quantity = Literal["force", "length", "time", "velocity", "stiffness", "mass", "rate", "energy"]
 
@@ -73,16 +76,17 @@ class Scales:
         return value * self.unit(quantity)
 
 
-_SI_OF: dict[str, tuple[tuple[tuple[Quantity, int], ...], str]] = {
-    "time": ((("time", 1),), "s"),
-    "x_s": ((("length", 1),), "m"),
-    "x_s/time": ((("velocity", 1),), "m/s"),
-    "f_s": ((("force", 1),), "N"),
-    "f_s x_s": ((("energy", 1),), "J"),
-    "1/x_s": ((("length", -1),), "1/m"),
-    "1/time": ((("rate", 1),), "1/s"),
-    "k": ((("stiffness", 1),), "N/m"),
+_SI_OF: dict[str, tuple[Quantity, int, str]] = {
+    "time": ("time", 1, "s"),
+    "x_s": ("length", 1, "m"),
+    "x_s/time": ("velocity", 1, "m/s"),
+    "f_s": ("force", 1, "N"),
+    "f_s x_s": ("energy", 1, "J"),
+    "1/x_s": ("length", -1, "1/m"),
+    "1/time": ("rate", 1, "1/s"),
+    "k": ("stiffness", 1, "N/m"),
 }
+"""Natural unit of a variable: its quantity, the power of it, and the SI unit."""
 
 
 def in_si(data: xr.Dataset, scales: Scales) -> xr.Dataset:
@@ -91,15 +95,15 @@ def in_si(data: xr.Dataset, scales: Scales) -> xr.Dataset:
     Forces, energies and stiffnesses, per contact in natural units, become those of the whole interface. The
     provenance stays as it is: it describes the run in natural units.
     """
-    converted = data.copy()
-    for name in [*data.data_vars, *data.coords]:
-        factors, label = _SI_OF.get(str(data[name].attrs.get("units")), ((), ""))
-        if not factors:
+    converted = {}
+    for name in map(str, [*data.data_vars, *data.coords]):
+        variable = data[name]
+        known = _SI_OF.get(str(variable.attrs.get("units")))
+        if known is None:
             continue
-        factor = 1.0
-        for quantity, power in factors:
-            factor *= scales.unit(quantity) ** power
-        title = str(data[name].attrs.get("long_name", name)).replace(", per contact", "").replace(" per contact", "")
-        values = (data[name].dims, data[name].to_numpy() * factor, {"units": label, "long_name": title})
-        converted = converted.assign_coords({name: values}) if name in data.coords else converted.assign({name: values})
-    return converted
+        quantity, power, unit = known
+        title = str(variable.attrs.get("long_name", name)).replace(", per contact", "").replace(" per contact", "")
+        values = variable.to_numpy() * scales.unit(quantity) ** power
+        converted[name] = (variable.dims, values, {"units": unit, "long_name": title})
+    coords = {name: value for name, value in converted.items() if name in data.coords}
+    return data.assign({name: v for name, v in converted.items() if name not in coords}).assign_coords(coords)
