@@ -534,6 +534,8 @@ def _run(
     smallest = 1e-12 * max(1.0, abs(until))
     filled = 0
     _measure_spring(scalar, mechanics, pull)
+    if mechanics.rigid:
+        _, scalar[VELOCITY] = _spring(scalar, pull)
     while max_steps > 0:
         while filled < times.size and times[filled] <= scalar[TIME] + smallest:
             for i in range(COLUMNS):
@@ -668,6 +670,12 @@ def initial_state(
     return State(scalar, cohort, broken, np.zeros(rebirth.delay.size, np.int64), np.array([n, 2], np.int64))
 
 
+def stretchings(state: State) -> tuple[Array, Array]:
+    """Stretchings of the attached contacts and the mass at each: the distribution ``Q(x; X)`` as it stands."""
+    n = state.used[0]
+    return state.scalar[POSITION] - state.cohort[BIRTH, :n], state.cohort[ALIVE, :n].copy()
+
+
 def smooth_sliding(table: Table, cells: float, attached: float = 1.0) -> tuple[Array, Array]:
     """Stretchings and weights of smooth sliding, ``Q_s(x) = J_c(x)/<x_s>``, at the cohorts' own resolution."""
     x = np.arange(int(cells * table.spacing * table.survival.size), -1, -1) / cells
@@ -721,7 +729,8 @@ def advance(
     """
     scalar, cohort, broken, cursor, used = state
     state = State(scalar.copy(), cohort.copy(), broken.copy(), cursor.copy(), used.copy())
-    rows = np.empty((len(times), COLUMNS))
+    times = np.asarray(times, float)
+    rows = np.empty((times.size, COLUMNS))
     filled, reason = 0, NO_ROOM
     steps = max_steps
     while reason == NO_ROOM:
