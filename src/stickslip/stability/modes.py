@@ -134,21 +134,29 @@ def growth_rate(interface: Interface, rig: Rig, velocity: float) -> complex:
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
     response, z = respond(interface), impedance(rig)
     limit = -math.inf if response.inert else response.leftmost * speed
-    reach = response.reach(speed) / speed
-    for density in (0.7, 0.2, 0.05):
-        roots = _roots(response, z, speed, density, limit)
+    (neutral,) = neutral_frequencies(response, z, [speed])
+    growing = neutral.unstable()
+    cycle = response.reach(speed) / speed
+    # Steps to one side of the axis, in units of the inverse memory of the response.
+    steps = (0.0, 0.3, 1.0, 3.0, 0.1) if growing else (0.0, -0.1, -0.4, -1.0, -3.0, -8.0) if limit < 0 else ()
+    starts = np.concatenate(
+        [
+            natural_frequencies(z),
+            1j * neutral.omega[np.isfinite(neutral.omega)],
+            _starts_on_real_axis(response, z, speed, limit),
+        ]
+    )
+    for step in steps:
+        starts = np.concatenate([starts, _starts_from_line(response, z, speed, max(step / cycle, 0.9 * limit))])
+        roots = _roots_from(response, z, speed, starts, limit)
         if roots.size == 0:
             continue
-        best = roots[0]
-        after = roots[roots.real < best.real - 1e-6 / reach]
-        gap = best.real - (float(after[0].real) if after.size else max(limit, best.real - 0.2 / reach))
-        line = best.real - min(0.5 * gap, 0.1 / reach)
-        # A line to the left of 0 would count the root at 0 that the denominator brings in; stay clear of it.
-        if abs(line) < 1e-9 / reach:
-            line = 0.5 * (line + best.real)
-        found = sum(2 if abs(root.imag) > 0 else 1 for root in roots if root.real > line)
-        if _count_right_of(response, z, speed, line) == found:
-            return complex(best)
+        right = roots[roots.real > 0]
+        if growing and growing == int(np.sum(np.where(right.imag > 0, 2, 1))):
+            return complex(roots[0])
+        if not growing and roots[0].real <= 0 and _is_rightmost(response, z, speed, roots, limit):
+            return complex(roots[0])
+        starts = roots
     if math.isfinite(limit) and unstable_modes(interface, rig, speed) == 0:
         raise UndecidedError(
             f"smooth sliding at velocity {speed:g} is stable, but no mode dies out more slowly than the tail of the law "
@@ -445,6 +453,19 @@ def _slope_bound(response: Response, rig: Impedance, velocity: float, omega: Arr
     )
 
 
+def _is_rightmost(
+    response: Response, rig: Impedance, velocity: float, roots: ComplexArray, limit: float
+) -> bool:
+    """Whether no root lies to the right of the first one, from a count to the right of a line just left of it."""
+    cycle = response.reach(velocity) / velocity
+    best = float(roots[0].real)
+    after = roots.real[roots.real < best - 1e-6 / cycle]
+    gap = best - max(float(after[0]) if after.size else -math.inf, limit, best - 0.2 / cycle)
+    line = best - 0.5 * gap
+    found = int(np.sum(np.where(roots.imag > 0, 2, 1)[roots.real > line]))
+    return _count_right_of(response, rig, velocity, line) == found
+
+
 def _count_right_of(response: Response, rig: Impedance, velocity: float, line: float) -> int | None:
     """Number of roots with ``Re s > line``, by the argument principle; None where phases cannot be followed."""
     reach = response.reach(velocity) / velocity
@@ -503,45 +524,89 @@ def _count_right_of(response: Response, rig: Impedance, velocity: float, line: f
     return round(zeros) - brought_in + int(np.sum(held.real > line))
 
 
-def _roots(response: Response, rig: Impedance, velocity: float, density: float, limit: float) -> ComplexArray:
-    """Distinct roots reached by Newton's method from starts along the axis; one of each pair, rightmost first."""
-    reach = response.reach(velocity) / velocity
-    own = natural_frequencies(rig)
-    own = own[own.imag >= 0]
-    starts = [own, own * 1.01 + 0.1 / reach, np.array([0.05 / reach + 0j])]
+def _starts_from_line(response: Response, rig: Impedance, velocity: float, line: float) -> ComplexArray:
+    """Where Newton's method would go in one step from points along a line: the roots near it, and some more."""
+    cycle = response.reach(velocity) / velocity
+    top = 10.0 / cycle
     if not response.inert:
-        top = 5.0 * velocity / max(response.law.standard_deviation(), 1e-3)
-        count = int(np.clip(top * reach / density, 8, 4000))
-        along = 1j * np.linspace(density / reach, top, count)
-        starts += [along, along - 0.3 / reach, neutral_starts(response, rig, velocity)]
-    elif isinstance(rig, Modes | SpringMassDamper | RadiationDamping):
-        starts = [own]
+        top += 5.0 * velocity / max(response.law.standard_deviation(), 1e-3)
+    elif not natural_frequencies(rig).size:
+        top = 1e4 * top
+    omega = np.arange(0.5, min(top * cycle / STEP, 20_000)) * STEP / cycle
+    if line == 0.0 and not response.inert:
+        axis = response.axis(velocity, omega.size)
+        omega = velocity * axis.y
+        numerator, denominator = response.axis_parts(velocity, axis)
+        value = rig(1j * omega) * denominator + numerator
     else:
-        starts += [1j * np.geomspace(1e-3, 1e6, int(200 / density))]
-    s = np.concatenate(starts)
-    features = np.abs(np.concatenate([own.real, 1 / np.array([reach])]))
-    radius = 1e-3 * float(np.min(features[features > 0])) if isinstance(rig, Modes) else 1e-3 / reach
+        with np.errstate(all="ignore"):
+            value = _product(response, rig, velocity, line + 1j * omega)[0]
+    s = line + 1j * omega
     with np.errstate(all="ignore"):
-        s, settled = _newton(response, rig, velocity, s, radius, 1.0 / reach)
-    s = s[settled & (s.real > limit) & np.isfinite(s)]
-    return _distinct(s, reach)
+        if not response.inert:
+            value = value / s
+        step = -value / (-1j * np.gradient(value, omega))
+    size = np.abs(step)
+    # One start from each dip of the step along the line; roots further off have no dip of their own.
+    dip = np.isfinite(size) & (size < 5.0 / cycle)
+    dip[1:-1] &= (size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:])
+    return np.asarray((s + step)[dip])
 
 
-def _distinct(s: ComplexArray, reach: float) -> ComplexArray:
+def _starts_on_real_axis(response: Response, rig: Impedance, velocity: float, limit: float) -> ComplexArray:
+    """Where ``Z + kappa`` changes sign on the real axis, between the limit (or as far left as matters) and far right."""
+    cycle = response.reach(velocity) / velocity
+    # Far right kappa falls as v/(s (m1 + v <tau>)).
+    soft = 0.0 if response.inert else velocity / float(response.scale(velocity) * rig(np.zeros(1, dtype=complex))[0].real)
+    top = 10 * max(1 / cycle, soft, float(np.max(np.abs(natural_frequencies(rig)), initial=0.0)))
+    right = np.geomspace(1e-3 / cycle, top, 200)
+    left = -np.geomspace(1e-3 / cycle, min(10 / cycle, -0.99 * limit), 60)[::-1] if limit < 0 else np.empty(0)
+    starts = []
+    for s in (left, right):
+        if s.size:
+            with np.errstate(all="ignore"):
+                value = (_product(response, rig, velocity, s + 0j)[0] / s).real
+            at = np.flatnonzero(value[1:] * value[:-1] < 0)
+            starts.append(0.5 * (s[at] + s[at + 1]))
+    return np.concatenate(starts) + 0j
+
+
+def _roots_from(
+    response: Response, rig: Impedance, velocity: float, starts: ComplexArray, limit: float
+) -> ComplexArray:
+    """Distinct roots to the right of a limit reached by Newton's method; one of each pair, rightmost first."""
+    cycle = response.reach(velocity) / velocity
+    radius = 1e-3 / cycle
+    if isinstance(rig, Modes):
+        radius = min(radius, 1e-2 * float(np.min(np.abs(natural_frequencies(rig).real))))
+    with np.errstate(all="ignore"):
+        s, settled = _newton(response, rig, velocity, starts.astype(complex), radius, 1.0 / cycle)
+    return _distinct(s[settled & np.isfinite(s) & (s.real > limit)], cycle)
+
+
+def _distinct(s: ComplexArray, cycle: float) -> ComplexArray:
     """One of each root and of each conjugate pair, rightmost first."""
     s = np.where(s.imag < 0, np.conj(s), s)
-    s = np.where(np.abs(s.imag) < 1e-9 / reach, s.real + 0j, s)
+    s = np.where(np.abs(s.imag) < 1e-9 / cycle, s.real + 0j, s)
     distinct: list[complex] = []
-    for root in s[np.argsort(-s.real, kind="stable")]:
-        if not any(abs(root - other) < 1e-8 * (abs(root) + 1 / reach) for other in distinct):
-            distinct.append(complex(root))
+    for root in s[np.argsort(-s.real, kind="stable")].tolist():
+        if not any(abs(root - other) < 1e-8 * (abs(root) + 1 / cycle) for other in distinct):
+            distinct.append(root)
     return np.array(distinct, dtype=complex)
 
 
-def neutral_starts(response: Response, rig: Impedance, velocity: float) -> ComplexArray:
-    """Frequencies at which some spring would make a mode neutral, as starts for a search."""
-    omega = neutral_frequencies(response, rig, [velocity])[0].omega
-    return 1j * omega[np.isfinite(omega)]
+def track_roots(response: Response, rig: Impedance, velocity: float, starts: ComplexArray) -> ComplexArray:
+    """Roots reached from those of a neighbouring setting, rightmost first; a search along the axis without any."""
+    limit = -math.inf if response.inert else response.leftmost * velocity
+    if starts.size == 0:
+        starts = np.concatenate(
+            [
+                natural_frequencies(rig),
+                _starts_on_real_axis(response, rig, velocity, limit),
+                _starts_from_line(response, rig, velocity, 0.0),
+            ]
+        )
+    return _roots_from(response, rig, velocity, starts, limit)
 
 
 def _newton(
@@ -556,28 +621,22 @@ def _newton(
 
     settled = np.zeros(s.shape, dtype=bool)
     active = np.arange(s.size)
+    last = np.full(s.shape, np.inf)
     for _ in range(60):
         here = s[active]
         around = reduced((here + radius * corner).ravel()).reshape(4, -1)
         slope = np.mean(around * np.conj(corner), axis=0) / radius
         step = -reduced(here) / slope
         size = np.abs(step)
+        # Steps that no longer shrink are rounding; one that was large must not be taken in full.
+        finished = (size < 1e-10 * (np.abs(here) + longest)) & (size > 0.1 * last[active])
+        finished |= size < 1e-15 * np.abs(here)
         step = np.where(size > longest, step * longest / size, step)
         s[active] = here + step
-        done = size < 4e-16 * np.abs(here) + 1e-15 * longest
-        near = size < 1e-11 * (np.abs(here) + longest)
-        settled[active] = near
-        active = active[~done & np.isfinite(s[active])]
+        last[active] = size
+        settled[active[finished]] = True
+        active = active[~finished & np.isfinite(s[active])]
         if active.size == 0:
             break
+    settled |= last < 1e-11 * (np.abs(s) + longest)
     return s, settled
-
-
-def track_roots(response: Response, rig: Impedance, velocity: float, starts: ComplexArray) -> ComplexArray:
-    """Roots reached from the roots of a neighbouring setting, rightmost first; all of them anew without starts."""
-    if starts.size == 0:
-        return _roots(response, rig, velocity, 0.7, -math.inf if response.inert else response.leftmost * velocity)
-    reach = response.reach(velocity) / velocity
-    with np.errstate(all="ignore"):
-        s, settled = _newton(response, rig, velocity, starts.copy(), 1e-3 / reach, 1.0 / reach)
-    return _distinct(s[settled & np.isfinite(s)], reach)
