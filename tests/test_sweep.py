@@ -87,6 +87,7 @@ def cases(tmp_path, monkeypatch):
     (tmp_path / "sweep_cases.py").write_text(MODULE)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setenv("SWEEP_LOG", str(tmp_path / "runs.log"))
+    monkeypatch.setattr("stickslip.sweep._run.LANDING", float("inf"))  # write at once: tests kill at given counts
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), *filter(None, sys.path)]))
     sys.modules.pop("sweep_cases", None)
     module = importlib.import_module("sweep_cases")
@@ -460,7 +461,9 @@ def test_a_disk_that_refuses_more_ends_with_a_line_and_keeps_what_was_written(tm
         import resource
         import numpy as np
         from stickslip.errors import InputError
-        from stickslip.sweep import Threads, sweep
+        from stickslip.sweep import Threads, _run, sweep
+
+        _run.LANDING = float("inf")
 
         def case(a):
             return {{"y": np.random.default_rng(a).random(20)}}
@@ -523,9 +526,10 @@ def test_a_complete_store_is_read_without_writing(tmp_path, monkeypatch):
 SCRIPT = """
 import sys
 from sweep_cases import logged, value
-from stickslip.sweep import Processes, Threads, sweep
+from stickslip.sweep import Processes, Threads, _run, sweep
 
 if __name__ == "__main__":
+    _run.LANDING = float("inf")
     sweep(logged, {axes!r}, value, store={store!r}, executor={executor}, batch=3)
 """
 

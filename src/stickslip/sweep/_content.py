@@ -87,20 +87,33 @@ def cell_content(values: Mapping[str, AxisValue]) -> bytes:
     return b"".join(_joined(b"cell", [name.encode(), encode(values[name])]) for name in sorted(values))
 
 
+def identity_digest(identity: Mapping[str, str]) -> bytes:
+    """Digest of what a sweep is, for `cell_key`."""
+    return digest("".join(f"{part}={value};" for part, value in sorted(identity.items())).encode()).encode()
+
+
 def cell_key(identity: bytes, content: bytes) -> int:
-    """Key of one finished case, from what the sweep is and where the case stands: 64 bits, never 0."""
-    return int.from_bytes(hashlib.blake2b(identity + content, digest_size=8).digest(), "little") or 1
+    """Key of one finished case, from what the sweep is and where the case stands: 64 bits, never 0.
+
+    `identity` is a digest, at most 64 bytes.
+    """
+    return int.from_bytes(hashlib.blake2b(content, digest_size=8, key=identity).digest(), "little") or 1
 
 
 def cell_seed(seed: int, values: Mapping[str, AxisValue]) -> int:
-    """Seed of one case: a child of the sweep's `SeedSequence` that depends on the content of the case alone.
+    """Seed of one case, from the sweep's `SeedSequence` and the content of the case alone: 63 bits.
 
     It is the same for any number of workers, any executor, any batch, any order of the axes, and in a sweep
-    over more values of the same axes.
+    over more values of the same axes. The children that ``SeedSequence.spawn`` numbers are told apart by a keyed
+    hash of their content instead, since numbers would change with the axes.
     """
-    words = np.frombuffer(hashlib.blake2b(cell_content(values), digest_size=16).digest(), dtype="<u4")
-    sequence = np.random.SeedSequence(seed, spawn_key=tuple(int(word) for word in words))
-    return int(sequence.generate_state(1, np.uint64)[0] >> np.uint64(1))
+    content = hashlib.blake2b(cell_content(values), digest_size=8, key=_root(seed)).digest()
+    return int.from_bytes(content, "little") >> 1
+
+
+@functools.lru_cache(maxsize=16)
+def _root(seed: int) -> bytes:
+    return np.random.SeedSequence(seed).generate_state(16, np.uint32).astype("<u4").tobytes()
 
 
 def _plain(value: object) -> bytes | None:

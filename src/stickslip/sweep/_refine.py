@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError, number, whole
 from stickslip.sweep import _store
-from stickslip.sweep._content import AxisValue, cell_content, cell_key
+from stickslip.sweep._content import AxisValue, cell_content, cell_key, identity_digest
 from stickslip.sweep._pools import Pool, Processes, Threads, open_pool
 from stickslip.sweep._run import Progress, check_case, check_measure, died, identity_of_code, name_of
 from stickslip.sweep._worker import CannotLoadError, Case, Job, Outcome
@@ -159,7 +159,7 @@ class _Search:
         self.spans, self.runs = spans, runs
         self.outcomes: dict[Point, Outcome] = {}
         self._pool, self._journal, self._progress = pool, journal, progress
-        self._head = "".join(f"{part}={value};" for part, value in sorted(identity.items())).encode()
+        self._head = identity_digest(identity)
         self._found = 0
 
     @property

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import inspect
 import json
+import time
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -29,6 +30,9 @@ SECONDS = 1.0
 """Aim for the duration of a batch: long beside the cost of handing it out, short beside one's patience."""
 
 LARGEST_BATCH = 1000
+
+LANDING = 0.05
+"""Share of the time that goes into writing, at most: results that come faster are written together."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -233,6 +237,8 @@ class _Run:
         self._crashes: Counter[int] = Counter()
         self._running: dict[Future[tuple[list[Outcome], float]], list[int]] = {}
         self._per_case: float | None = None  # seconds, as last seen
+        self._ready: dict[int, Outcome] = {}  # results that are not written yet
+        self._land_at = 0.0
 
     def run(self, executor: Threads | Processes | Executor | None) -> None:
         """Run all that is missing."""
@@ -243,12 +249,18 @@ class _Run:
             try:
                 while self._todo or self._suspects or self._running:
                     whole_pool = self._fill(pool)
-                    done, _ = wait(self._running, return_when=FIRST_COMPLETED)
+                    rest = max(0.0, self._land_at - time.monotonic()) if self._ready else None
+                    done, _ = wait(self._running, rest, FIRST_COMPLETED)
                     if not self._gather(done) or not whole_pool:
                         self._replace(pool)
+                    if time.monotonic() >= self._land_at:
+                        self._land()
+                self._land()
             except BaseException:
                 for future in self._running:
                     future.cancel()
+                with suppress(InputError):
+                    self._land()
                 raise
 
     def _fill(self, pool: Pool) -> bool:
@@ -282,17 +294,16 @@ class _Run:
             size = 1
         else:
             of_a_second = SECONDS / max(self._per_case, 1e-9)
-            shared = max(len(self._todo) / (2 * workers), 0.05 * of_a_second)  # all workers end nearly together
+            shared = max(len(self._todo) / (2 * workers), 0.1 * of_a_second)  # all workers end nearly together
             size = int(min(LARGEST_BATCH, of_a_second, shared))
-        block = self._grid.block(self._todo[0])
         cells = [self._todo.popleft()]
-        while self._todo and len(cells) < size and self._grid.block(self._todo[0]) == block:
+        block = self._grid.block_cells(self._grid.block(cells[0]))
+        while self._todo and len(cells) < size and self._todo[0] in block:
             cells.append(self._todo.popleft())
         return cells
 
     def _gather(self, done: set[Future[tuple[list[Outcome], float]]]) -> bool:
         """Write down what has finished; false if the pool has lost a worker."""
-        results: dict[int, Outcome] = {}
         alive = True
         for future in done:
             cells = self._running.pop(future)
@@ -307,14 +318,13 @@ class _Run:
                 if type(error).__name__ != "KilledWorker":  # of dask, after several workers died of this batch
                     raise InputError(self._trouble(error)) from error
                 if len(cells) == 1:
-                    results[cells[0]] = died()
+                    self._ready[cells[0]] = died()
                 else:
                     self._suspects.extend(cells)
             else:
-                results.update(zip(cells, outcomes, strict=False))
+                self._ready.update(zip(cells, outcomes, strict=False))
                 self._todo.extendleft(reversed(cells[len(outcomes) :]))
                 self._per_case = seconds / len(outcomes)
-        self._land(results)
         return alive
 
     def _replace(self, pool: Pool) -> None:
@@ -332,14 +342,17 @@ class _Run:
         """Put back the cells of a batch that was in flight when a worker died."""
         self._crashes.update(cells)
         if len(cells) == 1 and self._crashes[cells[0]] > 2:
-            self._land({cells[0]: died()})
+            self._ready[cells[0]] = died()
             return
         self._suspects.extend(cell for cell in cells if self._crashes[cell] >= 2)
         self._todo.extendleft(reversed([cell for cell in cells if self._crashes[cell] < 2]))
 
-    def _land(self, results: dict[int, Outcome]) -> None:
-        if not results:
+    def _land(self) -> None:
+        """Write down the results that are ready; the next time not before this one's cost is small beside it."""
+        if not self._ready:
             return
+        begin = time.monotonic()
+        results, self._ready = self._ready, {}
         if not self._sink.template:
             first = next((o for _, o in sorted(results.items()) if not isinstance(o, str)), None)
             if first is not None:
@@ -352,6 +365,8 @@ class _Run:
         _store.land(self._sink, self._keys, results)
         self._finished += len(results)
         self._failed += sum(isinstance(outcome, str) for outcome in results.values())
+        now = time.monotonic()
+        self._land_at = now + (now - begin) / LANDING
         self._tell()
 
     def _tell(self) -> None:

@@ -2,8 +2,9 @@
 
 Layout of a store, a directory::
 
-    zarr.json       the group; its attribute ``provenance`` is JSON: format, version, what the sweep is made
-    of <axis>/         values of one axis
+    zarr.json       the group: lists all arrays (one that it does not list does not count); its attribute
+                    ``provenance`` is JSON: format, version, what the sweep is made of
+    <axis>/         values of one axis
     <measured>/     one array per measured name, dimensions = axes, then its own; NaN where there is nothing
     error/          text of the error of a case that failed, empty for all others
     case_key/       content key of a finished case, 0 for a case that has not run
@@ -18,6 +19,7 @@ from __future__ import annotations
 import errno
 import fcntl
 import importlib.metadata
+import itertools
 import json
 import math
 import os
@@ -37,7 +39,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
-from stickslip.sweep._content import AxisValue, axis_encodings, cell_key
+from stickslip.sweep._content import AxisValue, axis_encodings, cell_key, identity_digest
 from stickslip.sweep._worker import Outcome, Packed, Value
 
 if TYPE_CHECKING:
@@ -48,7 +50,8 @@ VERSION = 1
 ERROR = "error"
 KEY = "case_key"
 LARGEST_BLOCK = 1000
-BLOCKS = 16
+BLOCKS = 8
+RECENT, RECENT_BYTES = 64, 2**20
 
 _HELD: set[Path] = set()
 _HELD_GUARD = threading.Lock()
@@ -77,12 +80,12 @@ class Grid:
     attributes: Mapping[str, Mapping[str, Any]]
     block_shape: tuple[int, ...]
 
-    @property
+    @cached_property
     def shape(self) -> tuple[int, ...]:
         """Number of values of each axis."""
         return tuple(len(values) for values in self.axes.values())
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Number of cells."""
         return math.prod(self.shape)
@@ -94,8 +97,11 @@ class Grid:
 
     def values(self, cell: int) -> dict[str, AxisValue]:
         """Return the values of the axes at a cell."""
-        index = np.unravel_index(cell, self.shape)
-        return {name: values[int(i)] for (name, values), i in zip(self._lists.items(), index, strict=True)}
+        index = []
+        for size in reversed(self.shape):
+            cell, i = divmod(cell, size)
+            index.append(i)
+        return {name: values[i] for (name, values), i in zip(self._lists.items(), reversed(index), strict=True)}
 
     def attributes_of(self, name: str, own: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Attributes of an axis or variable: the user's, its own, and the two that none goes without."""
@@ -103,7 +109,7 @@ class Grid:
         merged |= self.attributes.get(name, {})
         return {str(key): _jsonable(value) for key, value in merged.items()}
 
-    @property
+    @cached_property
     def _cut(self) -> tuple[int, int, int]:
         """Axis along which blocks follow each other, blocks along it, and cells behind one step of it."""
         axis = next((i for i, size in enumerate(self.block_shape) if size > 1), len(self.shape) - 1)
@@ -132,19 +138,17 @@ class Grid:
 
     def keys(self, identity: Mapping[str, str]) -> NDArray[np.uint64]:
         """Content keys of all cells, in order."""
-        head = "".join(f"{part}={value};" for part, value in sorted(identity.items())).encode()
+        head = identity_digest(identity)
         encodings = axis_encodings(self._lists)
         names = list(self.axes)
         order = [names.index(name) for name in encodings]
-        keys = np.empty(self.size, dtype=np.uint64)
-        for cell, index in enumerate(np.ndindex(self.shape)):
-            content = b"".join(encoded[index[i]] for encoded, i in zip(encodings.values(), order, strict=True))
-            keys[cell] = cell_key(head, content)
-        return keys
+        columns = [encodings[name] for name in self.axes]
+        contents = (b"".join([parts[i] for i in order]) for parts in itertools.product(*columns))
+        return np.fromiter((cell_key(head, content) for content in contents), np.uint64, self.size)
 
 
 def block_shape(shape: Sequence[int], cells: int | None) -> tuple[int, ...]:
-    """Cut a grid into blocks of at most so many cells; by default some 16 blocks of at most 1000 cells."""
+    """Cut a grid into blocks of at most so many cells; by default some 8 blocks of at most 1000 cells."""
     size = math.prod(shape)
     wanted = min(LARGEST_BLOCK, -(-size // BLOCKS)) if cells is None else cells
     result: list[int] = []
@@ -243,6 +247,7 @@ class Store:
         self.grid = grid
         self._group = group
         self._arrays = dict(group.arrays())
+        self._recent: dict[tuple[str, tuple[tuple[int | None, int | None], ...]], NDArray[Any]] = {}
         self.template = {
             name: _variable_of(array, len(grid.axes))
             for name, array in self._arrays.items()
@@ -256,13 +261,18 @@ class Store:
                     variable.coordinates[dim] = _as_read(self._arrays[dim][:])
 
     def read(self, name: str, region: tuple[slice, ...]) -> NDArray[Any]:
-        """Read a block of an array."""
-        return np.array(self._arrays[name][region])
+        """Read a block of an array, from memory if it was written lately: there is no other writer."""
+        recent = self._recent.pop((name, _corners(region)), None)
+        return np.array(self._arrays[name][region]) if recent is None else recent
 
     def write(self, name: str, region: tuple[slice, ...], values: NDArray[Any]) -> None:
         """Replace a block of an array."""
         with writing(self.path):
             self._arrays[name][region] = values
+        if values.nbytes <= RECENT_BYTES:
+            self._recent[name, _corners(region)] = values
+            while len(self._recent) > RECENT:
+                del self._recent[next(iter(self._recent))]
 
     def create(self, template: Mapping[str, Variable]) -> None:
         """Make an array for each measured name; they count once the group, written last, lists them all."""
@@ -359,7 +369,8 @@ def land(sink: Sink, keys: NDArray[np.uint64], results: Mapping[int, Outcome]) -
             column = [_entry(name, results[cell], variable, int(keys[cell])) for cell in cells]
             if variable.dtype == "str":
                 for place, text in zip(zip(*places, strict=True), column, strict=True):
-                    values[place] = text
+                    if text or not whole:
+                        values[place] = text
             else:
                 values[places] = np.asarray(column, dtype=variable.dtype)  # keys beyond 2**63 are no floats
             sink.write(name, where, values)
@@ -536,6 +547,8 @@ _FITS = {
 
 
 def _kind(value: Value) -> str:
+    if isinstance(value, float):
+        return "float64"
     if isinstance(value, str):
         return "str"
     return (
@@ -543,6 +556,10 @@ def _kind(value: Value) -> str:
         if np.asarray(value.values if isinstance(value, Packed) else value).dtype.kind == "c"
         else "float64"
     )
+
+
+def _corners(region: tuple[slice, ...]) -> tuple[tuple[int | None, int | None], ...]:
+    return tuple((part.start, part.stop) for part in region)
 
 
 def _entry(name: str, outcome: Outcome, variable: Variable, key: int) -> Any:
