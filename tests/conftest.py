@@ -1,8 +1,11 @@
-"""Settings that every test shares."""
+"""Settings and values that tests share."""
 
 import os
 
+import pytest
 from hypothesis import settings
+
+from stickslip.thresholds import Empirical, Exponential, Gamma, Gaussian, Law, LogNormal, SteadyState, Uniform, Weibull
 
 # Before anything imports matplotlib, and inherited by the commands that tests start.
 os.environ["MPLBACKEND"] = "Agg"
@@ -10,3 +13,26 @@ os.environ["MPLBACKEND"] = "Agg"
 # Same examples on every machine and every run; compiling a kernel inside an example is not a failure.
 settings.register_profile("stickslip", derandomize=True, deadline=None)
 settings.load_profile("stickslip")
+
+# Every law of thresholds, narrow and wide, with and without a jump or a singular start. A new law gets its line here.
+LAWS: dict[str, Law] = {
+    "gaussian": Gaussian(mean=1.0, spread=0.1),
+    "gaussian-cut": Gaussian(mean=0.4, spread=0.5, lower=0.0),
+    "uniform": Uniform(low=0.6, high=1.4),
+    "exponential": Exponential(mean=0.8),
+    "gamma": Gamma(mean=1.0, spread=0.4),
+    "gamma-singular": Gamma(mean=1.0, spread=1.3),
+    "lognormal": LogNormal(mean=1.0, spread=0.5),
+    "weibull": Weibull(scale=1.1, shape=2.5),
+    "weibull-singular": Weibull(scale=0.9, shape=0.8),
+    "empirical": Empirical(edges=(0.2, 0.5, 0.9, 1.0, 1.6), weights=(1.0, 0.0, 4.0, 2.0)),
+    "steady-gaussian": SteadyState(thresholds=Gaussian(mean=1.0, spread=0.1)),
+    "steady-uniform": SteadyState(thresholds=Uniform(low=0.6, high=1.4)),
+}
+
+
+@pytest.fixture(params=LAWS.values(), ids=LAWS.keys())
+def law(request: pytest.FixtureRequest) -> Law:
+    """Every law of thresholds in turn."""
+    chosen: Law = request.param
+    return chosen

@@ -1,0 +1,107 @@
+"""Drives are values: made, joined, ended early, looked at."""
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stickslip.drive import Drive, ForceAbove, ForceBelow, Piece, Travel, hold, ramp
+from stickslip.errors import InputError
+
+velocities = st.floats(-10, 10)
+durations = st.floats(1e-3, 1e3)
+drives = st.lists(st.builds(ramp, velocities, velocities, durations), min_size=1, max_size=5)
+
+
+def joined(parts):
+    whole = parts[0]
+    for part in parts[1:]:
+        whole = whole.then(part)
+    return whole
+
+
+def test_hold_and_ramp():
+    assert hold(velocity=2.0, duration=3.0) == ramp(2.0, 2.0, duration=3.0)
+    drive = ramp(1.0, 4.0, duration=2.0)
+    assert drive.pieces[0].acceleration == 1.5
+    np.testing.assert_array_equal(drive.velocity([0.0, 1.0, 2.0]), [1.0, 2.5, 4.0])
+
+
+def test_velocity_is_constant_beyond_both_ends():
+    np.testing.assert_array_equal(ramp(1.0, 4.0, duration=2.0).velocity([-1.0, 3.0]), [1.0, 4.0])
+
+
+def test_velocity_keeps_the_shape_it_is_given():
+    assert hold(1.0, 1.0).velocity(np.zeros((2, 3))).shape == (2, 3)
+    assert hold(1.0, 1.0).velocity(0.5).shape == ()
+
+
+@given(drives)
+def test_then_adds_durations_and_keeps_pieces_in_order(parts):
+    drive = joined(parts)
+    assert drive.duration == pytest.approx(sum(part.duration for part in parts), rel=1e-14)
+    assert drive.pieces == tuple(piece for part in parts for piece in part.pieces)
+
+
+@given(drives, st.floats(0.01, 0.99), st.data())
+def test_within_a_piece_the_velocity_is_that_of_the_piece(parts, share, data):
+    i = data.draw(st.integers(0, len(parts) - 1))
+    begin = sum(part.duration for part in parts[:i])
+    piece = parts[i].pieces[0]
+    expected = piece.start + share * (piece.end - piece.start)
+    # One rounding of the time, seen through the acceleration.
+    slack = 1e-12 + 4e-16 * (begin + piece.duration) * abs(piece.acceleration) * 4
+    assert joined(parts).velocity(begin + share * piece.duration) == pytest.approx(expected, abs=slack)
+
+
+def test_then_is_associative():
+    a, b, c = hold(1, 1), ramp(1, 2, 3), hold(2, 2)
+    assert a.then(b).then(c) == a.then(b.then(c))
+
+
+def test_until_ends_the_last_piece_only():
+    drive = hold(1, 1).then(hold(2, 2)).until(Travel(3.0))
+    assert [piece.until for piece in drive.pieces] == [None, Travel(3.0)]
+    assert drive.until(ForceBelow(0.5)).pieces[-1].until == ForceBelow(0.5)
+    assert drive.then(hold(1, 1)).pieces[1].until == Travel(3.0)
+
+
+def test_drives_are_values():
+    drive = ramp(0.1, 3.0, duration=200).then(ramp(3.0, 0.1, duration=200)).until(ForceAbove(0.9))
+    again = ramp(0.1, 3, 200).then(ramp(3, 0.1, 200)).until(ForceAbove(0.9))
+    assert drive == again
+    assert hash(drive) == hash(again)
+    assert drive != again.until(ForceAbove(0.8))
+    assert pickle.loads(pickle.dumps(drive)) == drive
+    assert replace(drive.pieces[0], end=2.0) == Piece(start=0.1, end=2.0, duration=200.0)
+    with pytest.raises(AttributeError):
+        drive.pieces = ()
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: hold(float("nan"), 1), r"^drive velocity = nan: must be a finite number"),
+        (lambda: hold(float("inf"), 1), r"^drive velocity = inf: must be a finite number"),
+        (lambda: ramp(1, "2", 1), r"^drive velocity = '2': must be a number"),
+        (lambda: hold(1, 0), r"^drive duration = 0: must be a finite number above 0"),
+        (lambda: hold(1, -2), r"^drive duration = -2: must be .* above 0"),
+        (lambda: hold(1, float("inf")), r"^drive duration = inf: must be a finite number above 0"),
+        (lambda: hold(1, None), r"^drive duration = None: must be a number above 0"),
+        (lambda: hold(1, 1).until(3.0), r"^drive until = 3\.0: must be Travel, ForceAbove or ForceBelow"),
+        (lambda: hold(1, 1).then(3.0), r"^Drive\.then = 3\.0: must be a drive, made with hold\(\) or ramp\(\)"),
+        (lambda: Drive(()), r"^Drive\.pieces: must hold at least one piece; make one with hold\(\) or ramp\(\)"),
+        (lambda: Drive([Piece(start=1, end=1, duration=1)]), r"^Drive\.pieces = \[.*: must be a tuple of pieces"),
+        (lambda: Drive((1.0,)), r"^Drive\.pieces\[0\] = 1\.0: must be a piece"),
+        (lambda: Travel(0), r"^Travel\.distance = 0: must be .* above 0 \(in x_s\)"),
+        (lambda: Travel(-1), r"^Travel\.distance = -1: must be .* above 0"),
+        (lambda: ForceAbove(float("nan")), r"^ForceAbove\.force = nan: must be a finite number \(in f_s\)"),
+        (lambda: ForceBelow("low"), r"^ForceBelow\.force = 'low': must be a number \(in f_s\)"),
+    ],
+)
+def test_bad_drives(make, message):
+    with pytest.raises(InputError, match=message):
+        make()

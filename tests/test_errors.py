@@ -1,0 +1,97 @@
+"""One error for every wrong input: what the checks let through and what they say."""
+
+import math
+from decimal import Decimal
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from stickslip.errors import InputError, instance, number, whole
+
+
+@pytest.mark.parametrize("value", [2, 2.0, np.float64(2), np.float32(2), np.int64(2), Fraction(2)])
+def test_number_takes_every_real_number_and_gives_a_float(value):
+    result = number("place", value)
+    assert type(result) is float
+    assert result == 2.0
+
+
+@pytest.mark.parametrize("value", ["2", None, True, 2j, [2], np.array(2.0), Decimal(2), np.True_, object()])
+def test_number_takes_nothing_else(value):
+    with pytest.raises(InputError, match=r"^place = .*: must be a number$"):
+        number("place", value)
+
+
+@pytest.mark.parametrize(
+    ("value", "bounds", "message"),
+    [
+        (math.nan, {}, "place = nan: must be a finite number"),
+        (math.inf, {}, "place = inf: must be a finite number"),
+        (-math.inf, {"infinite": True, "at_least": 0}, "place = -inf: must be a number at least 0"),
+        (math.nan, {"infinite": True}, "place = nan: must be a number"),
+        (0, {"above": 0}, "place = 0: must be a finite number above 0"),
+        (-1, {"at_least": 0}, "place = -1: must be a finite number at least 0"),
+        (1, {"below": 1}, "place = 1: must be a finite number below 1"),
+        (2, {"at_most": 1}, "place = 2: must be a finite number at most 1"),
+        (3, {"above": 0, "at_most": 1}, "place = 3: must be a finite number above 0 and at most 1"),
+        (-1, {"above": 0, "hint": "in N"}, "place = -1: must be a finite number above 0 (in N)"),
+        ("1", {"above": 0, "hint": "in N"}, "place = '1': must be a number above 0 (in N)"),
+        (10**400, {"above": 0}, "place = an integer of 401 digits: must be a number above 0"),
+    ],
+)
+def test_number_names_place_value_and_remedy(value, bounds, message):
+    with pytest.raises(InputError) as caught:
+        number("place", value, **bounds)
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("value", "bounds"),
+    [(0, {"at_least": 0}), (1, {"at_most": 1}), (math.inf, {"infinite": True}), (1e-300, {"above": 0})],
+)
+def test_number_takes_what_lies_on_a_closed_bound(value, bounds):
+    assert number("place", value, **bounds) == value
+
+
+def test_minus_zero_becomes_zero():
+    assert math.copysign(1.0, number("place", -0.0)) == 1.0
+
+
+@pytest.mark.parametrize("value", [3, 3.0, np.int32(3)])
+def test_whole_takes_whole_numbers(value):
+    result = whole("place", value, at_least=1)
+    assert type(result) is int
+    assert result == 3
+
+
+def test_whole_keeps_every_digit_of_a_large_seed():
+    assert whole("place", 2**127 + 1, at_least=0) == 2**127 + 1
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        (2.5, "place = 2.5: must be a whole number (contacts)"),
+        (0, "place = 0: must be a finite number at least 1 and at most 9 (contacts)"),
+        (10, "place = 10: must be a finite number at least 1 and at most 9 (contacts)"),
+        (math.inf, "place = inf: must be a finite number at least 1 and at most 9 (contacts)"),
+        ("3", "place = '3': must be a number at least 1 and at most 9 (contacts)"),
+    ],
+)
+def test_whole_names_place_value_and_remedy(value, message):
+    with pytest.raises(InputError) as caught:
+        whole("place", value, at_least=1, at_most=9, hint="contacts")
+    assert str(caught.value) == message
+
+
+def test_instance_takes_kinds_tuples_and_unions():
+    instance("place", 1, int, "a number")
+    instance("place", 1, (int, str), "a number")
+    instance("place", 1, int | str, "a number")
+    with pytest.raises(InputError, match=r"^place = \[\]: must be a number$"):
+        instance("place", [], int | str, "a number")
+
+
+def test_an_input_error_is_a_value_error():
+    assert issubclass(InputError, ValueError)
