@@ -10,10 +10,10 @@ contact up to ``X``, the master equation is one Volterra equation of convolution
 number of breaks is continuous even where the breaking rate jumps, and that is why it is the unknown here.
 
 The unknown is taken piecewise linear and each kernel is integrated exactly against it: its weights are the
-second differences of its second antiderivative, which for all kernels needed here is made of ``excess(x,
-n)``, the survival function integrated `n` times from above. So jumps of the law cost no order: the scheme is
-second order for every law, and Richardson extrapolation over three grids makes it sixth order for smooth
-ones.
+second differences of its second antiderivative, which for all kernels needed here is made of
+``excess(x, n)``, the survival function integrated `n` times from above. So jumps of the law cost no order: the
+scheme is second order for every law of bounded density, and Richardson extrapolation over three grids makes it
+sixth order for smooth ones.
 """
 
 from __future__ import annotations
