@@ -1,0 +1,96 @@
+"""10,000 cases of about 1 ms on two cores: how busy are they, and what does the sweep itself cost?
+
+Wall time and share of two cores are as found. Where other programs run too, the share of what they left says more:
+CPU time of the cases over that time, plus CPU time of the sweep itself, plus time that the cores idled. Processes are
+started and have compiled before the clock starts; their start (about 1 s of CPU each) is printed apart.
+"""
+
+import functools
+import multiprocessing
+import os
+import resource
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))  # worker processes import the case by name
+
+import sweep_spin
+
+from stickslip.sweep import Threads, summary, sweep
+
+CASES, SECONDS, CORES = 10_000, 1e-3, 2
+TICK = os.sysconf("SC_CLK_TCK")
+
+
+@contextmanager
+def threads():
+    yield Threads(CORES), lambda: 0.0
+
+
+@contextmanager
+def processes():
+    context = multiprocessing.get_context("spawn")
+    begin = time.perf_counter()
+    with ProcessPoolExecutor(CORES, mp_context=context) as pool:
+        list(pool.map(sweep_spin.warm, [0.3] * CORES))
+        print(f"\nstart of {CORES} processes {time.perf_counter() - begin:.2f} s", end="")
+        children = [process.pid for process in multiprocessing.active_children()]
+        yield pool, lambda: sum(map(cpu_of, children))
+
+
+def cpu_of(pid):
+    """CPU time of another process, in seconds."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / TICK
+
+
+def cpu_here():
+    usage = resource.getrusage(resource.RUSAGE_SELF)
+    return usage.ru_utime + usage.ru_stime
+
+
+def idle():
+    """Time that the cores this process may use have idled, in seconds."""
+    cores = {f"cpu{i}" for i in os.sched_getaffinity(0)}
+    lines = [line.split() for line in Path("/proc/stat").read_text().splitlines()]
+    return sum(int(line[4]) + int(line[5]) for line in lines if line[0] in cores) / TICK
+
+
+@pytest.mark.parametrize("pool", [threads, processes])
+@pytest.mark.parametrize("stored", [False, True], ids=["memory", "store"])
+def test_ten_thousand_cases_of_a_millisecond(benchmark, tmp_path, pool, stored):
+    case = functools.partial(sweep_spin.case, steps=sweep_spin.steps_for(SECONDS))
+    figures = {}
+
+    def run(executor, others):
+        store = tmp_path / "bench.zarr" if stored else None
+        begin = time.perf_counter(), cpu_here() + others(), idle()
+        result = sweep(case, {"i": np.arange(CASES)}, sweep_spin.measure, executor=executor, store=store)
+        end = time.perf_counter(), cpu_here() + others(), idle()
+        wall, cpu, idled = (b - a for a, b in zip(begin, end, strict=True))
+        busy = float(result["busy"].sum())
+        figures.update(
+            wall_s=wall,
+            case_ms=1e3 * busy / CASES,
+            share_of_two_cores=busy / (CORES * wall),
+            share_of_what_others_left=busy / (cpu + idled),
+            overhead_us_per_case=1e6 * (cpu - busy) / CASES,
+            overhead_percent=100 * (cpu - busy) / busy,
+        )
+        return result
+
+    with pool() as (executor, others):
+        # Imports (xarray, zarr) and the first use of the executor are paid once, not per case.
+        sweep(case, {"i": range(4)}, sweep_spin.measure, executor=executor, store=tmp_path / "warm.zarr")
+        result = benchmark.pedantic(run, args=(executor, others), rounds=1, iterations=1)
+    assert summary(result).done == CASES
+    np.testing.assert_array_equal(result["twice"], 2 * np.arange(CASES))
+    benchmark.extra_info.update(figures)
+    print("\n" + "  ".join(f"{name} {value:.3g}" for name, value in figures.items()))
+    assert figures["share_of_what_others_left"] > 0.85
