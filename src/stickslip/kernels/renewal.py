@@ -18,13 +18,17 @@ sixth order for smooth ones.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+NOTHING = 1e-18
+"""Survival below which a law is taken to have ended."""
 
 Density = Callable[[Array], Array]
 Excess = Callable[[Array, int], Array]
@@ -116,21 +120,20 @@ def solve(contacts: Contacts, distance: float, points: int) -> Reborn:
     """
     X = np.linspace(0.0, distance, points + 1)
     spacing = distance / points
-    coarse, middle, fine = (_solve_once(contacts, distance, points, every) for every in (1, 2, 4))
+    first = _initial_breaks(contacts, np.linspace(0.0, distance, 4 * points + 1))
+    coarse, middle, fine = (_solve_once(contacts, first[:: 4 // every], distance)[:, ::every] for every in (1, 2, 4))
     broken, travelled, rate, force, stiffness = (coarse - 20 * middle + 64 * fine) / 45
     if contacts.shift.size == 1 and contacts.shift[0] == 0:
         born, stretched = broken, travelled
     else:
-        # A delay is no multiple of the spacing, and the corner at X = s would spoil the extrapolation: shift
-        # last.
+        # A delay is no multiple of the spacing: its corner at X = s, shifted earlier, would spoil the extrapolation.
         born, stretched = np.zeros_like(X), np.zeros_like(X)
         for shift, share in zip(contacts.shift, contacts.share, strict=True):
             later = shift <= X
             born[later] += share * _interpolate(broken, (X[later] - shift) / spacing)
             stretched[later] += share * _interpolate(travelled, (X[later] - shift) / spacing)
     # What the initial breaks put back at once is left to `observe`, which knows it without interpolating.
-    first = _initial_breaks(contacts, X)
-    attached = born - _at_once(contacts) * first - (broken - first)
+    attached = born - broken + (1.0 - _at_once(contacts)) * first[::4]
     return Reborn(spacing, np.stack([stretched - force, attached, rate, born - stiffness]))
 
 
@@ -169,26 +172,37 @@ class _Initial(NamedTuple):
 
 def _initial(contacts: Contacts, X: Array) -> _Initial:
     """The contacts of the start: those still there, and those that break for the first time."""
-    force, left, rate, stiffness = (np.zeros_like(X) for _ in range(4))
-    for scale, reach, x, survivors in _survivors(contacts, X):
-        breaking = np.where(x >= reach, scale * contacts.density(np.maximum(x, reach)), 0.0)
-        force += x * survivors
-        left += survivors
-        rate += breaking
-        stiffness += survivors - x * breaking
-    return _Initial(force, contacts.weight.sum() - left, rate, stiffness)
+    inside, x, survivors, scale = _survivors(contacts, X)
+    known = contacts.reach[:, None]
+    breaking = np.where(x >= known, scale * contacts.density(np.maximum(x, known)), 0.0)
+    values = np.zeros((4, X.size))
+    values[:, inside] = [
+        np.sum(term, axis=0) for term in (x * survivors, -survivors, breaking, survivors - x * breaking)
+    ]
+    values[1] += contacts.weight.sum()
+    return _Initial(*values)
 
 
 def _initial_breaks(contacts: Contacts, X: Array) -> Array:
-    return np.asarray(contacts.weight.sum() - sum(left for *_, left in _survivors(contacts, X)))
+    broken = np.full_like(X, contacts.weight.sum())
+    inside, _, survivors, _ = _survivors(contacts, X)
+    broken[inside] -= np.sum(survivors, axis=0)
+    return broken
 
 
-def _survivors(contacts: Contacts, X: Array) -> Iterator[tuple[float, float, Array, Array]]:
-    """For each node of the start: scale of its law, reach, stretchings and how many contacts survive."""
-    scales = contacts.weight / contacts.excess(contacts.reach, 0)
-    for x_0, reach, scale in zip(contacts.stretching, contacts.reach, scales, strict=True):
-        x = x_0 + X
-        yield scale, reach, x, scale * contacts.excess(np.maximum(x, reach), 0)
+def _survivors(contacts: Contacts, X: Array) -> tuple[Mask, Array, Array, Array]:
+    """Where any are left; there, per node of the start: stretchings, survivors, and the scale of its law."""
+    inside = X + contacts.stretching.min() < _end(contacts)
+    x = contacts.stretching[:, None] + X[inside]
+    scale = (contacts.weight / contacts.excess(contacts.reach, 0))[:, None]
+    return inside, x, scale * contacts.excess(np.maximum(x, contacts.reach[:, None]), 0), scale
+
+
+def _end(contacts: Contacts) -> float:
+    """A stretching that no contact survives. To stop there saves most of the evaluations of the law."""
+    x = np.asarray(2.0 ** np.arange(-30, 60))
+    law_ends = x[np.argmax(contacts.excess(x, 0) < NOTHING)]
+    return float(max(law_ends, 2.0 * contacts.reach.max()))
 
 
 def _at_once(contacts: Contacts) -> float:
@@ -196,21 +210,21 @@ def _at_once(contacts: Contacts) -> float:
     return float(contacts.share[contacts.shift == 0].sum())
 
 
-def _solve_once(contacts: Contacts, distance: float, points: int, every: int) -> Array:
-    """Second-order solution on a grid `every` times finer than the one wanted, given on the one wanted.
+def _solve_once(contacts: Contacts, first: Array, distance: float) -> Array:
+    """Second-order solution on the uniform grid on which the first breaks ``m_0`` are given.
 
     Rows: breaks ``m``, their integral over X, and the convolutions of the breaks with the kernels of the
     breaking rate, of the force lost and of the stiffness lost by those that break (``J - 1`` in place of
     ``J``).
     """
-    n = points * every + 1
+    n = first.size
     h = distance / (n - 1)
-    X = np.linspace(0.0, distance, n)
     antiderivatives = np.zeros((4, n + 1))
+    end = _end(contacts)
     for shift, share in zip(contacts.shift, contacts.share, strict=True):
         later = slice(int(shift // h), None)
         x = np.maximum(h * np.arange(n + 1)[later] - shift, 0.0)
-        antiderivatives[:, later] += share * _antiderivatives(contacts.excess, x)
+        antiderivatives[:, later] += share * _antiderivatives(contacts.excess, x, end)
     # Second differences; all antiderivatives vanish up to X = 0.
     weights = np.diff(antiderivatives, n=2, axis=1, prepend=0.0) / h
     # On a circle |z| = r < 1 the division of power series is safe, and what wraps around is damped by
@@ -218,24 +232,26 @@ def _solve_once(contacts: Contacts, distance: float, points: int, every: int) ->
     size = 1 << (4 * n - 1).bit_length()
     damping = np.exp(np.log(WRAPPED) / size * np.arange(n))
     kernels = np.fft.rfft(weights * damping, size)
-    breaks = np.fft.rfft(_initial_breaks(contacts, X) * damping, size) / (1 - kernels[0])
+    breaks = np.fft.rfft(first * damping, size) / (1 - kernels[0])
     rows = np.fft.irfft(np.concatenate([breaks[None], breaks * kernels[1:]]), size)[:, :n] / damping
     broken = rows[0]
     travelled = h * (np.cumsum(broken) - 0.5 * broken)
-    return np.stack([broken, travelled, *rows[1:]])[:, ::every]
+    return np.stack([broken, travelled, *rows[1:]])
 
 
 WRAPPED = 1e-13
 """What wraps around is damped by this; rounding errors grow by its fourth root, at most."""
 
 
-def _antiderivatives(excess: Excess, x: Array) -> Array:
+def _antiderivatives(excess: Excess, x: Array, end: float) -> Array:
     """Second antiderivatives, zero at ``x = 0`` with their slope, of the four kernels that act on ``m``.
 
     With ``G = 1 - J_c``: of ``G'`` it is ``Int G`` (breaks of breaks), of ``G''`` it is ``G`` (breaking
     rate), of ``(x G)'`` it is ``Int x G`` (force lost), of ``(x G)''`` it is ``x G`` (stiffness lost).
     """
-    survival, first, second = (excess(x, order) for order in range(3))
+    below = int(np.searchsorted(x, end))
+    survival, first, second = np.zeros((3, x.size))
+    survival[:below], first[:below], second[:below] = (excess(x[:below], order) for order in range(3))
     mean, half_square = (excess(np.zeros(1), order) for order in (1, 2))
     G = 1.0 - survival
     return np.stack([x - (mean - first), G, 0.5 * x * x - (half_square - x * first - second), x * G])
