@@ -87,8 +87,8 @@ class State(NamedTuple):
 
     Attributes
     ----------
-    scalar : ndarray, shape (15,)
-        See the indices below: `TIME` ... `STORED`.
+    scalar : ndarray, shape (14,)
+        The quantities `TIME` ... `NEXT_STEP`.
     cohort : ndarray, shape (6, room)
         Rows `BIRTH`, `MASS`, `REACH`, `ALIVE`, and two for the step under trial.
     broken : ndarray, shape (2, room)
@@ -650,7 +650,7 @@ def initial_state(
     """
     stretching, weight = np.asarray(stretching, float), np.asarray(weight, float)
     reach = np.abs(stretching)
-    alive = np.array([survival(table, x) for x in reach])
+    alive = np.array([max(survival(table, x), EXTINCT) for x in reach])
     n = stretching.size
     cohort = np.zeros((6, 2 * n + 1024))
     cohort[BIRTH, :n], cohort[MASS, :n] = position - stretching, weight / alive
