@@ -1,0 +1,21 @@
+"""The figures of the paper: data, picture, and the claims that the data must satisfy, with verdicts.
+
+>>> figure = FIGURES["fig4"]
+>>> data = figure.compute()
+>>> picture = figure.draw(data)
+>>> all(claim.ok for claim in figure.check(data))
+True
+
+Each figure is a module with three functions (data, drawing, claims) joined in a `Figure`; nothing is stored: the
+settled numbers stand in the claims, as expectations.
+"""
+
+from __future__ import annotations
+
+from stickslip.paper import fig1, fig2
+from stickslip.paper.record import Claim, Figure, Measured, Verdict
+
+FIGURES: dict[str, Figure] = {figure.name: figure for figure in (m.FIGURE for m in (fig1, fig2))}
+"""The figures by name, ``"fig1"`` and on, in the order of the paper."""
+
+__all__ = ["FIGURES", "Claim", "Figure", "Measured", "Verdict"]

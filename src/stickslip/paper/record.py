@@ -1,0 +1,257 @@
+"""What a figure of the paper is to us: data, a picture, and the claims that the data must satisfy."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, Protocol, get_args
+
+import xarray as xr
+
+from stickslip import store
+from stickslip.errors import InputError
+from stickslip.plot import house_style
+
+if TYPE_CHECKING:
+    import matplotlib.figure
+
+Verdict = Literal["reproduced", "reproduced under the stated reading", "not reproduced"]
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """A number that a claim rests on, and the band it must lie in.
+
+    Attributes
+    ----------
+    name : str
+    value : float
+    low, high : float
+        The band, ends included: the settled number and its tolerance. Infinite where there is no bound.
+    unit : str
+        Empty for a pure number.
+    """
+
+    name: str
+    value: float
+    low: float = -math.inf
+    high: float = math.inf
+    unit: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """Whether the value lies in the band; a value that is not a number does not."""
+        return self.low <= self.value <= self.high
+
+    def __str__(self) -> str:
+        unit = f" {self.unit}" if self.unit else ""
+        if math.isinf(self.low) and math.isinf(self.high):
+            band = "no bound"
+        elif math.isinf(self.low):
+            band = f"at most {self.high:.6g}"
+        elif math.isinf(self.high):
+            band = f"at least {self.low:.6g}"
+        else:
+            middle, half = 0.5 * (self.low + self.high), 0.5 * (self.high - self.low)
+            band = f"{middle:.6g} ± {half:.2g}"
+        return f"{self.name} = {self.value:.6g}{unit} ({band}{'' if self.ok else ': NOT MET'})"
+
+
+def near(name: str, value: float, exact: float, tolerance: float, unit: str = "") -> Measured:
+    """Return a number that must be within a tolerance of the settled one."""
+    return Measured(name=name, value=float(value), low=exact - tolerance, high=exact + tolerance, unit=unit)
+
+
+def between(name: str, value: float, low: float, high: float, unit: str = "") -> Measured:
+    """Return a number that must lie in a band."""
+    return Measured(name=name, value=float(value), low=low, high=high, unit=unit)
+
+
+def at_most(name: str, value: float, bound: float, unit: str = "") -> Measured:
+    """Return a number that must not exceed a bound."""
+    return Measured(name=name, value=float(value), high=bound, unit=unit)
+
+
+def at_least(name: str, value: float, bound: float, unit: str = "") -> Measured:
+    """Return a number that must reach a bound."""
+    return Measured(name=name, value=float(value), low=bound, unit=unit)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Claim:
+    """A claim of the paper, our verdict, and what it rests on.
+
+    Attributes
+    ----------
+    number : int or None
+        In the list of the paper's claims that this project checks, 1 to 18; None for a statement outside it.
+    statement : str
+        What the paper says, in our words.
+    verdict : Verdict
+        What the data say.
+    settled : Verdict
+        What an independent study of the model has settled; another verdict is a fault of ours.
+    measured : tuple of Measured
+    reading : str
+        The reading under which the claim holds, or the range in which; empty where it holds as printed.
+    exact : str
+        What is right in place of a claim that is not reproduced.
+    evidence : str
+        What was done to see it.
+    """
+
+    number: int | None
+    statement: str
+    verdict: Verdict
+    settled: Verdict
+    measured: tuple[Measured, ...]
+    evidence: str
+    reading: str = ""
+    exact: str = ""
+
+    def __post_init__(self) -> None:
+        for field in ("verdict", "settled"):
+            if getattr(self, field) not in get_args(Verdict):
+                raise InputError(f"Claim.{field} = {getattr(self, field)!r}: must be one of {', '.join(get_args(Verdict))}")
+        if self.settled == "reproduced under the stated reading" and not self.reading:
+            raise InputError("Claim.reading is empty: a claim reproduced under a reading must state it")
+        if self.settled == "not reproduced" and not self.exact:
+            raise InputError("Claim.exact is empty: a claim that is not reproduced must give what is right instead")
+
+    @property
+    def ok(self) -> bool:
+        """Whether the verdict is the settled one and every number lies in its band."""
+        return self.verdict == self.settled and all(m.ok for m in self.measured)
+
+    @property
+    def title(self) -> str:
+        """Number and statement in one line."""
+        return self.statement if self.number is None else f"claim {self.number}: {self.statement}"
+
+    def __str__(self) -> str:
+        lines = [f"{'ok' if self.ok else 'FAILED'}  {self.title}", f"    {self.verdict}"]
+        if self.verdict != self.settled:
+            lines[-1] += f" (settled: {self.settled})"
+        if self.reading:
+            lines.append(f"    reading: {self.reading}")
+        if self.exact:
+            lines.append(f"    exact: {self.exact}")
+        lines += [f"    {m}" for m in self.measured]
+        lines.append(f"    evidence: {self.evidence}")
+        return "\n".join(lines)
+
+    def plain(self) -> dict[str, object]:
+        """Return what JSON can hold; None stands for a bound that is not there and a value that is no number."""
+
+        def finite(value: float) -> float | None:
+            return value if math.isfinite(value) else None
+
+        numbers = [
+            {
+                "name": m.name,
+                "value": finite(m.value),
+                "low": finite(m.low),
+                "high": finite(m.high),
+                "unit": m.unit,
+                "ok": m.ok,
+            }
+            for m in self.measured
+        ]
+        return {
+            "number": self.number,
+            "statement": self.statement,
+            "verdict": self.verdict,
+            "settled": self.settled,
+            "ok": self.ok,
+            "reading": self.reading,
+            "exact": self.exact,
+            "measured": numbers,
+            "evidence": self.evidence,
+        }
+
+
+def verdict(*, printed: bool, read: bool = False) -> Verdict:
+    """Return the verdict: the claim holds as `printed`, or else as `read`, or not at all."""
+    if printed:
+        return "reproduced"
+    return "reproduced under the stated reading" if read else "not reproduced"
+
+
+class Compute(Protocol):
+    """Compute the data of a figure; `quick` is for tests: coarser, with the same verdicts."""
+
+    def __call__(self, progress: Progress, quick: bool) -> xr.Dataset: ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figure:
+    """A figure of the paper.
+
+    Parameters
+    ----------
+    name : str
+        Such as ``"fig4"``.
+    title : str
+    data : callable
+        Computes everything that picture and claims need, as one labelled Dataset.
+    drawing : callable
+        Draws the data.
+    claims : callable
+        Weighs the data against the paper's claims.
+    """
+
+    name: str
+    title: str
+    data: Compute
+    drawing: Callable[[xr.Dataset], matplotlib.figure.Figure]
+    claims: Callable[[xr.Dataset], tuple[Claim, ...]]
+
+    def compute(self, progress: Progress | None = None, quick: bool = False) -> xr.Dataset:
+        """Compute the data of the figure; `stickslip.store.save` writes them.
+
+        Parameters
+        ----------
+        progress : callable, optional
+            Called with the share of the work that is done.
+        quick : bool
+            Coarser, for tests; the verdicts are the same.
+        """
+        data = self.data(progress or (lambda share: None), quick)
+        if progress:
+            progress(1.0)
+        data.attrs["title"] = f"{self.name}: {self.title}"
+        arguments: dict[str, object] = {"figure": self.name}
+        if quick:
+            arguments["quick"] = True
+        data.attrs["provenance"] = store.provenance("paper", arguments)
+        return data
+
+    def draw(self, data: xr.Dataset) -> matplotlib.figure.Figure:
+        """Draw the data that `compute` gave; `stickslip.plot.save` writes the picture."""
+        self._check(data)
+        with house_style():
+            return self.drawing(data)
+
+    def check(self, data: xr.Dataset) -> tuple[Claim, ...]:
+        """Weigh the data that `compute` gave against the claims of the paper."""
+        self._check(data)
+        return self.claims(data)
+
+    def _check(self, data: xr.Dataset) -> None:
+        made_by = store.read_provenance(data)
+        if made_by["call"] != "paper" or made_by["arguments"].get("figure") != self.name:
+            raise InputError(f"{self.name}: these are other data (made by {json.dumps(made_by['arguments'])[:80]})")
+
+
+def portions(progress: Progress, count: int) -> Iterator[Progress]:
+    """Share a progress among `count` tasks of equal length, one after the other."""
+    for i in range(count):
+
+        def part(share: float, done: int = i) -> None:
+            progress((done + share) / count)
+
+        yield part
+

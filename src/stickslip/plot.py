@@ -1,0 +1,436 @@
+"""Pictures: a Dataset in, matplotlib Axes out.
+
+Every function draws what the Dataset holds, a run of the model or a measured trace, in its own units: labels come from
+``long_name`` and ``units`` of the variables. Without `ax` a function makes a figure of its own; write it with `save`:
+
+>>> save(overview(run), "run.png")
+
+Figures are plain `matplotlib.figure.Figure` objects, unknown to pyplot: nothing to close, no window system needed.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import secrets
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Literal
+
+import matplotlib as mpl
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
+from numpy.typing import NDArray
+
+from stickslip.errors import InputError
+from stickslip.measure import events as find_events
+
+Array = NDArray[np.float64]
+Scale = Literal["linear", "log"]
+
+BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
+BLUE, VERMILLION, PURPLE, YELLOW = "#0072B2", "#D55E00", "#CC79A7", "#F0E442"
+GREY = "#7F7F7F"
+PALETTE = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
+"""Colours of Okabe and Ito, which colour-blind readers can tell apart; yellow is too pale for a line."""
+
+COLUMN, PAGE = 3.5, 7.0
+"""Widths of a printed column and page, in inches."""
+
+_STYLE: dict[str, Any] = {
+    "axes.axisbelow": True,
+    "axes.labelsize": 9,
+    "axes.linewidth": 0.7,
+    "axes.prop_cycle": mpl.cycler(color=PALETTE),
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlelocation": "left",
+    "axes.titlesize": 9,
+    "figure.constrained_layout.use": True,
+    "figure.dpi": 120,
+    "font.family": "DejaVu Sans",
+    "font.size": 9,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "legend.handlelength": 1.6,
+    "lines.linewidth": 1.1,
+    "lines.solid_capstyle": "round",
+    "pdf.fonttype": 42,
+    "savefig.dpi": 200,
+    "svg.hashsalt": "stickslip",
+    "xtick.labelsize": 8,
+    "xtick.major.width": 0.7,
+    "ytick.labelsize": 8,
+    "ytick.major.width": 0.7,
+}
+
+_FORMATS = ("png", "svg", "pdf")
+_MOST_POINTS = 6_000  # a line of more is drawn by its envelope: the picture is the same, the file is not
+_MANY_SLIPS = 60  # more are marked by smaller dots
+_WIDE_RANGE = 25.0  # a velocity this many times that of the drive asks for a logarithmic axis
+
+
+@contextmanager
+def house_style() -> Iterator[None]:
+    """Draw in the style of the house within this context; what is set outside it stays as it is."""
+    with mpl.rc_context(_STYLE):
+        yield
+
+
+def new_figure(width: float = COLUMN, height: float = 2.6) -> Figure:
+    """Return an empty figure of a size in inches, in the style of the house."""
+    with house_style():
+        return Figure(figsize=(width, height), layout="constrained")
+
+
+def new_axes(width: float = COLUMN, height: float = 2.6) -> Axes:
+    """Return the axes of a new figure with one panel, in the style of the house."""
+    with house_style():
+        return new_figure(width, height).add_subplot()
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Words
+# ---------------------------------------------------------------------------------------------------------------------
+
+_PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
+_TAKES_PREFIX = {"N", "m", "s", "m/s", "J", "N/m"}
+
+
+def unit_text(units: str) -> str:
+    """Return a unit as it is printed: ``"x_s/time"`` as "x_s per time unit" with a proper index; "" for none."""
+    if units in ("", "1"):
+        return ""
+    if units == "time":
+        return "time units"
+    text = re.sub(r"/time\b", " per time unit", units)
+    return re.sub(r"\b([A-Za-z]+)_([A-Za-z]+)\b|\b(k)\b", _as_symbol, text)
+
+
+def _as_symbol(found: re.Match[str]) -> str:
+    return f"${found[1]}_{{\\mathrm{{{found[2]}}}}}$" if found[1] else f"${found[3]}$"
+
+
+def label(variable: xr.DataArray, *, units: str | None = None) -> str:
+    """Return the label of an axis: long name and unit of a variable; `units` in place of its own."""
+    name = str(variable.attrs.get("long_name", variable.name or ""))
+    unit = unit_text(str(variable.attrs.get("units", "")) if units is None else units)
+    return f"{name} ({unit})" if unit else name
+
+
+def dress(axis: Axis, variable: xr.DataArray) -> None:
+    """Label an axis with the name and unit of a variable; SI units get the prefix that suits the values."""
+    units = str(variable.attrs.get("units", ""))
+    values = np.abs(np.asarray(variable.values, dtype=float))
+    largest = float(np.nanmax(values, initial=0.0))
+    factor, prefix = 1.0, ""
+    if units in _TAKES_PREFIX and largest > 0 and not 0.5 <= largest < 5e3:
+        factor, prefix = next((p for p in _PREFIXES if largest >= 0.5 * p[0]), _PREFIXES[-1])
+    axis.set_label_text(label(variable, units=prefix + units))
+    if factor != 1.0:
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / factor:.6g}".replace("-", "\N{MINUS SIGN}")))
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Pictures of a run
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def force_trace(
+    run: xr.Dataset, ax: Axes | None = None, *, events: xr.Dataset | None = None, **line: Any
+) -> Axes:
+    """Draw the driving force against time.
+
+    Parameters
+    ----------
+    run : Dataset
+        A run or a measured trace: `F_d` along `t`.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
+    events : Dataset, optional
+        Slips to mark, from `stickslip.measure.events`.
+    **line
+        Look of the line, as `matplotlib.axes.Axes.plot` takes it.
+
+    Raises
+    ------
+    InputError
+        If the Dataset has no such variable.
+    """
+    force = _variable(run, "F_d", "t")
+    ax = new_axes(PAGE, 2.2) if ax is None else ax
+    time = run["t"]
+    ax.plot(*_envelope(time.to_numpy(), force.to_numpy()), **({"color": BLUE} | line))
+    if events is not None:
+        _mark_slips(ax, events)
+    if "filled" in run and bool(run["filled"].any()):
+        gap = run["filled"].to_numpy().astype(bool)
+        text = f"{np.count_nonzero(gap)} filled in"
+        ax.plot(time.to_numpy()[gap], force.to_numpy()[gap], "x", color=BLACK, markersize=4, label=text)
+    dress(ax.xaxis, time)
+    dress(ax.yaxis, force)
+    ax.margins(x=0.01)
+    if ax.get_legend_handles_labels()[0]:
+        legend_above(ax)
+    return ax
+
+
+def velocity(run: xr.Dataset, ax: Axes | None = None, *, scale: Scale | None = None) -> Axes:
+    """Draw the velocity of the slider, and of the drive, against time.
+
+    Parameters
+    ----------
+    run : Dataset
+        A run: `velocity` along `t`.
+    ax : Axes, optional
+    scale : {"linear", "log"}, optional
+        Logarithmic from the drive's velocity on, linear below it, as the slider may move back. By default
+        logarithmic where the slider gets more than 25 times as fast as the drive.
+    """
+    speed = _variable(run, "velocity", "t")
+    ax = new_axes(PAGE, 2.2) if ax is None else ax
+    ax.plot(*_envelope(run["t"].to_numpy(), speed.to_numpy()), color=GREEN, label="slider")
+    usual = 0.0
+    if "drive_velocity" in run:
+        drive = _variable(run, "drive_velocity", "t").to_numpy()
+        usual = float(np.max(np.abs(drive)))
+        ax.plot(*_envelope(run["t"].to_numpy(), drive), color=GREY, linewidth=0.9, linestyle=(0, (4, 2)), label="drive")
+        legend_above(ax)
+    if scale is None:
+        scale = "log" if usual > 0 and float(np.max(np.abs(speed.to_numpy()))) > _WIDE_RANGE * usual else "linear"
+    if scale == "log":
+        ax.set_yscale("symlog", linthresh=usual or float(np.median(np.abs(speed.to_numpy()))) or 1.0)
+    dress(ax.xaxis, run["t"])
+    dress(ax.yaxis, speed)
+    ax.margins(x=0.01)
+    return ax
+
+
+def attached(run: xr.Dataset, ax: Axes | None = None) -> Axes:
+    """Draw the fraction of attached contacts against time."""
+    fraction = _variable(run, "attached", "t")
+    ax = new_axes(PAGE, 2.2) if ax is None else ax
+    ax.plot(*_envelope(run["t"].to_numpy(), fraction.to_numpy()), color=PURPLE)
+    dress(ax.xaxis, run["t"])
+    dress(ax.yaxis, fraction)
+    ax.set_ylim(min(0.0, float(fraction.min())), 1.03)
+    ax.margins(x=0.01)
+    return ax
+
+
+def phase_portrait(run: xr.Dataset, ax: Axes | None = None, *, after: float | None = None) -> Axes:
+    """Draw the driving force against the velocity of the slider: a point for smooth sliding, a loop for stick-slip.
+
+    Parameters
+    ----------
+    run : Dataset
+        A run: `F_d` and `velocity` along `t`.
+    ax : Axes, optional
+    after : float, optional
+        Draw what comes after this time, in the unit of `t`: the cycle without the transient.
+    """
+    _variable(run, "F_d", "t")
+    _variable(run, "velocity", "t")
+    ax = new_axes() if ax is None else ax
+    if after is not None:
+        run = run.sel(t=slice(after, None))
+        if run.sizes["t"] < 2:
+            raise InputError(f"phase_portrait: after = {after:g}: the data hold no motion after that time")
+    ax.plot(run["velocity"], run["F_d"], color=BLUE, linewidth=0.8, rasterized=run.sizes["t"] > 10 * _MOST_POINTS)
+    dress(ax.xaxis, run["velocity"])
+    dress(ax.yaxis, run["F_d"])
+    return ax
+
+
+def stretchings(run: xr.Dataset, ax: Axes | None = None) -> Axes:
+    """Draw the snapshots of the law of stretchings ``Q(x)`` that a run recorded."""
+    if "Q" not in run or set(run["Q"].dims) != {"snapshot", "x"}:
+        raise InputError("plot: this run holds no snapshots; record them with Record(snapshots=(1.0, 2.0))")
+    ax = new_axes() if ax is None else ax
+    count = run.sizes["snapshot"]
+    colours = mpl.colormaps["cividis"](np.linspace(0.0, 0.9, count)) if count > len(PALETTE) else PALETTE
+    time = unit_text(str(run["snapshot"].attrs.get("units", "")))
+    time = "" if time == "time units" else f" {time}"
+    for one, colour in zip(run["Q"].transpose("snapshot", "x"), colours, strict=False):
+        ax.plot(run["x"], one, color=colour, label=f"t = {float(one['snapshot']):.4g}{time}", drawstyle="steps-mid")
+    dress(ax.xaxis, run["x"])
+    dress(ax.yaxis, run["Q"])
+    ax.set_ylim(bottom=0)
+    legend_above(ax, columns=min(count, 3))
+    return ax
+
+
+def rigid_curve(curve: xr.Dataset, ax: Axes | None = None, **line: Any) -> Axes:
+    """Draw the force of the contacts against the displacement of a rigid slider, from `stickslip.slide`."""
+    force = _variable(curve, "F_c", "X")
+    ax = new_axes() if ax is None else ax
+    ax.plot(*_envelope(curve["X"].to_numpy(), force.to_numpy()), **({"color": BLUE} | line))
+    dress(ax.xaxis, curve["X"])
+    dress(ax.yaxis, force)
+    ax.margins(x=0.01)
+    ax.set_ylim(bottom=min(0.0, float(force.min())))
+    return ax
+
+
+_ENERGIES = {
+    "broken_energy": ("lost in breaks", VERMILLION),
+    "damped_energy": ("lost to damping", ORANGE),
+    "contact_energy": ("in contacts", SKY),
+    "spring_energy": ("in the spring", GREEN),
+    "kinetic_energy": ("kinetic", PURPLE),
+}
+
+
+def energy(run: xr.Dataset, ax: Axes | None = None) -> Axes:
+    """Draw where the work of the drive has gone: the parts stacked, and the work, which they add up to, on top."""
+    parts = {name: _variable(run, name, "t") for name in _ENERGIES}
+    work = _variable(run, "work", "t")
+    ax = new_axes(PAGE, 2.6) if ax is None else ax
+    t = run["t"].to_numpy()
+    # An envelope would not stack; the last of each group of samples will do.
+    kept = np.unique(np.append(np.arange(0, t.size, max(1, t.size // _MOST_POINTS)), t.size - 1))
+    stack = [part.to_numpy()[kept] for part in parts.values()]
+    names, colours = zip(*_ENERGIES.values(), strict=True)
+    ax.stackplot(t[kept], *stack, labels=names, colors=colours, alpha=0.75, linewidth=0)
+    start = sum(float(part[0]) for part in parts.values())
+    ax.plot(t[kept], work.to_numpy()[kept] + start, color=BLACK, linestyle=(0, (4, 2)), label="work of the drive")
+    dress(ax.xaxis, run["t"])
+    units = str(work.attrs.get("units", ""))
+    per_contact = ", per contact" if "per contact" in str(work.attrs.get("long_name", "")) else ""
+    dress(ax.yaxis, (work + start).assign_attrs(units=units, long_name=f"energy{per_contact}"))
+    ax.margins(x=0)
+    legend_above(ax, columns=3)
+    return ax
+
+
+def overview(run: xr.Dataset, *, events: xr.Dataset | None = None) -> Figure:
+    """Draw a run at a glance: force with its slips marked, velocities, attached fraction; whatever of these there is.
+
+    Parameters
+    ----------
+    run : Dataset
+        A run or a measured trace.
+    events : Dataset, optional
+        Slips to mark; by default those that `stickslip.measure.events` finds.
+
+    Raises
+    ------
+    InputError
+        If the Dataset has no driving force, or too little of it to look for slips.
+    """
+    _variable(run, "F_d", "t")
+    events = find_events(run) if events is None else events
+    panels = [name for name in ("velocity", "attached") if name in run]
+    figure = new_figure(PAGE, 2.2 + 1.7 * len(panels))
+    with house_style():
+        axes = figure.subplots(1 + len(panels), 1, sharex=True, squeeze=False)[:, 0]
+        force_trace(run, axes[0], events=events)
+        for name, ax in zip(panels, axes[1:], strict=True):
+            (velocity if name == "velocity" else attached)(run, ax)
+        for ax in axes[:-1]:
+            ax.set_xlabel("")
+        figure.align_ylabels(axes)
+    return figure
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Parts
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def legend_above(ax: Axes, *, columns: int = 4, **options: Any) -> None:
+    """Put the legend above the axes on the right, where it hides no data."""
+    place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.2, "ncols": columns}
+    ax.legend(**(place | {"columnspacing": 1.4} | options))
+
+
+def letter(ax: Axes, text: str) -> None:
+    """Put the letter of a panel, and a short title if there is one, above it on the left: ``"(a) no delay"``."""
+    ax.set_title(text, loc="left")
+
+
+def _mark_slips(ax: Axes, events: xr.Dataset) -> None:
+    """Shade the slips and put a dot on the peak before each."""
+    count = events.sizes.get("event", 0)
+    if count == 0:
+        return
+    start, end = events["start"].to_numpy(), events["end"].to_numpy()
+    spans = [[(a, 0), (a, 1), (b, 1), (b, 0)] for a, b in zip(start, end, strict=True)]
+    shade = PolyCollection(
+        spans, transform=ax.get_xaxis_transform(), facecolor=ORANGE, alpha=0.3, linewidth=0, zorder=0.5
+    )
+    ax.add_collection(shade, autolim=False)
+    text = "1 slip" if count == 1 else f"{count} slips"
+    size = 3.5 if count <= _MANY_SLIPS else 2.0
+    ax.plot(start, events["force_before"], "o", color=VERMILLION, markersize=size, markeredgewidth=0, label=text)
+
+
+def _variable(data: xr.Dataset, name: str, along: str) -> xr.DataArray:
+    """Take a variable along one dimension, or complain."""
+    if name not in data:
+        there = ", ".join(map(str, data.data_vars)) or "none"
+        raise InputError(f"plot: this Dataset has no variable {name}; it has: {there}")
+    if data[name].dims != (along,):
+        raise InputError(f"plot: {name} has the dimensions {data[name].dims}: must be along {along} alone; select one")
+    if data.sizes[along] == 0:
+        raise InputError(f"plot: {name} is empty")
+    return data[name]
+
+
+def _envelope(x: Array, y: Array) -> tuple[Array, Array]:
+    """Thin out a long line: smallest and largest value of each group of samples, in their order."""
+    group = y.size // (_MOST_POINTS // 2)
+    if group < 3 or not np.all(np.isfinite(y)):
+        return x, y
+    whole = y.size // group * group
+    blocks = y[:whole].reshape(-1, group)
+    first = np.arange(0, whole, group)
+    ends = np.stack([first + blocks.argmin(axis=1), first + blocks.argmax(axis=1)], axis=1)
+    kept = np.unique(np.concatenate([[0], np.sort(ends, axis=1).ravel(), np.arange(whole, y.size), [y.size - 1]]))
+    return x[kept], y[kept]
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Files
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
+    """Write a figure as PNG, SVG or PDF, by the suffix of the name; whole or not at all.
+
+    The file is written beside its final place under another name and moved there when complete.
+
+    Raises
+    ------
+    InputError
+        If the suffix is none of these or the place cannot be written.
+    """
+    target = Path(path)
+    kind = target.suffix.lower().removeprefix(".")
+    if target.is_dir():
+        raise InputError(f"{target}: is a directory; give the name of a file, such as {target / 'run.png'}")
+    if kind not in _FORMATS:
+        raise InputError(f"{target}: a picture is written as {', '.join('.' + f for f in _FORMATS)}, chosen by suffix")
+    part = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
+    try:
+        part.touch(exist_ok=False)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise InputError(f"{target}: cannot be written ({reason}); choose another place") from None
+    # No date in the file: the same figure gives the same bytes.
+    undated: Mapping[str, None] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})
+    try:
+        with house_style():
+            figure.savefig(part, format=kind, metadata=dict(undated))
+        part.replace(target)
+    except OSError as error:
+        raise InputError(f"{target}: cannot be written ({error.strerror or error}); nothing was left behind") from None
+    finally:
+        part.unlink(missing_ok=True)
+    return target
