@@ -95,7 +95,7 @@ def turns(force: Array, smallest: float) -> tuple[list[int], list[int]]:
     if moving.size == 0:
         return [], []
     sign = change[moving]
-    where = np.concatenate([[0], moving[np.flatnonzero(sign[1:] != sign[:-1])] + 1, [force.size - 1]])
+    where = np.concatenate([[0], moving[np.flatnonzero(sign[1:] != sign[:-1])] + 1, [moving[-1] + 1]])
     index, value = where.tolist(), force[where].tolist()
     peaks: list[int] = []
     troughs: list[int] = []

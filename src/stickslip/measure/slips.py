@@ -18,7 +18,7 @@ LARGEST_REBOUND = 0.8  # ringing decays: a rebound comes back by less than this 
 RINGING_SPEED = 3.0  # a rebound faster than this many times the usual loading is ringing (force only)
 FALL_SHARE_OF_SLIPS = 0.35  # falls that take more of the time than this, and have no beat, are noise
 FEWEST_CYCLES = 4  # complete falls needed to speak of a beat
-REGULAR_PERIOD, REGULAR_DROP = 0.15, 0.25  # coefficients of variation below which a cycle has a beat
+REGULAR_PERIOD, REGULAR_DROP = 0.15, 0.25  # relative spreads below which cycles have a beat
 EDGE = 0.05  # a slip starts and ends within this share of its drop from the peak and from the trough
 
 
@@ -235,11 +235,12 @@ def _typical_share(trace: Trace, found: Slips) -> float:
 
 
 def has_beat(trace: Trace, found: Slips) -> bool:
-    """Whether the falls come at even times and are about equal."""
+    """Whether the falls come at even times and are about equal, a steady growth or decay left aside."""
     if found.peak.size < FEWEST_CYCLES:
         return False
-    period, drop = spread_of(np.diff(trace.t[found.peak])), spread_of(found.drops(trace))
-    return period.variation < REGULAR_PERIOD and drop.variation < REGULAR_DROP
+    at, size = trace.t[found.peak], np.log(found.drops(trace))
+    rest = size - np.polyval(np.polyfit(at - at[0], size, 1), at - at[0])  # a beat may grow or die away
+    return spread_of(np.diff(at)).variation < REGULAR_PERIOD and float(rest.std()) < REGULAR_DROP
 
 
 def _joined(trace: Trace, smallest: float, criterion: str, *, noise: float) -> Slips:

@@ -20,7 +20,7 @@ LATE_SHARE = 0.4  # the last part of a run, in which its regime is judged
 SLIP_VELOCITY = 3.5  # stick-slip: the slider peaks at this many times the drive's velocity or more ...
 SLIP_SHARE = 0.25  # ... or, where only the force is known, falls take this share of the time or less
 LONG_TRANSIENT = 50  # cycles: 40 to 100 x_s, in the model
-STEADY = 0.05  # change of ln(drop) from the first to the second half of the window, beyond its error
+STEADY = 0.05  # change of ln(drop) from the first half of the window to the second, beyond three standard errors
 TINY = 0.02  # an oscillation below this share of the mean force is smooth sliding
 SMALL = 0.10  # ... and one that shrinks, below this
 MOST_NOISE = 0.6  # irregular fluctuation below this share of the mean force is contact noise
@@ -116,7 +116,7 @@ def regime(data: xr.Dataset, *, after: float | None = None) -> Regime:
     """Return the regime of motion under a constant drive, with the evidence; "undecided" where that does not suffice.
 
     The verdict is about the window judged. Transients can last very long near a boundary between regimes: an
-    oscillation that still grows or shrinks there by more than 5 % from one half of the window to the other is
+    oscillation that still grows or shrinks there by more than 5 to 10 % from one half of the window to the other is
     undecided.
 
     Parameters
@@ -261,23 +261,25 @@ def _verdict(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]:
     else:
         slips = seen.fall_share <= SLIP_SHARE
         how = f"the force falls for {100 * seen.fall_share:.0f} % of the time"
-    relative = f"{100 * seen.peak_to_peak / mean:.2g} % of the mean force" if mean else "of a mean force of 0"
+    relative = f"{100 * seen.peak_to_peak / mean:.3g} % of the mean force" if mean else "of a mean force of 0"
     if found.peak.size < FEWEST_CYCLES:
         if not slips and seen.peak_to_peak < TINY * mean:
             return "smooth sliding", f"the force swings by {relative}"
         few = f"{found.peak.size} complete fall{'s' if found.peak.size > 1 else ''} of the force"
         return "undecided", f"too short: {few} in the window; a verdict needs {FEWEST_CYCLES}"
-    change, allowed = math.log(seen.trend), STEADY + 2.0 * seen.trend_error
+    beat = has_beat(trace, found)
+    change, allowed = math.log(seen.trend), STEADY + 3.0 * seen.trend_error
+    if beat:  # regular cycles tell their trend at once; a large error is no leave to drift
+        allowed = min(allowed, 2.0 * STEADY)
     if change < -allowed:
         second = float(np.ptp(trace.force[trace.force.size // 2 :]))
         shrinks = f"the oscillation shrinks, by a factor {seen.trend:.2g} from one half of the window to the other"
         if not slips and second < SMALL * mean:
             return (
                 "smooth sliding",
-                f"{shrinks}, and is down to {100 * second / mean:.2g} % of the mean force",
+                f"{shrinks}, and is down to {100 * second / mean:.3g} % of the mean force",
             )
         return "undecided", f"{shrinks}; a longer run would tell whether it dies"
-    beat = has_beat(trace, found)
     if slips and (beat or seen.fall_share <= SLIP_SHARE):
         manner = "regular" if beat else "irregular"
         growth = "; the slips still grow" if change > allowed else ""
@@ -317,9 +319,9 @@ def _without_falls(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]
     if swing == 0.0 and trace.drive is None:
         return "undecided", "the force never changes: is the sensor connected?"
     if swing < TINY * mean:
-        return "smooth sliding", f"the force swings by {100 * swing / mean:.2g} % of its mean"
+        return "smooth sliding", f"the force swings by {100 * swing / mean:.3g} % of its mean"
     if found.dismissed:
-        relative = f"the force wavers by {100 * swing / mean:.2g} % of its mean, without a beat and without fast slips"
+        relative = f"the force wavers by {100 * swing / mean:.3g} % of its mean, without a beat and without fast slips"
         if swing > MOST_NOISE * mean:
             return "undecided", f"{relative}: too much for noise, and no stick-slip"
         second = float(np.ptp(trace.force[trace.force.size // 2 :]))
@@ -337,5 +339,5 @@ def _without_falls(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]
         return "undecided", "too short: the force swings, but shows no complete fall in the window"
     return (
         "smooth sliding",
-        f"the force shows noise only, {100 * swing / mean if mean else math.inf:.2g} % of its mean",
+        f"the force shows noise only, {100 * swing / mean if mean else math.inf:.3g} % of its mean",
     )

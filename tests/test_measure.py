@@ -1,0 +1,681 @@
+"""Events, regime and transitions: on made-up forces with a known answer, on true runs, and on a real bench trace."""
+
+import json
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import stickslip as ss
+from stickslip.measure import amplitude, event_statistics, events, hysteresis, read_trace, regime, transitions
+
+SHARED = Path(os.environ.get("STICKSLIP_SHARED", Path(__file__).parents[1].parent / "shared"))
+
+
+# ----------------------------------------------------------------------------------------------- made-up forces
+
+
+def trace(t, force, **more):
+    """A Dataset with the force, and whatever else is given, along t."""
+    return xr.Dataset(
+        {"F_d": ("t", force)} | {name: ("t", np.broadcast_to(v, np.shape(t))) for name, v in more.items()},
+        coords={"t": t},
+    )
+
+
+def sawtooth(t, peaks, slips, *, fall=0.02, start=0.0):
+    """Linear loading to each peak (time, force, drop), then a linear fall that lasts `fall`."""
+    times, forces = [0.0], [start]
+    for (when, force), drop in zip(peaks, slips, strict=True):
+        times += [when, when + fall]
+        forces += [force, force - drop]
+    return np.interp(t, times, forces)
+
+
+def even_sawtooth(*, period=1.5, drop=0.7, cycles=12, step=0.01, fall=0.06, low=0.1):
+    """A regular sawtooth that starts and ends on the way up."""
+    t = np.arange(0.0, (cycles + 0.5) * period, step)
+    when = period * np.arange(1, cycles + 1)
+    force = sawtooth(t, [(w, low + drop) for w in when], np.full(cycles, drop), fall=fall, start=low)
+    return t, np.where(t > when[-1] + fall, low + drop * (t - when[-1] - fall) / (period - fall), force)
+
+
+def with_motion(t, force, *, stiffness=2.0, velocity=1.0):
+    """The slider that goes with a force: X = v t - F/K."""
+    X = velocity * t - force / stiffness
+    return trace(t, force, X=X, velocity=np.gradient(X, t), drive_velocity=velocity, attached=0.9)
+
+
+# ----------------------------------------------------------------------------------------------- events
+
+
+@settings(max_examples=50)
+@given(
+    drop=st.floats(0.01, 100.0),
+    period=st.floats(0.5, 50.0),
+    level=st.floats(-200.0, 200.0),
+    cycles=st.integers(3, 30),
+)
+def test_a_sawtooth_has_the_slips_it_was_made_of(drop, period, level, cycles):
+    t, force = even_sawtooth(period=period, drop=drop, cycles=cycles, step=period / 100, fall=0.04 * period)
+    if level < 0:  # a load cell that counts pull as negative
+        found = events(trace(t, level - 2 * drop - (force - 0.1)))
+        assert found.sizes["event"] == cycles
+        assert np.all(found.force_after > found.force_before)
+    else:
+        found = events(trace(t, force + level))
+    assert found.sizes["event"] == cycles
+    np.testing.assert_allclose(found["drop"], drop, rtol=0.05)
+    np.testing.assert_allclose(found["recurrence"][1:], period, rtol=0.021)
+    assert np.isnan(found["recurrence"][0])
+    assert np.all(found["duration"] <= 0.06 * period)
+
+
+def test_the_units_of_force_and_time_do_not_matter():
+    rng = np.random.default_rng(1)
+    t, force = even_sawtooth()
+    force = force + rng.normal(0.0, 0.01, t.size)
+    natural, scaled = events(trace(t, force)), events(trace(60.0 * t, 1e4 * force))
+    np.testing.assert_allclose(scaled["drop"], 1e4 * natural["drop"])
+    np.testing.assert_allclose(scaled["start"], 60.0 * natural["start"])
+    assert scaled.attrs["minimum_drop"] == pytest.approx(1e4 * natural.attrs["minimum_drop"])
+
+
+def test_slips_are_counted_through_noise_and_rounding():
+    rng = np.random.default_rng(2)
+    t, force = even_sawtooth(cycles=60, step=0.05)
+    noisy = np.round(force + rng.normal(0.0, 0.02, t.size), 2)
+    found = events(trace(t, noisy))
+    assert found.sizes["event"] == 60
+    assert found.attrs["noise"] == pytest.approx(0.02, rel=0.3)  # the median bend is one of a few rounded values
+    assert found["drop"].mean() == pytest.approx(0.7, rel=0.08)
+
+
+def test_small_slips_beside_large_ones_are_kept():
+    t = np.arange(0.0, 60.0, 0.05)
+    drops = np.array([5.0, 4.0, 1.0, 0.7, 6.0, 3.0, 0.7, 5.0])
+    when = np.array([7.0, 14.0, 18.0, 22.0, 33.0, 40.0, 44.0, 55.0])
+    peaks = np.array([11.0, 11.5, 10.0, 10.5, 14.0, 12.0, 11.0, 13.0])
+    found = events(trace(t, sawtooth(t, list(zip(when, peaks, strict=True)), drops, fall=0.3)))
+    np.testing.assert_allclose(found["drop"], drops, atol=0.2)
+
+
+def ringing(t, *, period=1.5, omega=140.0, decay=15.0):
+    phase = np.mod(t, period)
+    return 0.4 * np.minimum(phase, period) + 0.3 * np.exp(-decay * phase) * -np.cos(omega * phase)
+
+
+@pytest.mark.parametrize("motion", [True, False])
+def test_ringing_belongs_to_the_slip_before_it(motion):
+    t = np.arange(0.75, 15.75, 0.002)
+    force = 0.2 + ringing(t)
+    data = with_motion(t, force) if motion else trace(t, force)
+    found = events(data)
+    assert found.sizes["event"] == 10
+    np.testing.assert_allclose(found["recurrence"][1:], 1.5, atol=0.01)
+    np.testing.assert_allclose(found["drop"], 0.9, atol=0.03)
+    assert regime(data).kind == "stick-slip"
+
+
+def test_slip_length_and_peak_velocity_come_with_the_motion():
+    t, force = even_sawtooth(drop=0.7, fall=0.06)
+    found = events(with_motion(t, force, stiffness=2.0))
+    # 5 % of the fall are left out on either side
+    np.testing.assert_allclose(found["slip"], 0.35 + 0.06, atol=0.06)
+    np.testing.assert_allclose(found["peak_velocity"], 1.0 + 0.7 / 0.06 / 2.0, rtol=0.01)
+    assert "slip" not in events(trace(t, force))
+    statistics = event_statistics(found)
+    assert statistics.count == 12
+    assert statistics.slip is not None
+    assert statistics.recurrence.mean == pytest.approx(1.5, abs=0.01)
+    assert statistics.loading_rate.mean == pytest.approx(0.7 / 1.44, rel=0.1)
+    assert "12 events" in str(statistics)
+
+
+def test_falls_cut_off_at_the_ends_are_left_out_and_counted():
+    t, force = even_sawtooth(cycles=10)
+    whole = trace(t, force)
+    cut = whole.sel(t=slice(1.53, 13.53))  # starts and ends in the middle of a fall
+    found = events(cut)
+    assert found.sizes["event"] == 7
+    assert found.attrs["cut"] == 2
+
+
+def test_noise_alone_has_no_events_unless_asked_for():
+    rng = np.random.default_rng(3)
+    t = np.arange(20_000) * 0.01
+    white = trace(t, 5.0 + rng.normal(0.0, 0.1, t.size))
+    assert events(white).sizes["event"] == 0
+    slow = trace(t, 0.5 + 0.003 * contact_noise(rng, t.size))
+    found = events(slow)
+    assert found.sizes["event"] == 0
+    assert "noise of the contacts" in found.attrs["criterion"]
+    asked = events(slow, minimum_drop=0.003)
+    assert asked.sizes["event"] > 10
+    assert float(asked["drop"].min()) >= 0.003
+    statistics = event_statistics(found)
+    assert statistics.count == 0
+    assert math.isnan(statistics.drop.mean)
+
+
+def contact_noise(rng, size, *, memory=0.99):
+    """Noise with a memory, of unit variance."""
+    from scipy.signal import lfilter
+
+    return lfilter([math.sqrt(1 - memory**2)], [1.0, -memory], rng.normal(size=size))
+
+
+@pytest.mark.parametrize("drop", [0.0, -1.0, math.nan, "much"])
+def test_a_wrong_minimum_drop_is_refused(drop):
+    t, force = even_sawtooth()
+    with pytest.raises(ss.InputError, match="minimum_drop"):
+        events(trace(t, force), minimum_drop=drop)
+
+
+@pytest.mark.parametrize("measure", [events, regime])
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda d: d.drop_vars("F_d"), "F_d along t"),
+        (lambda d: d.isel(t=slice(5)), "5 samples"),
+        (lambda d: d.assign(F_d=d.F_d.where(d.t != 3.0)), "F_d = nan at t = 3"),
+        (lambda d: d.assign_coords(t=d.t.values[::-1]), "rising"),
+        (lambda d: d.assign(X=d.F_d.expand_dims(seed=2).transpose("t", "seed")), "X has shape"),
+    ],
+)
+def test_data_that_cannot_be_measured_are_refused(measure, spoil, message):
+    t, force = even_sawtooth()
+    with pytest.raises(ss.InputError, match=message):
+        measure(spoil(trace(np.round(t, 6), force)))
+
+
+def test_statistics_want_a_catalogue():
+    t, force = even_sawtooth()
+    with pytest.raises(ss.InputError, match="events"):
+        event_statistics(trace(t, force))
+
+
+# ----------------------------------------------------------------------------------------------- regime, made up
+
+
+def wave(*, growth=0.0, size=0.2, omega=5.0, end=100.0, mean=0.4, noise=0.0):
+    t = np.arange(0.0, end, 0.01)
+    force = mean + size * np.exp(growth * (t - end)) * np.cos(omega * t)
+    return with_motion(t, force + noise * np.random.default_rng(4).normal(size=t.size), stiffness=5.0)
+
+
+def test_a_lasting_sine_is_a_small_oscillation():
+    result = regime(wave())
+    assert result.kind == "small oscillation"
+    assert result.period == pytest.approx(2 * math.pi / 5.0, rel=0.01)
+    assert result.peak_to_peak == pytest.approx(0.4, rel=0.01)
+    assert result.trend == pytest.approx(1.0, abs=0.01)
+    assert result.fall_share == pytest.approx(0.5, abs=0.02)
+    assert result.largest_velocity == pytest.approx(1.2, rel=0.01)
+    assert result.window == pytest.approx((60.0, 100.0), abs=0.02)
+
+
+@pytest.mark.parametrize(("growth", "word"), [(0.02, "grows"), (-0.02, "shrinks"), (-0.005, "shrinks")])
+def test_an_oscillation_that_changes_is_undecided(growth, word):
+    size = 0.2 if growth > 0 else 0.2 * math.exp(100 * growth)
+    result = regime(wave(growth=growth, size=size, mean=0.1 if growth == -0.02 else 0.4))
+    assert result.kind == "undecided"
+    assert word in result.reason
+    assert math.log(result.trend) == pytest.approx(growth * 20.0, abs=0.01)
+
+
+def test_an_oscillation_that_dies_is_smooth():
+    assert regime(wave(growth=-0.05, size=0.2 * math.exp(-5.0))).kind == "smooth sliding"
+    assert regime(wave(size=0.003)).kind == "smooth sliding"
+
+
+def test_a_tiny_oscillation_that_grows_is_undecided():
+    assert regime(wave(growth=0.1, size=0.003)).kind == "undecided"
+
+
+@pytest.mark.parametrize("rms", [0.002, 0.01, 0.04])
+def test_contact_noise_is_smooth_sliding(rms):
+    t = np.arange(0.0, 100.0, 0.01)
+    data = with_motion(t, 0.45 + rms * contact_noise(np.random.default_rng(5), t.size), velocity=10.0)
+    assert regime(data).kind == "smooth sliding"
+    assert regime(data[["F_d"]]).kind == "smooth sliding"
+
+
+def test_slow_creep_between_slips_is_stick_slip_not_smooth():
+    t, force = even_sawtooth(cycles=60, drop=0.5, period=1.5)  # the slider never slower than .8 of the drive
+    data = with_motion(t, force, stiffness=2.0)
+    assert float(data.velocity.min()) > 0.8
+    result = regime(data)
+    assert result.kind == "stick-slip"
+    assert "regular" in result.reason
+    assert result.attached_swing == 0.0
+    assert "stick-slip" in str(result)
+
+
+@settings(max_examples=50)
+@given(seed=st.integers(0, 10_000), spread=st.floats(0.1, 0.5))
+def test_irregular_slips_of_a_force_alone_are_stick_slip(seed, spread):
+    rng = np.random.default_rng(seed)
+    gaps = np.maximum(rng.normal(6.0, 6.0 * spread, 60), 1.5)
+    when, drops = np.cumsum(gaps), 0.5 * np.append(gaps[1:], 6.0)
+    t = np.arange(0.0, when[-1] + 4.0, 0.25)
+    force = sawtooth(t, [(w, 11.0) for w in when], drops, fall=0.4) + rng.normal(0.0, 0.03, t.size)
+    result = regime(trace(t, force))
+    assert result.kind == "stick-slip"
+    assert result.period == pytest.approx(6.0, rel=0.3)
+
+
+def test_too_few_cycles_are_undecided():
+    t, force = even_sawtooth(cycles=3)
+    result = regime(with_motion(t, force))
+    assert result.kind == "undecided"
+    assert "too short" in result.reason
+
+
+def test_a_short_run_of_clear_slips_carries_a_caution():
+    t, force = even_sawtooth(cycles=12)
+    result = regime(with_motion(t, force))
+    assert result.kind == "stick-slip"
+    assert "transient" in result.reason
+
+
+@pytest.mark.parametrize(
+    ("force", "reason"),
+    [
+        (lambda t: 0.1 * t, "rises"),
+        (lambda t: 5.0 - 0.04 * t, "falls"),
+        (lambda t: np.full(t.size, 3.0), "never changes"),
+        (lambda t: 0.5 + 0.3 * np.cos(0.05 * t), "no complete"),
+    ],
+)
+def test_forces_that_tell_nothing_are_undecided(force, reason):
+    t = np.arange(0.0, 100.0, 0.05)
+    result = regime(trace(t, force(t)))
+    assert result.kind == "undecided"
+    assert reason in result.reason
+
+
+def test_the_regime_is_judged_at_a_constant_drive():
+    t, force = even_sawtooth(cycles=60)
+    data = with_motion(t, force)
+    ramped = data.assign(drive_velocity=("t", np.linspace(0.5, 2.0, t.size)))
+    assert regime(ramped).kind == "undecided"
+    assert "transitions" in regime(ramped).reason
+    stopped = data.assign(drive_velocity=("t", np.zeros(t.size)))
+    assert "stands still" in regime(stopped).reason
+    ramp_then_hold = data.assign(drive_velocity=("t", np.minimum(0.1 + t / 30.0, 1.0)))
+    result = regime(ramp_then_hold)
+    assert result.kind == "stick-slip"
+    assert result.window[0] > 27.0
+
+
+def test_a_drive_that_pulls_the_other_way_gives_the_same_answer():
+    data = with_motion(*even_sawtooth(cycles=60))
+    mirrored = data.assign({name: -data[name] for name in ("F_d", "X", "velocity", "drive_velocity")})
+    there, back = regime(data), regime(mirrored)
+    assert back.kind == there.kind
+    assert back.mean_force == -there.mean_force
+    assert back.drive_velocity == -1.0
+    np.testing.assert_allclose(events(mirrored)["drop"], events(data)["drop"])
+
+
+def test_after_sets_the_window():
+    data = with_motion(*even_sawtooth(cycles=60))
+    assert regime(data, after=50.0).window[0] == pytest.approx(50.0)
+    with pytest.raises(ss.InputError, match="after = 500"):
+        regime(data, after=500.0)
+
+
+# ----------------------------------------------------------------------------------------------- regime, true runs
+
+CONTACTS, COHORTS = ss.Contacts(10_000, seed=1), ss.MasterEquation()
+
+
+def run(stiffness, delay, *, method=COHORTS, duration=100.0, damping=200.0, velocity=1.0):
+    interface = ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, spread=0.1),
+        initial=ss.Gaussian(mean=0.0, spread=0.01),
+        delay=ss.Delay(delay),
+    )
+    slider = ss.Slider(stiffness=stiffness, mass=1e-4, damping=damping)
+    return ss.simulate(interface, slider, ss.hold(velocity=velocity, duration=duration), method=method)
+
+
+@pytest.mark.parametrize("method", [CONTACTS, COHORTS], ids=["contacts", "cohorts"])
+@pytest.mark.parametrize(
+    ("stiffness", "delay", "kinds"),
+    [
+        (2.0, 0.0, {"smooth sliding"}),
+        (2.0, 0.085, {"smooth sliding"}),
+        (2.0, 0.105, {"stick-slip"}),
+        (2.0, 0.2, {"stick-slip"}),
+        (5.0, 0.1, {"smooth sliding"}),
+        (5.0, 0.2, {"smooth sliding", "undecided"}),
+        (5.0, 0.3, {"small oscillation"}),
+    ],
+)
+def test_the_regimes_of_fig_4(method, stiffness, delay, kinds):
+    data = run(stiffness, delay, method=method)
+    result = regime(data)
+    assert result.kind in kinds, str(result)
+    assert regime(data[["F_d"]], after=60.0).kind in kinds  # from the force alone
+    if kinds == {"smooth sliding"}:
+        assert result.peak_to_peak < (0.05 if stiffness == 2.0 else 0.04)
+    if (stiffness, delay) == (2.0, 0.2):
+        assert result.peak_to_peak == pytest.approx(0.77, abs=0.02)
+        assert result.period == pytest.approx(1.487, abs=0.010)
+        assert result.largest_velocity == pytest.approx(13.0, abs=0.7)
+        assert result.period_variation < 0.01
+    if (stiffness, delay) == (5.0, 0.3):
+        assert 0.62 <= result.peak_to_peak <= 0.65
+        assert result.period == pytest.approx(1.38, abs=0.01)
+        assert result.largest_velocity < 3.0
+
+
+@pytest.mark.parametrize("duration", [10.0, 20.0, 40.0, 60.0])
+def test_a_decaying_transient_is_never_stick_slip(duration):
+    result = regime(run(5.0, 0.2, duration=duration))
+    assert result.kind in {"undecided", "smooth sliding"}, str(result)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("count", [300, 1000])
+def test_few_contacts_make_noise_but_no_other_regime(count, seed):
+    method = ss.Contacts(count, seed=seed)
+    assert regime(run(2.0, 0.0, method=method)).kind == "smooth sliding"
+    assert regime(run(2.0, 0.2, method=method)).kind == "stick-slip"
+    assert regime(run(5.0, 0.3, method=method)).kind == "small oscillation"
+
+
+def test_a_ringing_run_has_one_event_per_cycle():
+    data = run(2.0, 0.1, damping=42.4, method=ss.Contacts(2000, seed=1), duration=60.0)
+    for each in (data, data[["F_d"]]):
+        found = events(each)
+        cycle = float(found["recurrence"].median())
+        assert cycle == pytest.approx(1.35, abs=0.03)
+        assert found.sizes["event"] == pytest.approx(60.0 / cycle, abs=2)
+        assert float(found["recurrence"][3:].min()) > 1.2
+
+
+# ----------------------------------------------------------------------------------------------- transitions
+
+
+def loop(swing, *, top=3.0, low=0.1, duration=400.0, noise=0.0):
+    """A run up and down a ramp, whose force swings at a wavelength 1.3 of drive travel by swing(v, way)."""
+    t = np.arange(0.0, 2 * duration, 0.02)
+    v = top - (top - low) * np.abs(t - duration) / duration
+    travel = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t))])
+    up = t <= duration
+    size = np.where(up, swing(v, "up"), swing(v, "down"))
+    force = 0.45 + 0.5 * size * np.cos(2 * np.pi * travel / 1.3)
+    force += noise * np.random.default_rng(6).normal(size=t.size)
+    return trace(t, force, drive_velocity=v)
+
+
+def window_of_stick_slip(up, down, *, swing=0.8):
+    def size(v, way):
+        low, high = up if way == "up" else down
+        return np.where((v > low) & (v < high), swing, 0.01)
+
+    return size
+
+
+@settings(max_examples=20)
+@given(
+    up=st.tuples(st.floats(0.6, 1.2), st.floats(1.8, 2.6)),
+    down=st.tuples(st.floats(0.3, 1.0), st.floats(1.6, 2.6)),
+)
+def test_transitions_of_a_made_up_loop(up, down):
+    found = transitions(loop(window_of_stick_slip(up, down), noise=0.01))
+    assert (found.v1, found.v2) == pytest.approx(up, abs=0.04)
+    assert (found.v1_down, found.v2_down) == pytest.approx(down, abs=0.04)
+    assert found.notes == ()
+
+
+def test_what_is_not_seen_is_none_and_says_why():
+    found = transitions(loop(window_of_stick_slip((1.4, 9.0), (0.7, 9.0))))
+    assert found.v1 == pytest.approx(1.4, abs=0.04)
+    assert found.v1_down == pytest.approx(0.7, abs=0.04)
+    assert found.v2 is None
+    assert found.v2_down is None
+    assert any("v2 not seen" in note for note in found.notes)
+    assert "v2 = not seen" in str(found)
+    never = transitions(loop(window_of_stick_slip((8.0, 9.0), (8.0, 9.0))))
+    assert (never.v1, never.v2, never.v2_down, never.v1_down) == (None,) * 4
+    assert any("no stick-slip all the way up" in note for note in never.notes)
+
+
+def test_one_way_ramps():
+    whole = loop(window_of_stick_slip((1.4, 2.4), (0.7, 2.0)))
+    up, down = transitions(whole.sel(t=slice(0, 400))), transitions(whole.sel(t=slice(400.01, None)))
+    assert (up.v1, up.v2) == pytest.approx((1.4, 2.4), abs=0.04)
+    assert up.v1_down is None
+    assert any("never slows down" in note for note in up.notes)
+    assert (down.v1_down, down.v2_down) == pytest.approx((0.7, 2.0), abs=0.04)
+    assert down.v1 is None
+
+
+def test_the_transient_of_the_start_is_no_transition():
+    def size(v, way):
+        start = 0.9 * np.exp(-(v - 0.1) / 0.05) if way == "up" else 0.0
+        return start + window_of_stick_slip((1.4, 9.0), (0.7, 9.0))(v, way)
+
+    found = transitions(loop(size))
+    assert found.v1 == pytest.approx(1.4, abs=0.04)
+    assert any("from the start" in note for note in found.notes)
+
+
+def test_ramps_that_cannot_be_read_are_refused():
+    data = loop(window_of_stick_slip((1.4, 2.4), (0.7, 2.0)))
+    with pytest.raises(ss.InputError, match="drive_velocity"):
+        transitions(data[["F_d"]])
+    with pytest.raises(ss.UndecidedError, match="keeps its velocity"):
+        transitions(data.assign(drive_velocity=data.drive_velocity * 0.0 + 1.0))
+    with pytest.raises(ss.UndecidedError, match="2 times"):
+        transitions(data.assign(drive_velocity=2.0 + np.sin(4 * np.pi * data.t / 800.0 - 0.5 * np.pi)))
+    with pytest.raises(ss.UndecidedError, match="run it longer"):
+        transitions(data.isel(t=slice(None, 300)))
+    with pytest.raises(ss.UndecidedError, match="record more often"):
+        transitions(data.isel(t=slice(None, None, 100)))
+    with pytest.raises(ss.InputError, match="level"):
+        transitions(data, level=0.0)
+    with pytest.raises(ss.InputError, match="turns back"):
+        amplitude(data.assign(drive_velocity=data.drive_velocity - 1.0))
+    si = data.assign(F_d=data.F_d.assign_attrs(units="N"))
+    with pytest.raises(ss.InputError, match="give level"):
+        transitions(si)
+    assert transitions(si, level=0.4).v1 == pytest.approx(1.4, abs=0.04)
+
+
+def test_hysteresis_shows_both_ways():
+    both = hysteresis(loop(window_of_stick_slip((1.4, 9.0), (0.7, 9.0))))
+    assert float(both["difference"].sel(drive_velocity=1.05, method="nearest")) == pytest.approx(0.8, abs=0.05)
+    assert float(both["difference"].sel(drive_velocity=2.5, method="nearest")) == pytest.approx(0.0, abs=0.05)
+    with pytest.raises(ss.UndecidedError, match="one way"):
+        hysteresis(loop(window_of_stick_slip((1.4, 9.0), (0.7, 9.0))).sel(t=slice(0, 400)))
+
+
+def test_the_loop_of_fig_7a():
+    interface = ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, spread=0.1),
+        initial=ss.Gaussian(mean=0.0, spread=0.01),
+        delay=ss.Delay(0.1),
+    )
+    slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=0.3 * math.sqrt(2.0 / 1e-4))
+    drive = ss.ramp(0.1, 3.0, duration=400).then(ss.ramp(3.0, 0.1, duration=400))
+    found = transitions(ss.simulate(interface, slider, drive, method=ss.Contacts(2000, seed=1)))
+    assert found.v1 is not None
+    assert found.v1_down is not None
+    assert 1.0 <= found.v1 <= 1.85
+    assert 0.2 <= found.v1_down <= 0.72
+
+
+# ----------------------------------------------------------------------------------------------- reading traces
+
+FORCES = np.round(5.0 + np.abs(np.mod(np.arange(60) * 0.37, 3.0)), 2)
+
+
+def written(tmp_path, text, name="trace.csv", **how):
+    path = tmp_path / name
+    path.write_text(text, **how)
+    return path
+
+
+def rows(form, forces=FORCES):
+    return "\n".join(form(0.25 * i, f) for i, f in enumerate(forces)) + "\n"
+
+
+COMMA = str.maketrans(".", ",")
+
+
+@pytest.mark.parametrize(
+    ("text", "options"),
+    [
+        (rows(lambda _, f: f"{f}"), {"step": 0.25}),
+        (rows(lambda _, f: f"{f} N1 "), {"step": 0.25}),
+        (rows(lambda _, f: f"{f}".translate(COMMA)), {"step": 0.25, "decimal": ","}),
+        (rows(lambda _, f: f"{f:.2f} N".translate(COMMA)), {"step": 0.25, "decimal": ","}),
+        ("force\n" + rows(lambda _, f: f"{f}"), {"step": 0.25}),
+        ("Force (N)\n\n" + rows(lambda _, f: f"{f}"), {"step": 0.25}),
+        ("# bench 3\n# 2020\n" + rows(lambda _, f: f"{f}"), {"step": 0.25}),
+        ("t,F_d\n" + rows(lambda t, f: f"{t},{f}"), {}),
+        ("time [s], Force [N]\n" + rows(lambda t, f: f"{t}, {f}"), {}),
+        ("Zeit (s);Kraft (N)\n" + rows(lambda t, f: f"{t};{f}".translate(COMMA)), {}),
+        ("t\tF\n" + rows(lambda t, f: f"{t}\t{f}"), {}),
+        ("t F\n" + rows(lambda t, f: f"  {t}   {f}  "), {}),
+        ("t F\n" + rows(lambda t, f: f"{t} {f}".translate(COMMA)), {}),
+        ("# t F_d\n" + rows(lambda t, f: f"{t:.6e} {f:.6e}"), {}),
+        (rows(lambda t, f: f"{t},{f}"), {"time": 1, "force": 2}),
+        (rows(lambda t, f: f"{t},{f}"), {"time": "1", "force": "2"}),
+        (rows(lambda t, f: f"{t},{f}"), {"force": 2, "step": 0.25}),
+        ("x,a,b\n" + rows(lambda t, f: f"{9 - f},{f},{t}"), {"force": "a", "time": "B"}),
+        ('"t","F_d","what"\n' + rows(lambda t, f: f'"{t}","{f}","pull, slow"'), {}),
+        ("date,t,F_d\n" + rows(lambda t, f: f"2020-01-02,{t},{f}"), {}),
+        ("Instrument: X7\nOperator: N. N.\n\nt;F_d\n" + rows(lambda t, f: f"{t};{f}"), {}),
+        (rows(lambda t, f: f"{t}|{f}"), {"delimiter": "|", "time": 1, "force": 2}),
+        (rows(lambda _, f: f"{f}").replace("\n", "\r\n"), {"step": 0.25}),
+        ("\ufeff" + rows(lambda _, f: f"{f}"), {"step": 0.25}),
+        (rows(lambda _, f: f"{f}") + "End of file\n", {"step": 0.25}),
+        ("t,F_d\n" + rows(lambda t, f: f"{t},{f}"), {"step": 0.25}),
+    ],
+)
+def test_tables_of_every_usual_form_are_read(tmp_path, text, options):
+    data = read_trace(written(tmp_path, text, encoding="utf-8"), **options)
+    np.testing.assert_array_equal(data["F_d"], FORCES)
+    np.testing.assert_allclose(data["t"], 0.25 * np.arange(FORCES.size))
+    assert data["F_d"].attrs["units"] == "N"
+    assert data["t"].attrs["units"] == "s"
+    assert not data["filled"].any()
+
+
+def test_units_are_kept(tmp_path):
+    path = written(tmp_path, "t (ms);F (mN)\n" + rows(lambda t, f: f"{t};{f}"))
+    data = read_trace(path)
+    assert (data["t"].attrs["units"], data["F_d"].attrs["units"]) == ("ms", "mN")
+    latin = tmp_path / "latin.csv"
+    latin.write_bytes(("t (s);F (µN)\n" + rows(lambda t, f: f"{t};{f}")).encode("latin-1"))
+    assert read_trace(latin)["F_d"].attrs["units"] == "µN"
+    wide = tmp_path / "wide.csv"
+    wide.write_bytes(("t;F\n" + rows(lambda t, f: f"{t};{f}")).encode("utf-16"))
+    np.testing.assert_array_equal(read_trace(wide)["F_d"], FORCES)
+
+
+@pytest.mark.parametrize("word", ["NaN N1", "inf", "---", "1e999", "overload", "1.2.3"])
+def test_a_few_unreadable_rows_are_filled_and_reported(tmp_path, word):
+    lines = [f"{f}" for f in FORCES]
+    lines[20] = word
+    data = read_trace(written(tmp_path, "\n".join(lines)), step=0.25)
+    assert data.sizes["t"] == FORCES.size
+    assert float(data["F_d"][20]) == pytest.approx(0.5 * (FORCES[19] + FORCES[21]))
+    assert list(np.flatnonzero(data["filled"])) == [20]
+    assert json.loads(data.attrs["unreadable"]) == [{"line": 21, "text": word}]
+    assert "line 21" in data.attrs["note"]
+
+
+def test_unreadable_rows_with_times_leave_a_gap_in_time(tmp_path):
+    lines = [f"{0.25 * i},{f}" for i, f in enumerate(FORCES)]
+    lines[10], lines[30] = "2.5,", "??"
+    data = read_trace(written(tmp_path, "t,F_d\n" + "\n".join(lines)))
+    assert data.sizes["t"] == FORCES.size - 1  # the time of row 30 is not known
+    assert 7.5 not in data["t"].values
+    assert bool(data["filled"].sel(t=2.5))
+    assert "2 of 60 rows" in data.attrs["note"]
+
+
+NUMBERS = rows(lambda _, f: f"{f}")
+TWO = "t,F_d\n" + rows(lambda t, f: f"{t},{f}")
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "message"),
+    [
+        (NUMBERS, {}, "step="),
+        (NUMBERS, {"step": 0.0}, "step = 0"),
+        (NUMBERS, {"step": -1.0}, "step = -1"),
+        (NUMBERS, {"step": math.nan}, "step = nan"),
+        (NUMBERS, {"step": 0.25, "force": 2}, "no such column"),
+        (NUMBERS, {"step": 0.25, "delimiter": ";;"}, "delimiter"),
+        (NUMBERS, {"step": 0.25, "decimal": "x"}, "decimal"),
+        (TWO, {"force": "F_c"}, "did you mean 'f_d'"),
+        (TWO, {"force": 0}, "counted from 1"),
+        (TWO, {"force": 1, "time": 1}, "both time and force"),
+        (TWO, {"step": 0.1, "time": "t"}, "leave one out"),
+        (rows(lambda t, f: f"{t},{f}"), {"step": 0.1}, "which column is the force"),
+        (rows(lambda t, f: f"{int(t)},{int(f)}"), {"step": 0.1}, "decimal comma"),
+        ("", {"step": 1.0}, "empty"),
+        (" \n\n", {"step": 1.0}, "blanks only"),
+        ("# nothing\n# here\n", {"step": 1.0}, "comments only"),
+        ("to be\nor not\nto be\n", {"step": 1.0}, "no column of numbers"),
+        ("1\n2\n3\n", {"step": 1.0}, "3 readings are too few"),
+        (NUMBERS + "x\n1\ny\n2\nz\n3\nu\n4\n", {"step": 1.0}, "4 of 68 rows cannot be read, first line 61"),
+        ("t,F_d\n" + rows(lambda t, f: f"{-t},{f}"), {}, "line 3: time -0.25 does not come after"),
+        ("t,F_d\n" + rows(lambda _, f: f"1,{f}"), {}, "times must rise"),
+        ("1.0\n\x00\x01\x02\n" + NUMBERS, {"step": 1.0}, "binary"),
+        ("a,F_d\n" + rows(lambda _, f: f"x,{f}"), {"force": "a", "step": 1.0}, "holds no number in column 1"),
+    ],
+)
+def test_files_that_are_no_trace_are_refused_in_one_line(tmp_path, text, options, message):
+    path = written(tmp_path, text)
+    with pytest.raises(ss.InputError, match=message) as caught:
+        read_trace(path, **options)
+    assert "\n" not in str(caught.value)
+
+
+def test_paths_that_are_no_file_are_refused(tmp_path, monkeypatch):
+    with pytest.raises(ss.InputError, match="no such file"):
+        read_trace(tmp_path / "none.csv", step=1.0)
+    with pytest.raises(ss.InputError, match="is a folder"):
+        read_trace(tmp_path, step=1.0)
+    for start, message in ((b"\x89HDF\r\n", "HDF5"), (b"CDF\x01", "NetCDF"), (b"PK\x03\x04", "spreadsheet")):
+        (tmp_path / "wrong").write_bytes(start + bytes(100))
+        with pytest.raises(ss.InputError, match=message):
+            read_trace(tmp_path / "wrong", step=1.0)
+    monkeypatch.setattr("stickslip.measure.readings.LARGEST_FILE", 100)
+    with pytest.raises(ss.InputError, match="MB"):
+        read_trace(written(tmp_path, NUMBERS), step=1.0)
+
+
+# ----------------------------------------------------------------------------------------------- a real bench
+
+
+@pytest.mark.skipif(not (SHARED / "data" / "guldstrand_force7.txt").exists(), reason="the measured trace is not here")
+def test_the_real_trace():
+    data = read_trace(SHARED / "data" / "guldstrand_force7.txt", step=0.25)
+    assert data.sizes["t"] == 4262
+    assert json.loads(data.attrs["unreadable"]) == [{"line": 3295, "text": "NaN N1"}]
+    statistics = event_statistics(events(data))
+    assert 150 <= statistics.count <= 190
+    assert 2.6 <= statistics.drop.mean <= 3.6
+    assert 5.3 <= statistics.recurrence.mean <= 6.8
+    assert 0.24 <= statistics.recurrence.variation <= 0.36
+    assert statistics.force_before.mean == pytest.approx(11.8, abs=0.2)
+    assert statistics.force_after.mean == pytest.approx(8.7, abs=0.2)
+    assert statistics.loading_rate.mean == pytest.approx(0.55, abs=0.06)
+    result = regime(data)
+    assert result.kind == "stick-slip"
+    assert "irregular" in result.reason
