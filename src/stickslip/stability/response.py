@@ -62,8 +62,7 @@ def dynamic_stiffness(interface: Interface, velocity: float, s: ArrayLike) -> Co
 
     Notes
     -----
-    Laws without a closed transform (`LogNormal`, `Weibull`) cost more the larger ``|Im s|/v``. The relative error is about
-    1e-12, for laws with very heavy tails down to 1e-8 at small `s`.
+    Laws without a closed transform (`LogNormal`, `Weibull`) cost some ten microseconds a point. The relative error is about 1e-12, for laws with very heavy tails down to 1e-8 at small `s`.
     """
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
     response = respond(interface)
@@ -191,17 +190,59 @@ def transforms(law: Law, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
     q = np.asarray(q, dtype=complex)
     small = np.abs(q) < radius
     if not small.any():
-        complement = 1.0 - law.laplace(q)
-        return complement, complement / q - law.laplace(q, 1)
+        return _outer(law, q)
     complement, shape = np.empty_like(q), np.empty_like(q)
     inner = q[small]
     complement[small] = inner * np.polynomial.polynomial.polyval(inner, a)
     shape[small] = inner * np.polynomial.polynomial.polyval(inner, b)
-    outer = q[~small]
-    if outer.size:
-        complement[~small] = 1.0 - law.laplace(outer)
-        shape[~small] = complement[~small] / outer - law.laplace(outer, 1)
+    if not small.all():
+        complement[~small], shape[~small] = _outer(law, q[~small])
     return complement, shape
+
+
+def _outer(law: Law, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    mean, slope = _laplace(law, q)
+    return 1.0 - mean, (1.0 - mean) / q - slope
+
+
+def _laplace(law: Law, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    """Return ``P^(q)`` and ``-P^'(q)``."""
+    match law:
+        case LogNormal() | Weibull():
+            x, weight = _turned_nodes(law)
+        case _:
+            return law.laplace(q), law.laplace(q, 1)
+    # The path is turned for Im q > 0; below the real axis the transform is the conjugate of its mirror image.
+    upper = np.where(q.imag < 0, np.conj(q), q).ravel()
+    both = np.empty((2, upper.size), dtype=complex)
+    kernel = np.stack([weight, weight * x], axis=1)
+    for start in range(0, upper.size, 256):
+        part = slice(start, start + 256)
+        both[:, part] = (np.exp(-upper[part, None] * x) @ kernel).T
+    mean, slope = both.reshape(2, *q.shape)
+    below = q.imag < 0
+    return np.where(below, np.conj(mean), mean), np.where(below, np.conj(slope), slope)
+
+
+@lru_cache(maxsize=64)
+def _turned_nodes(law: LogNormal | Weibull) -> tuple[ComplexArray, ComplexArray]:
+    """Nodes and weights for transforms without a closed form, on a path turned off the real axis.
+
+    There ``exp(-q x)`` dies out instead of oscillating, and the same few hundred nodes do for all `q` with
+    ``Im q >= 0``. (`Law.laplace` keeps to the real axis; its cost grows with ``|Im q|``.) The trapezoidal rule converges
+    exponentially.
+    """
+    if isinstance(law, LogNormal):
+        # x = exp(log_mean + log_spread (z - i turn)): the density grows by exp(turn^2/2), at most 90.
+        turn = min(3.0, 0.7 / law.log_spread)
+        z = np.arange(-9.0, 9.0, 0.04) - 1j * turn
+        x, weight = np.exp(law.log_mean + law.log_spread * z), np.exp(-0.5 * z * z)
+        return x, weight / weight.sum()
+    # x = scale t^(1/shape), with t = exp(y) turned
+    turn = 0.7 * min(1.0, law.shape)
+    t = np.exp(np.arange(-40.0, 4.2, 0.05) - 1j * turn)
+    weight = t * np.exp(-t)
+    return law.scale * t ** (1 / law.shape), weight / weight.sum()
 
 
 def absence(delay: DelayLaw, s: ComplexArray) -> ComplexArray:
