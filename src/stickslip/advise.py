@@ -1,0 +1,346 @@
+"""Will this rig stick-slip, at which speeds, and what would stop it?
+
+`predict` answers for a `Rig`: the regime of a simulation with its evidence, the friction forces, the elastic
+instability (linear in nothing: the whole first fall of the force), the linear stability of smooth sliding, the margin
+in every knob of the rig, and the smallest single changes that would cure it.
+
+Three questions are kept apart, because their answers differ:
+
+- *elastic instability*: is the spring softer than the steepest fall of the force, ``K < K*``, Eq. (8)? Needed for a
+  first slip, not enough for stick-slip to last.
+- *linear stability*: does smooth sliding, once there, resist a small disturbance?
+- *lasting stick-slip*: does stick-slip go on from a start at rest? Between the last two the rig is bistable.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from stickslip import stability
+from stickslip.drive import hold
+from stickslip.errors import InputError, UndecidedError
+from stickslip.measure import Regime, regime
+from stickslip.model import Slider
+from stickslip.rig import Rig
+from stickslip.rigid import critical_stiffness, static_friction
+from stickslip.simulate import Contacts, Method, Progress, Relaxed, Sliding, Start, simulate
+from stickslip.stability import Knob, Setting
+from stickslip.stability.knobs import knob_named
+from stickslip.theory import kinetic_friction
+from stickslip.units import Quantity
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_EXTENSIONS = 2
+"""How often a run that cannot be judged is made twice as long."""
+_CLEARANCE = 0.05
+"""How far past a linear boundary a remedy goes."""
+_SHORTEST, _CYCLES = 120.0, 12.0
+"""A run lasts at least this many ``x_s``, and about this many cycles of a spring that unloads by ``f_s``."""
+_RANGE = 1e3
+"""Margins are looked for within this factor on either side of a knob's value."""
+
+_QUANTITIES: dict[str, Quantity | None] = {
+    "stiffness": "stiffness",
+    "velocity": "velocity",
+    "mass": "mass",
+    "damping": "rate",
+    "delay": "time",
+    "spread": None,
+}
+_TITLES = {
+    "stiffness": "stiffness of the driving spring",
+    "velocity": "speed",
+    "mass": "mass of the slider",
+    "damping": "damping eta",
+    "delay": "delay of re-attachment",
+    "spread": "spread of the thresholds",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Margin:
+    """How far a knob can be turned, alone, before smooth sliding changes its linear stability.
+
+    Attributes
+    ----------
+    knob : str
+    value : float
+        Where it stands.
+    lower, upper : float or None
+        The nearest boundaries below and above; None if there is none within `searched`.
+    searched : (float, float)
+    """
+
+    knob: str
+    value: float
+    lower: float | None
+    upper: float | None
+    searched: tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Remedy:
+    """A change of one knob, alone, that gives smooth sliding.
+
+    Attributes
+    ----------
+    knob : str
+    value : float
+        Where it stands.
+    keeps : float or None
+        Just past the linear boundary: smooth sliding, once there, stays. None if it does so already.
+    stops : float or None
+        Stick-slip dies even after a start at rest: the bistable band is left behind, as simulated. None if no value
+        was found in the range tried.
+    seen : Regime or None
+        Evidence at `stops`.
+    checked : tuple of Regime
+        With ``verify``: the rig's own method after each change, `keeps` from smooth sliding, `stops` from rest.
+    """
+
+    knob: str
+    value: float
+    keeps: float | None
+    stops: float | None
+    seen: Regime | None = None
+    checked: tuple[Regime, ...] = ()
+
+    @property
+    def size(self) -> float:
+        """How far the knob must be turned, as the logarithm of a factor."""
+        target = self.stops if self.stops is not None else self.keeps
+        return abs(math.log(target / self.value)) if target else math.inf
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prediction:
+    """What `predict` found, in natural units; the rig carries the scales.
+
+    Attributes
+    ----------
+    regime : Regime
+        Of the simulated run, with its evidence.
+    static_friction, kinetic_friction : float
+        Largest force in slow rigid motion, and mean force of steady sliding at the rig's speed, per contact.
+    critical_stiffness, critical_stiffness_without_reattachment : float
+        ``K*`` of Eq. (8) in both conventions, per contact.
+    unstable_modes : int or None
+        Growing modes of smooth sliding; None where the theory does not apply, for the reason in `theory_note`.
+    growth : complex or None
+        Growth rate and angular frequency of the fastest mode.
+    """
+
+    rig: Rig
+    run: xr.Dataset
+    regime: Regime
+    static_friction: float
+    kinetic_friction: float
+    critical_stiffness: float
+    critical_stiffness_without_reattachment: float
+    unstable_modes: int | None
+    growth: complex | None
+    theory_note: str
+    margins: tuple[Margin, ...]
+    remedies: tuple[Remedy, ...]
+
+    @property
+    def stiffness_margin(self) -> float:
+        """``K/K*``: above 1 there is no elastic instability; infinite if the force never falls."""
+        return self.rig.slider.stiffness / self.critical_stiffness if self.critical_stiffness > 0 else math.inf
+
+    @property
+    def smooth(self) -> bool | None:
+        """Whether the rig slides smoothly: stable, and seen to in the run; None if undecided."""
+        if self.regime.kind == "undecided":
+            return None
+        return self.regime.kind == "smooth sliding" and not self.unstable_modes
+
+    @property
+    def bistable(self) -> bool:
+        """Whether smooth sliding is stable although the run shows lasting stick-slip."""
+        return self.unstable_modes == 0 and self.regime.kind in ("stick-slip", "small oscillation")
+
+
+def predict(rig: Rig, *, verify: bool = False, progress: Progress | None = None) -> Prediction:
+    """Say what a rig does at its speed, how safely, and what would make it slide smoothly.
+
+    Parameters
+    ----------
+    rig : Rig
+    verify : bool
+        Simulate every remedy from a start at rest, and push it until stick-slip dies there, too.
+    progress : callable, optional
+        Called with the share of the work that is done.
+
+    Raises
+    ------
+    InputError
+        If the rig's speed is not above 0.
+    """
+    if rig.velocity <= 0:
+        raise InputError(f"drive: the speed is {rig.velocity:g}: a prediction needs a speed above 0")
+    report = progress or (lambda _share: None)
+    run, seen = _watch(rig, lambda share: report(0.4 * share))
+    bare = replace(rig.interface, ageing=None)
+    setting = Setting(interface=rig.interface, rig=rig.slider, velocity=rig.velocity)
+    modes, growth, note = _linear(setting)
+    margins = tuple(_margins(setting)) if not note else ()
+    ill = bool(modes) or seen.kind in ("stick-slip", "small oscillation")
+    remedies = _remedies(setting, margins, lambda share: report(0.4 + 0.5 * share)) if ill else ()
+    if verify:
+        remedies = tuple(_verified(rig, remedy) for remedy in remedies)
+    report(1.0)
+    return Prediction(
+        rig=rig,
+        run=run,
+        regime=seen,
+        static_friction=static_friction(bare)[0],
+        kinetic_friction=kinetic_friction(bare, rig.velocity),
+        critical_stiffness=critical_stiffness(bare),
+        critical_stiffness_without_reattachment=critical_stiffness(bare, reattachment=False),
+        unstable_modes=modes,
+        growth=growth,
+        theory_note=note,
+        margins=margins,
+        remedies=remedies,
+    )
+
+
+def _watch(rig: Rig, progress: Progress) -> tuple[xr.Dataset, Regime]:
+    """Simulate the rig as its file says, longer if that cannot be judged; the last stretch of drive is held."""
+    drive = rig.drive
+    for attempt in range(_EXTENSIONS + 1):
+        run = simulate(
+            rig.interface, rig.slider, drive, rig.method, record=rig.record, start=rig.start, progress=progress
+        )
+        seen = regime(run)
+        last = drive.pieces[-1]
+        if seen.kind != "undecided" or last.start != last.end or attempt == _EXTENSIONS:
+            break
+        drive = drive.then(hold(last.end, drive.duration))
+    return run, seen
+
+
+def _linear(setting: Setting) -> tuple[int | None, complex | None, str]:
+    """Growing modes, the fastest of them, and a note where the theory has nothing to say."""
+    interface, slider = setting.interface, setting.rig
+    if interface.ageing is None and interface.delay.moment(1) == 0:
+        return 0, None, "contacts re-attach at once: nothing can grow, smooth sliding is neutrally stable at any speed"
+    try:
+        modes = stability.unstable_modes(interface, slider, setting.velocity)
+        return modes, stability.growth_rate(interface, slider, setting.velocity), ""
+    except (InputError, UndecidedError) as reason:
+        return None, None, str(reason)
+
+
+def _margins(setting: Setting) -> Iterator[Margin]:
+    """Look up and down from where each knob stands for the nearest boundary of linear stability."""
+    for knob in stability.KNOBS:
+        try:
+            value = knob.get(setting)
+        except InputError:  # the rig has no such knob
+            continue
+        if value <= 0:
+            continue
+        searched = (value / _RANGE, value * _RANGE)
+        if knob.name == "spread":  # wider than that is no longer a law of thresholds about its mean
+            searched = (value / 10.0, max(0.5, 1.5 * value))
+        try:
+            found = stability.critical(knob, setting.interface, setting.rig, setting.velocity, between=searched)
+        except (InputError, UndecidedError):
+            continue
+        below = [edge.value for edge in found.edges if edge.value < value]
+        above = [edge.value for edge in found.edges if edge.value > value]
+        yield Margin(
+            knob=knob.name,
+            value=value,
+            lower=max(below, default=None),
+            upper=min(above, default=None),
+            searched=searched,
+        )
+
+
+def _remedies(setting: Setting, margins: tuple[Margin, ...], report: Progress) -> tuple[Remedy, ...]:
+    """For each knob, the nearest value past the linear boundary, and the nearest from which stick-slip dies."""
+    unstable = stability.unstable_modes(setting.interface, setting.rig, setting.velocity) > 0
+    found = []
+    for i, margin in enumerate(margins):
+        report(i / len(margins))
+        knob = knob_named(margin.knob)
+        sides = [side for side in (-1, 1) if _leads_out(setting, knob, margin, side, unstable)]
+        for side in sides:
+            edge = margin.lower if side < 0 else margin.upper
+            keeps = edge * (1 + _CLEARANCE) ** side if unstable and edge else None
+            stops, seen = _where_it_dies(setting, knob, margin, keeps or margin.value, side)
+            if keeps is not None or stops is not None:
+                found.append(Remedy(knob=knob.name, value=margin.value, keeps=keeps, stops=stops, seen=seen))
+    return tuple(sorted(found, key=lambda remedy: (remedy.stops is None, remedy.size)))
+
+
+def _leads_out(setting: Setting, knob: Knob, margin: Margin, side: int, unstable: bool) -> bool:
+    """Whether turning a knob this way leads into, or deeper into, stability."""
+    edge = margin.lower if side < 0 else margin.upper
+    if unstable:
+        return edge is not None
+    # Stable, but stick-slip lasts: go away from the boundary on the other side, if there is none on this one.
+    other = margin.upper if side < 0 else margin.lower
+    return edge is None and other is not None
+
+
+def _where_it_dies(
+    setting: Setting, knob: Knob, margin: Margin, begin: float, side: int
+) -> tuple[float | None, Regime | None]:
+    """Turn the knob on, step by step, until a run from rest slides smoothly; then halve the last step."""
+    low, high = margin.searched
+    best: tuple[float, Regime] | None = None
+    last_ill = begin
+    for growth in (1.0, 1.1, 1.25, 1.6, 2.2, 3.5, 6.0, 10.0, 20.0):
+        value = begin * growth**side
+        if not low <= value <= high:
+            break
+        seen = _run_from(Relaxed(), knob.set(setting, value))
+        if seen.kind == "smooth sliding":
+            best = (value, seen)
+            break
+        last_ill = value
+    if best is None:
+        return None, None
+    for _ in range(2):
+        middle = math.sqrt(best[0] * last_ill)
+        seen = _run_from(Relaxed(), knob.set(setting, middle))
+        if seen.kind == "smooth sliding":
+            best = (middle, seen)
+        else:
+            last_ill = middle
+    return best
+
+
+def _run_from(start: Start, setting: Setting, method: Method = Contacts(4_000, seed=20)) -> Regime:
+    """The regime that a start leads to, from a run long enough for a soft spring's long cycles."""
+    slider = setting.rig
+    assert isinstance(slider, Slider)
+    distance = max(_SHORTEST, _CYCLES / slider.stiffness)
+    for _ in range(_EXTENSIONS + 1):
+        run = simulate(
+            setting.interface, slider, hold(setting.velocity, distance / setting.velocity), method, start=start
+        )
+        seen = regime(run)
+        if seen.kind != "undecided":
+            break
+        distance *= 2.0
+    return seen
+
+
+def _verified(rig: Rig, remedy: Remedy) -> Remedy:
+    """Simulate both changes with the rig's own method."""
+    knob = knob_named(remedy.knob)
+    setting = Setting(interface=rig.interface, rig=rig.slider, velocity=rig.velocity)
+    targets = [(value, start) for value, start in ((remedy.keeps, Sliding()), (remedy.stops, Relaxed())) if value]
+    return replace(
+        remedy, checked=tuple(_run_from(start, knob.set(setting, value), rig.method) for value, start in targets)
+    )

@@ -1,0 +1,624 @@
+"""The door for rigs: a TOML file in SI units (or natural ones) in, records of the model out, and back.
+
+>>> rig = read("examples/pmma_slider.toml")
+>>> rig.interface, rig.slider, rig.drive        # natural units
+>>> rig.scales.si(rig.slider.stiffness, "stiffness")
+
+Quantities in SI files are strings with a unit, ``"4 MN/m"``; a number without one is refused, because nobody can tell
+what it meant. Stretchings of the laws of thresholds are relative to ``interface.threshold_stretching``.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Tag,
+    TypeAdapter,
+    ValidationError,
+    ValidationInfo,
+    model_validator,
+)
+
+from stickslip import model, thresholds
+from stickslip.drive import Drive, hold, ramp
+from stickslip.errors import InputError
+from stickslip.simulate import Contacts, MasterEquation, Method, Record, Relaxed, Sliding, Start
+from stickslip.units import Quantity, Scales
+
+if TYPE_CHECKING:
+    import pint
+
+LARGEST_FILE = 1_000_000
+"""Bytes beyond which a file is no rig."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rig:
+    """A rig as a file describes it, in natural units, with the scales that lead back to SI.
+
+    Attributes
+    ----------
+    scales : Scales or None
+        None for a file in natural units.
+    velocity : float
+        Velocity at which the rig is judged: the first of its drive.
+    assumed : mapping of str to str
+        Keys of the file whose value was chosen and not measured, with a sentence on how to measure it.
+    document : mapping
+        The content of the file, from which `to_toml` writes it again.
+    """
+
+    name: str
+    interface: model.Interface
+    slider: model.Slider
+    drive: Drive
+    method: Method
+    start: Start
+    record: Record
+    scales: Scales | None
+    assumed: Mapping[str, str] = field(compare=False)
+    document: Mapping[str, Any] = field(compare=False)
+
+    @property
+    def velocity(self) -> float:
+        """Velocity at which the rig is judged, in natural units."""
+        return self.drive.pieces[0].start
+
+    def in_units(self, value: float, quantity: Quantity) -> str:
+        """A natural value in words: in SI units with a prefix, or in natural units."""
+        if self.scales is None:
+            return f"{value:.4g} {_NATURAL[quantity]}".rstrip()
+        return engineering(self.scales.si(value, quantity), _SI[quantity])
+
+
+_SI: dict[Quantity, str] = {
+    "force": "N",
+    "length": "m",
+    "time": "s",
+    "velocity": "m/s",
+    "stiffness": "N/m",
+    "mass": "kg",
+    "rate": "1/s",
+    "energy": "J",
+}
+_NATURAL: dict[Quantity, str] = {
+    "force": "f_s",
+    "length": "x_s",
+    "time": "(time)",
+    "velocity": "x_s/time",
+    "stiffness": "k",
+    "mass": "",
+    "rate": "1/time",
+    "energy": "f_s x_s",
+}
+
+
+def engineering(value: float, unit: str) -> str:
+    """Four digits, a prefix and a unit: ``"4 MN/m"``."""
+    if unit in ("1/s",) or value == 0 or not math.isfinite(value):
+        return f"{value:.4g} {unit}"
+    if unit == "kg":
+        value, unit = value * 1e3, "g"
+        if value >= 1e3:
+            return f"{value / 1e3:.4g} kg"
+    power = min(max(math.floor(math.log10(abs(value)) / 3 + 1e-12), -5), 4)
+    prefix = {-5: "f", -4: "p", -3: "n", -2: "u", -1: "m", 0: "", 1: "k", 2: "M", 3: "G", 4: "T"}[power]
+    return f"{value / 1000.0**power:.4g} {prefix}{unit}"
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Files
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def read(path: str | os.PathLike[str]) -> Rig:
+    """Read a rig from a TOML file.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, empty, binary or no TOML, has an unknown key, or a value that cannot be; the message
+        names file, key, value and remedy.
+    """
+    source = Path(path)
+    if not source.exists():
+        raise InputError(f"{source}: no such file")
+    if source.is_dir():
+        raise InputError(f"{source}: is a directory, not a rig file")
+    try:
+        content = source.read_bytes() if source.stat().st_size <= LARGEST_FILE else None
+    except OSError as error:
+        raise InputError(f"{source}: cannot be read ({error.strerror})") from None
+    if content is None:
+        raise InputError(f"{source}: larger than {LARGEST_FILE // 1_000_000} MB: this is not a rig file")
+    if not content.strip():
+        raise InputError(f"{source}: is empty; see examples/pmma_slider.toml for what a rig file holds")
+    try:
+        text = content.decode()
+        if "\0" in text:
+            raise InputError(f"{source}: is a binary file; a rig file is TOML text")
+        document = tomllib.loads(text)
+    except UnicodeDecodeError:
+        raise InputError(f"{source}: is a binary file; a rig file is TOML text") from None
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{source}: is not valid TOML: {error}") from None
+    return from_document(document, source.name)
+
+
+def from_document(document: Mapping[str, Any], place: str = "rig") -> Rig:
+    """Make a rig of the content of a file; `place` begins the message of an error."""
+    natural = document.get("units", "SI") == "natural"
+    try:
+        content = _Document.model_validate(document, context={"natural": natural})
+    except ValidationError as error:
+        raise InputError(f"{place}: {_in_our_words(error)}") from None
+    try:
+        return content.rig(document)
+    except InputError as error:
+        raise InputError(f"{place}: {error}") from None
+
+
+def to_toml(rig: Rig) -> str:
+    """Return the rig as the text of a file that `read` takes."""
+    import tomli_w
+
+    return tomli_w.dumps(dict(rig.document))
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What a file may hold
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=1)
+def _registry() -> pint.UnitRegistry[Any]:
+    import pint
+
+    return pint.UnitRegistry()
+
+
+def _quantity(unit: str, example: str, sign: Literal["above 0", "at least 0", ""] = "above 0") -> Any:
+    """Type of a quantity: a string with a unit in SI files, a plain number in natural ones."""
+
+    def to_si(value: object, info: ValidationInfo) -> object:
+        result = _read(value, natural=bool(info.context and info.context["natural"]))
+        if not math.isfinite(result):
+            raise ValueError("must be finite")
+        if (sign == "above 0" and result <= 0) or (sign == "at least 0" and result < 0):
+            raise ValueError(f"must be {sign}")
+        return result
+
+    def _read(value: object, natural: bool) -> float:
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            if natural:
+                return float(value)
+            raise ValueError(f"has no unit; write it as a string, such as {example!r}")
+        if not isinstance(value, str):
+            raise ValueError(f"must be a quantity, such as {example!r}")
+        if natural:
+            raise ValueError("must be a plain number, as the file says units = 'natural'")
+        return _parse(value, unit, example)
+
+    return Annotated[float, BeforeValidator(to_si)]
+
+
+def _parse(text: str, unit: str, example: str) -> float:
+    import pint
+    from pint.errors import PintError
+
+    try:
+        quantity = _registry().Quantity(text)
+        if quantity.dimensionless and unit:
+            raise ValueError(f"has no unit; write it as in {example!r}")
+        result = float(quantity.to(unit).magnitude)
+    except pint.DimensionalityError:
+        raise ValueError(f"is not in a unit of {unit!r}; write it as in {example!r}") from None
+    except (PintError, AttributeError, TypeError, ValueError, ArithmeticError, AssertionError, SyntaxError) as error:
+        if "unit" in str(error) and "write" in str(error):
+            raise
+        raise ValueError(f"cannot be read as a quantity; write it as in {example!r}") from None
+    except Exception:  # pint lets errors of the tokenizer through
+        raise ValueError(f"cannot be read as a quantity; write it as in {example!r}") from None
+    return result
+
+
+_Mass = _quantity("kg", "75.6 g", "at least 0")
+_Stiffness = _quantity("N/m", "4 MN/m")
+_Rate = _quantity("1/s", "200 1/s", "at least 0")
+_Force = _quantity("N", "768 N")
+_Length = _quantity("m", "2 um")
+_Time = _quantity("s", "2 ms")
+_Delay = _quantity("s", "2 ms", "at least 0")
+_Velocity = _quantity("m/s", "0.4 mm/s", "")
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
+
+
+class _Gaussian(_Part):
+    law: Literal["gaussian"]
+    mean: float = 1.0
+    spread: float
+
+    def make(self) -> thresholds.Law:
+        return thresholds.Gaussian(mean=self.mean, spread=self.spread)
+
+
+class _Uniform(_Part):
+    law: Literal["uniform"]
+    low: float
+    high: float
+
+    def make(self) -> thresholds.Law:
+        return thresholds.Uniform(low=self.low, high=self.high)
+
+
+class _Exponential(_Part):
+    law: Literal["exponential"]
+    mean: float = 1.0
+
+    def make(self) -> thresholds.Law:
+        return thresholds.Exponential(mean=self.mean)
+
+
+class _Gamma(_Part):
+    law: Literal["gamma"]
+    mean: float = 1.0
+    spread: float
+
+    def make(self) -> thresholds.Law:
+        return thresholds.Gamma(mean=self.mean, spread=self.spread)
+
+
+class _LogNormal(_Part):
+    law: Literal["lognormal"]
+    mean: float = 1.0
+    spread: float
+
+    def make(self) -> thresholds.Law:
+        return thresholds.LogNormal(mean=self.mean, spread=self.spread)
+
+
+class _Weibull(_Part):
+    law: Literal["weibull"]
+    scale: float = 1.0
+    shape: float
+
+    def make(self) -> thresholds.Law:
+        return thresholds.Weibull(scale=self.scale, shape=self.shape)
+
+
+class _Empirical(_Part):
+    law: Literal["empirical"]
+    samples: list[float] | None = None
+    edges: list[float] | None = None
+    weights: list[float] | None = None
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if (self.samples is None) == (self.edges is None or self.weights is None):
+            raise ValueError("needs either samples, or edges and weights")
+        return self
+
+    def make(self) -> thresholds.Law:
+        if self.samples is not None:
+            return thresholds.Empirical.from_samples(self.samples)
+        return thresholds.Empirical(edges=tuple(self.edges or ()), weights=tuple(self.weights or ()))
+
+
+_AnyLaw = Annotated[
+    _Gaussian | _Uniform | _Exponential | _Gamma | _LogNormal | _Weibull | _Empirical, Discriminator("law")
+]
+
+
+class _RandomDelay(_Part):
+    mean: _Delay
+    spread: _Time
+    negative: model.NegativeDelay = "clip"
+
+
+def _kind_of_delay(value: object) -> str:
+    return "random" if isinstance(value, (dict, _RandomDelay)) else "never" if value == "never" else "fixed"
+
+
+_AnyDelay = Annotated[
+    Annotated[_RandomDelay, Tag("random")]
+    | Annotated[Literal["never"], Tag("never")]
+    | Annotated[_Delay, Tag("fixed")],
+    Discriminator(_kind_of_delay),
+]
+
+
+class _Langevin(_Part):
+    law: Literal["langevin"]
+    time: _Time
+    newborn: float = 0.0
+
+
+class _ExponentialGrowth(_Part):
+    law: Literal["exponential"]
+    time: _Time
+    newborn: float = 0.0
+
+
+class _LogarithmicGrowth(_Part):
+    law: Literal["logarithmic"]
+    slope: float
+    time: _Time
+
+
+_AnyAgeing = Annotated[_Langevin | _ExponentialGrowth | _LogarithmicGrowth, Discriminator("law")]
+
+
+class _Slider(_Part):
+    mass: _Mass
+    stiffness: _Stiffness
+    damping: _Rate | None = None
+    relative_damping: float | None = None
+
+    @model_validator(mode="after")
+    def _one_damping(self) -> Self:
+        if (self.damping is None) == (self.relative_damping is None):
+            raise ValueError(
+                "needs one of damping (eta of Eq. (11), such as '200 1/s') and relative_damping (eta/Omega)"
+            )
+        return self
+
+
+class _Interface(_Part):
+    total_threshold: _Force | None = None
+    normal_load: _Force | None = None
+    friction_coefficient: float | None = None
+    threshold_stretching: _Length | None = None
+    thresholds: _AnyLaw
+    initial: _AnyLaw = _Gaussian(law="gaussian", mean=0.0, spread=0.01)
+    delay: _AnyDelay | None = None
+    ageing: _AnyAgeing | None = None
+
+
+class _Piece(_Part):
+    start: _Velocity
+    end: _Velocity
+    duration: _Time
+
+
+class _Drive(_Part):
+    velocity: _Velocity | None = None
+    distance: _Length | None = None
+    duration: _Time | None = None
+    pieces: list[_Piece] | None = None
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if (self.velocity is None) == (self.pieces is None):
+            raise ValueError("needs either velocity, or pieces (each with start, end and duration)")
+        if self.pieces is not None and (self.distance is not None or self.duration is not None or not self.pieces):
+            raise ValueError("pieces must hold at least one piece, and leave no room for distance or duration")
+        if self.distance is not None and self.duration is not None:
+            raise ValueError("needs distance or duration, not both")
+        return self
+
+
+class _Simulation(_Part):
+    method: Literal["contacts", "master equation"] = "contacts"
+    contacts: int = 10_000
+    seed: int = 1
+    cells: int = 400
+    start: Literal["relaxed", "sliding"] = "relaxed"
+    interval: _Time | None = None
+
+
+class _Document(_Part):
+    name: str = "rig"
+    units: Literal["SI", "natural"] = "SI"
+    slider: _Slider
+    interface: _Interface
+    drive: _Drive
+    simulation: _Simulation = _Simulation()
+    assumed: dict[str, str] = {}
+    source: str = ""
+
+    def rig(self, document: Mapping[str, Any]) -> Rig:
+        scales = self._scales() if self.units == "SI" else None
+        measure = scales or Scales(force=1.0, stretching=1.0)
+
+        def natural(value: float, quantity: Quantity) -> float:
+            return measure.natural(value, quantity)
+
+        for key in self.assumed:
+            self._check_key(key, document)
+        mass, stiffness = natural(self.slider.mass, "mass"), natural(self.slider.stiffness, "stiffness")
+        model.Slider(stiffness=stiffness, mass=mass, damping=0.0)
+        if self.slider.damping is not None:
+            damping = natural(self.slider.damping, "rate")
+        else:
+            if mass == 0:
+                raise InputError("slider.relative_damping: needs a mass above 0; give damping instead")
+            damping = (self.slider.relative_damping or 0.0) * math.sqrt(stiffness / mass)
+        return Rig(
+            name=self.name,
+            interface=model.Interface(
+                thresholds=self.interface.thresholds.make(),
+                initial=self.interface.initial.make(),
+                delay=self._delay(natural),
+                ageing=self._ageing(natural),
+            ),
+            slider=model.Slider(stiffness=stiffness, mass=mass, damping=damping),
+            drive=self._drive(natural),
+            method=Contacts(self.simulation.contacts, self.simulation.seed)
+            if self.simulation.method == "contacts"
+            else MasterEquation(cells=self.simulation.cells),
+            start=Relaxed() if self.simulation.start == "relaxed" else Sliding(),
+            record=Record(
+                interval=None if self.simulation.interval is None else natural(self.simulation.interval, "time")
+            ),
+            scales=scales,
+            assumed=self.assumed,
+            document=document,
+        )
+
+    def _check_key(self, key: str, document: Mapping[str, Any]) -> None:
+        node: Any = document
+        for part in key.split("."):
+            if not isinstance(node, Mapping) or part not in node:
+                raise InputError(f"assumed.{key!r}: names no key of this file; write it as 'interface.delay'")
+            node = node[part]
+
+    def _scales(self) -> Scales:
+        part = self.interface
+        by_load = part.normal_load is not None and part.friction_coefficient is not None
+        if by_load == (part.total_threshold is not None):
+            raise InputError(
+                "interface: needs either total_threshold (sum of the threshold forces of all contacts, such as "
+                "'768 N'), or normal_load and friction_coefficient"
+            )
+        if part.threshold_stretching is None:
+            raise InputError("interface.threshold_stretching: is missing; give the mean threshold, such as '2 um'")
+        force = part.total_threshold if not by_load else (part.normal_load or 0.0) * (part.friction_coefficient or 0.0)
+        scales = Scales(force=force or 0.0, stretching=part.threshold_stretching)
+        velocities = [abs(v) for v in self._velocities() if v]
+        # The unit of time drops out of every result; this one keeps the numbers near 1.
+        time = part.threshold_stretching / max(velocities) if velocities else 1.0
+        return Scales(force=scales.force, stretching=scales.stretching, time=time)
+
+    def _velocities(self) -> list[float]:
+        if self.drive.pieces is None:
+            return [self.drive.velocity or 0.0]
+        return [v for piece in self.drive.pieces for v in (piece.start, piece.end)]
+
+    def _delay(self, natural: Any) -> model.DelayLaw:
+        delay = self.interface.delay
+        if delay is None:
+            return model.Delay(0.0)
+        if delay == "never":
+            return model.Delay(math.inf)
+        if isinstance(delay, _RandomDelay):
+            return model.RandomDelay(
+                mean=natural(delay.mean, "time"), spread=natural(delay.spread, "time"), negative=delay.negative
+            )
+        return model.Delay(natural(delay, "time"))
+
+    def _ageing(self, natural: Any) -> model.Strengthening | None:
+        match self.interface.ageing:
+            case None:
+                return None
+            case _Langevin(time=time, newborn=newborn):
+                return model.Langevin(rate=_inverse(natural(time, "time")) ** 0.5, newborn=newborn)
+            case _ExponentialGrowth(time=time, newborn=newborn):
+                return model.ExponentialGrowth(rate=_inverse(natural(time, "time")), newborn=newborn)
+            case _LogarithmicGrowth(slope=slope, time=time):
+                return model.LogarithmicGrowth(slope=slope, time=natural(time, "time"))
+
+    def _drive(self, natural: Any) -> Drive:
+        part = self.drive
+        if part.pieces is not None:
+            pieces = [
+                ramp(natural(p.start, "velocity"), natural(p.end, "velocity"), natural(p.duration, "time"))
+                for p in part.pieces
+            ]
+            drive = pieces[0]
+            for piece in pieces[1:]:
+                drive = drive.then(piece)
+            return drive
+        velocity = natural(part.velocity or 0.0, "velocity")
+        if part.duration is not None:
+            return hold(velocity, natural(part.duration, "time"))
+        if velocity == 0:
+            raise InputError("drive.velocity: is 0; give a velocity above 0, or a duration")
+        distance = 120.0 if part.distance is None else natural(part.distance, "length")
+        return hold(velocity, distance / abs(velocity))
+
+
+def _inverse(time: float) -> float:
+    if time <= 0:
+        raise InputError("interface.ageing.time: must be above 0")
+    return 1.0 / time
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Errors in the user's words
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def _in_our_words(error: ValidationError) -> str:
+    """Say what is wrong with a file: every mistake on its own, with key, value and remedy."""
+    mistakes = [_one_mistake(item) for item in error.errors()]
+    return "; ".join(dict.fromkeys(mistakes))
+
+
+def _one_mistake(item: Any) -> str:
+    path = [str(part) for part in item["loc"] if part not in ("random", "fixed", "never")]
+    kind, value = item["type"], item["input"]
+    # Names of the alternatives of a union are no keys of the file.
+    laws = {"gaussian", "uniform", "exponential", "gamma", "lognormal", "weibull", "empirical", "langevin", "logarithmic"}
+    path = [part for part in path if part not in laws]
+    key = ".".join(path) or "the file"
+    if kind == "extra_forbidden":
+        near = difflib.get_close_matches(path[-1], _keys_beside(path), n=1, cutoff=0.5)
+        remedy = f"; did you mean {near[0]!r}?" if near else f"; known here: {', '.join(_keys_beside(path))}"
+        return f"{key}: unknown key{remedy}"
+    if kind == "missing":
+        return f"{key}: is missing"
+    if kind in ("union_tag_not_found", "union_tag_invalid"):
+        return f"{key}: must name its law, such as {{law = 'gaussian', spread = 0.1}}; known laws: {_tags(item)}"
+    if kind == "literal_error":
+        return f"{key} = {value!r}: must be {item['ctx']['expected']}"
+    if kind == "value_error":
+        shown = "" if isinstance(value, dict) else f" = {value!r}"
+        return f"{key}{shown}: {item['ctx']['error']}"
+    words = {
+        "float_type": "must be a number",
+        "int_type": "must be a whole number",
+        "string_type": "must be text in quotes",
+        "list_type": "must be a list",
+        "model_type": f"must be a table, as in [{key}]",
+        "dict_type": f"must be a table, as in [{key}]",
+        "model_attributes_type": f"must be a table, as in [{key}]",
+    }
+    return f"{key} = {value!r}: {words.get(kind, item['msg'].lower())}"
+
+
+def _tags(item: Any) -> str:
+    return str(item.get("ctx", {}).get("expected_tags", "gaussian, uniform, exponential, gamma, lognormal, weibull"))
+
+
+def _keys_beside(path: list[str]) -> list[str]:
+    """Keys that the file may hold beside the last of a path."""
+    node: Any = _schema()
+    for part in path[:-1]:
+        alternatives = node.get("anyOf") or node.get("oneOf") or [node]
+        following = [
+            alternative["properties"][part]
+            for alternative in map(_resolve, alternatives)
+            if part in alternative.get("properties", {})
+        ]
+        if not following:
+            return []
+        node = _resolve(following[0])
+    alternatives = [_resolve(a) for a in node.get("anyOf") or node.get("oneOf") or [node]]
+    return sorted({key for alternative in alternatives for key in alternative.get("properties", {})})
+
+
+@lru_cache(maxsize=1)
+def _schema() -> dict[str, Any]:
+    return TypeAdapter(_Document).json_schema()
+
+
+def _resolve(node: dict[str, Any]) -> dict[str, Any]:
+    if "$ref" in node:
+        return dict(_schema()["$defs"][node["$ref"].rsplit("/", 1)[-1]])
+    return node
