@@ -24,8 +24,8 @@ def kinetic_friction(interface: Interface, velocity: Array) -> Array: ...
 def kinetic_friction(interface: Interface, velocity: float | Array = 0.0) -> float | Array:
     """Return the mean force of the contacts in smooth sliding, ``F_k = k m2/(2 (m1 + v <tau>))``.
 
-    The force of the steady state of Eqs. (1)-(4) with attached contacts counted by Eq. (10); ``m1, m2`` are the first two moments of the
-    positive law of thresholds. Exact for any law and any delay law.
+    The force of the steady state of Eqs. (1)-(4) with attached contacts counted by Eq. (10); ``m1, m2`` are
+    the first two moments of the positive law of thresholds. Exact for any law and any delay law.
 
     Parameters
     ----------
@@ -42,7 +42,8 @@ def kinetic_friction(interface: Interface, velocity: float | Array = 0.0) -> flo
     Raises
     ------
     InputError
-        If thresholds age (the force then follows from no closed form), or the delay is infinite at zero velocity.
+        If thresholds age (the force then follows from no closed form), or the delay is infinite at zero
+        velocity.
     """
     law = interface.threshold_law
     return 0.5 * law.moment(2) / law.moment(1) * attached_fraction(interface, velocity)
@@ -55,8 +56,9 @@ def attached_fraction(interface: Interface, velocity: Array) -> Array: ...
 def attached_fraction(interface: Interface, velocity: float | Array) -> float | Array:
     """Return the mean share of attached contacts in smooth sliding, ``N_c/N = 1/(1 + v <tau>/<x_s>)``, Eq. (10).
 
-    The paper's ``vbar = xbar/tau_d`` with ``xbar = 1/Gamma``, which in steady sliding is the mean threshold stretching. There it is exact, for
-    a random delay with the mean delay. Used inside the dynamics, as the paper does, it has no memory and is an approximation.
+    The paper's ``vbar = xbar/tau_d`` with ``xbar = 1/Gamma``, which in steady sliding is the mean threshold
+    stretching. There it is exact, for a random delay with the mean delay. Used inside the dynamics, as the
+    paper does, it has no memory and is an approximation.
 
     Parameters
     ----------
@@ -113,9 +115,10 @@ def driving_force(interface: Interface, slider: Slider, velocity: float) -> floa
 
 
 def critical_stiffness_estimate(interface: Interface) -> float:
-    """Return the paper's rough ``K* ~ N k f_s/(Delta f_s + Delta f_0)``, Eq. (9): a hint at scaling, no value to rely on.
+    """Return the paper's rough ``K* ~ N k f_s/(Delta f_s + Delta f_0)``, Eq. (9): a hint at scaling.
 
-    For the paper's own parameters it gives 9.1 where Eqs. (1)-(4) and (8) give 2.99. It is only meant for narrow laws.
+    For the paper's own parameters it gives 9.1 where Eqs. (1)-(4) and (8) give 2.99. It is only meant for
+    narrow laws.
 
     Parameters
     ----------
@@ -140,9 +143,10 @@ def slip_displacement(slider: Slider, velocity: float, elapsed: ArrayLike) -> Ar
     slider : Slider
         Its ``Omega = sqrt(K/M)``; with a mass.
     velocity : float
-        In ``x_s`` per time. The paper prints the drive's velocity ``v_d``. That supposes that the slider still follows the drive at the
-        instability; it has run ahead by then, and the result is too small by up to a factor 3.5. With the slider's actual
-        velocity at the instability it holds to 10 % for ``Omega dt <= 1``.
+        In ``x_s`` per time. The paper prints the drive's velocity ``v_d``. That supposes that the slider
+        still follows the drive at the instability; it has run ahead by then, and the result is too small by
+        up to a factor 3.5. With the slider's actual velocity at the instability it holds to 10 % for ``Omega
+        dt <= 1``.
     elapsed : array_like
         Time since the instability, at least 0.
 
@@ -170,13 +174,14 @@ class DelayEstimate(NamedTuple):
     heavy: float
     """``(6 Delta x_s M/(K v))^(1/3)``, for ``Omega tau* >> 1``: the slider is thrown forward."""
     phase: float
-    """``Omega`` times the time at which Eq. (12) reaches ``Delta x_s``; small or large, it says which of the two is meant."""
+    """``Omega`` times the time at which Eq. (12) reaches ``Delta x_s``; small or large, it says which one is meant."""
 
 
 def critical_delay_estimate(interface: Interface, slider: Slider, velocity: float) -> DelayEstimate:
     """Return the paper's estimates of ``tau*``, from a slip of ``Delta x_s`` by Eq. (12) within the delay.
 
-    Orders of magnitude only: the paper fits ``tau* = A1 + A2 M^(1/3)`` instead. For the value see the functions that measure or compute it.
+    Orders of magnitude only: the paper fits ``tau* = A1 + A2 M^(1/3)`` instead. For the value see the
+    functions that measure or compute it.
 
     Parameters
     ----------
@@ -238,9 +243,7 @@ def effective_potential(slider: Slider, position: ArrayLike, contact_force: Arra
     """
     x, force = np.asarray(position, dtype=float), np.asarray(contact_force, dtype=float)
     if x.ndim != 1 or x.shape != force.shape or x.size < 2:
-        raise InputError(
-            f"position, contact_force: shapes {x.shape} and {force.shape}: must be equal, (n,) with n > 1"
-        )
+        raise InputError(f"position, contact_force: shapes {x.shape} and {force.shape}: must be equal, (n,) with n > 1")
     if x[0] != 0 or np.any(np.diff(x) <= 0):
         raise InputError("position: must start at 0 and rise from each value to the next")
     work = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(x))])

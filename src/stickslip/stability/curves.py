@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -49,9 +49,10 @@ def boundary(
 ) -> xarray.Dataset:
     """Follow every neutral curve of smooth sliding in a window of two knobs.
 
-    Pseudo-arclength continuation of ``Z(i omega) + kappa(i omega) = 0`` in the logarithms of both knobs and of omega:
-    folds and re-entrant branches are nothing special, closed curves close. Starts are the crossings on lines across the
-    window in both directions, its edges among them; a closed curve that slips between two lines is missed.
+    Pseudo-arclength continuation of ``Z(i omega) + kappa(i omega) = 0`` in the logarithms of both knobs and
+    of omega: folds and re-entrant branches are nothing special, closed curves close. Starts are the crossings
+    on lines across the window in both directions, its edges among them; a closed curve that slips between two
+    lines is missed.
 
     Parameters
     ----------
@@ -65,9 +66,10 @@ def boundary(
     Returns
     -------
     xarray.Dataset
-        Along ``point``: the two knobs, ``frequency`` (angular, of the neutral mode), ``curve`` (which curve the point is
-        on; points of a curve follow each other) and ``other_unstable`` (growing modes beside the neutral one: 0 on the edge of
-        stability). No points where there is no boundary; the window searched is in ``attrs``.
+        Along ``point``: the two knobs, ``frequency`` (angular, of the neutral mode), ``curve`` (which curve
+        the point is on; points of a curve follow each other) and ``other_unstable`` (growing modes beside the
+        neutral one: 0 on the edge of stability). No points where there is no boundary; the window searched is
+        in ``attrs``.
 
     Raises
     ------
@@ -96,8 +98,8 @@ def stability_map(
 ) -> xarray.Dataset:
     """Count the growing modes of smooth sliding on a grid of two knobs.
 
-    Over the stiffness of a rig nothing is repeated: for each value of the other knob the springs that make a mode
-    neutral are computed, and each column of the map read off them.
+    Over the stiffness of a rig nothing is repeated: for each value of the other knob the springs that make a
+    mode neutral are computed, and each column of the map read off them.
 
     Parameters
     ----------
@@ -108,13 +110,14 @@ def stability_map(
     values : (array_like, array_like)
         Values of each, all above 0, in its natural unit.
     growth : bool
-        Whether to give the growth rate and frequency of the fastest mode as well, which takes some milliseconds a point.
+        Whether to give the growth rate and frequency of the fastest mode as well, which takes some
+        milliseconds a point.
 
     Returns
     -------
     xarray.Dataset
-        ``unstable_modes`` over the two knobs; with `growth`, ``growth_rate`` and ``frequency`` of the root furthest to the right (NaN where
-        no mode decays exponentially).
+        ``unstable_modes`` over the two knobs; with `growth`, ``growth_rate`` and ``frequency`` of the root
+        furthest to the right (NaN where no mode decays exponentially).
 
     Raises
     ------
@@ -155,7 +158,7 @@ def _counts(inner: Knob, outer: Knob, setting: Setting, a: Array, b: Array) -> N
 
 
 def _is_free(knob: Knob, setting: Setting) -> bool:
-    """Whether the knob adds to ``Z`` the same at every frequency, so that neutral frequencies hold for all its values."""
+    """Whether the knob adds the same to ``Z`` at every frequency: one set of neutral frequencies for all values."""
     return knob is STIFFNESS and hasattr(setting.rig, "stiffness")
 
 
@@ -196,7 +199,7 @@ def _map_dataset(
     import xarray
 
     names = tuple(knob.name for knob in knobs)
-    data = {
+    data: dict[str, tuple[tuple[str, ...], Any, dict[str, str]]] = {
         "unstable_modes": (names, counts, {"units": "1", "long_name": "growing modes of smooth sliding"}),
     }
     if roots is not None:
@@ -231,7 +234,7 @@ def _starts(knobs: tuple[Knob, Knob], setting: Setting, window: Array) -> list[A
     for k, knob in enumerate(knobs):
         other, span = knobs[1 - k], window[1 - k]
         free, other_free = _is_free(knob, setting), _is_free(other, setting)
-        lines = np.geomspace(*span, LINES if free else 2 if other_free else FEW_LINES).tolist()
+        lines = np.geomspace(span[0], span[1], LINES if free else 2 if other_free else FEW_LINES).tolist()
         lines[0], lines[-1] = span
         for line, value, omega in _on_lines(knob, other, setting, window[k], lines):
             point = np.log([value, line, omega])
@@ -409,8 +412,7 @@ def _boundary_dataset(
     values = np.exp(points)
     which = np.repeat(np.arange(len(curves)), [len(curve.points) for curve in curves])
     data = {
-        knob.name: ("point", values[:, k], {"units": knob.unit, "long_name": knob.name})
-        for k, knob in enumerate(knobs)
+        knob.name: ("point", values[:, k], {"units": knob.unit, "long_name": knob.name}) for k, knob in enumerate(knobs)
     }
     data["frequency"] = (
         "point",

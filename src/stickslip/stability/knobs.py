@@ -1,8 +1,8 @@
 """Critical values: where smooth sliding loses or regains stability as one parameter is turned.
 
-A `Knob` reads and sets one parameter of a `Setting`; `critical` finds every crossing along it. The named functions
-(`critical_velocities`, `critical_delay`, ...) are that, with a knob chosen. All are linear: they say where smooth sliding is unstable to
-the smallest disturbance, not where stick-slip, once started, dies.
+A `Knob` reads and sets one parameter of a `Setting`; `critical` finds every crossing along it. The named
+functions (`critical_velocities`, `critical_delay`, ...) are that, with a knob chosen. All are linear: they
+say where smooth sliding is unstable to the smallest disturbance, not where stick-slip, once started, dies.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import groupby
+from itertools import groupby, pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -61,9 +61,7 @@ class Knob:
 def _of_rig(attribute: str, unit: str) -> Knob:
     def get(setting: Setting) -> float:
         if not hasattr(setting.rig, attribute):
-            raise InputError(
-                f"rig = {setting.rig!r}: has no {attribute} to vary; use a Slider, or a Knob of your own"
-            )
+            raise InputError(f"rig = {setting.rig!r}: has no {attribute} to vary; use a Slider, or a Knob of your own")
         return float(getattr(setting.rig, attribute))
 
     def set_(setting: Setting, value: float) -> Setting:
@@ -240,7 +238,8 @@ class Crossings:
             state = "unstable" if self.unstable_at_ends[0] else "stable"
             return f"smooth sliding is {state} all the way {where}: no boundary there"
         words = [
-            f"{'loses' if c.loses_stability else 'regains'} stability at {c.value:.7g} (angular frequency {c.frequency:.7g})"
+            f"{'loses' if c.loses_stability else 'regains'} stability at {c.value:.7g} "
+            f"(angular frequency {c.frequency:.7g})"
             for c in self.edges
         ]
         return f"{where}, smooth sliding " + ", ".join(words)
@@ -251,13 +250,15 @@ def critical(
 ) -> Crossings:
     """Find every value of a knob in a range at which a mode of smooth sliding is neutral.
 
-    The number of growing modes is counted along the range, on a logarithmic grid that is refined wherever a pair of
-    crossings may hide between two points; each crossing is then polished by Newton's method in the value and the frequency.
+    The number of growing modes is counted along the range, on a logarithmic grid that is refined wherever a
+    pair of crossings may hide between two points; each crossing is then polished by Newton's method in the
+    value and the frequency.
 
     Parameters
     ----------
     knob : Knob or str
-        What to vary: `STIFFNESS`, `VELOCITY`, `MASS`, `DAMPING`, `DELAY`, `SPREAD`, their names, or a knob of your own.
+        What to vary: `STIFFNESS`, `VELOCITY`, `MASS`, `DAMPING`, `DELAY`, `SPREAD`, their names, or a knob of
+        your own.
     interface, rig, velocity
         The setting; the knob's own value in it does not matter.
     between : (float, float)
@@ -294,17 +295,18 @@ def critical_velocities(interface: Interface, rig: Rig, between: tuple[float, fl
     Returns
     -------
     Crossings
-        With the frequency of the neutral mode and the direction of each; none is an answer, with the range searched.
+        With the frequency of the neutral mode and the direction of each; none is an answer, with the range
+        searched.
     """
     return critical(VELOCITY, interface, rig, between[0], between=between)
 
 
 def critical_spring(interface: Interface, rig: Rig, velocity: float) -> float:
-    """Return ``K_c(v)``: the softest driving spring with which smooth sliding is stable, and stays so for all stiffer ones.
+    """Return ``K_c(v)``: smooth sliding is stable on this driving spring and on all stiffer ones.
 
     The rig keeps its mass and damping. No search: at each frequency with ``Im(Z + kappa) = 0`` the spring
-    that makes it neutral is known. For a rig without a ``stiffness`` of its own the spring is put in addition at the interface, and
-    the answer counts from its present static stiffness.
+    that makes it neutral is known. For a rig without a ``stiffness`` of its own the spring is put in addition
+    at the interface, and the answer counts from its present static stiffness.
 
     Parameters
     ----------
@@ -318,8 +320,8 @@ def critical_spring(interface: Interface, rig: Rig, velocity: float) -> float:
     Returns
     -------
     float
-        In units of ``k`` per contact; 0 if smooth sliding is stable on any spring. Linear: stick-slip once started may live on
-        stiffer ones.
+        In units of ``k`` per contact; 0 if smooth sliding is stable on any spring. Linear: stick-slip once
+        started may live on stiffer ones.
 
     Raises
     ------
@@ -338,7 +340,8 @@ def critical_delay(
 ) -> float:
     """Return the linear critical delay: the shortest with which smooth sliding is unstable.
 
-    Not the paper's ``tau*``, which is the shortest delay with which stick-slip, started from a narrow distribution, lasts.
+    Not the paper's ``tau*``, which is the shortest delay with which stick-slip, started from a narrow
+    distribution, lasts.
 
     Parameters
     ----------
@@ -359,7 +362,8 @@ def critical_delay(
     Raises
     ------
     UndecidedError
-        If smooth sliding is stable all through the range, or unstable already at its lower end; the message gives it.
+        If smooth sliding is stable all through the range, or unstable already at its lower end; the message
+        gives it.
     """
     return _first_loss(DELAY, interface, rig, velocity, between, interface.threshold_law.moment(1) / velocity)
 
@@ -369,16 +373,12 @@ def critical_mass(interface: Interface, rig: Rig, velocity: float, between: tupl
     return critical(MASS, interface, rig, velocity, between=between)
 
 
-def critical_damping(
-    interface: Interface, rig: Rig, velocity: float, between: tuple[float, float]
-) -> Crossings:
+def critical_damping(interface: Interface, rig: Rig, velocity: float, between: tuple[float, float]) -> Crossings:
     """Find every damping ``eta`` in a range at which a mode of smooth sliding is neutral; see `critical`."""
     return critical(DAMPING, interface, rig, velocity, between=between)
 
 
-def critical_spread(
-    interface: Interface, rig: Rig, velocity: float, between: tuple[float, float]
-) -> Crossings:
+def critical_spread(interface: Interface, rig: Rig, velocity: float, between: tuple[float, float]) -> Crossings:
     """Find every spread of the thresholds in a range at which a mode of smooth sliding is neutral; see `critical`."""
     return critical(SPREAD, interface, rig, velocity, between=between)
 
@@ -402,6 +402,7 @@ def _first_loss(
 
 
 def check_range(knob: Knob, between: tuple[float, float]) -> tuple[float, float]:
+    """Return the range of a knob, or raise `InputError`."""
     low = number("between[0]", between[0], above=0, hint=knob.unit)
     return low, number("between[1]", between[1], above=low, hint=knob.unit)
 
@@ -446,7 +447,7 @@ def search(
         for k in range(len(points) - len(ahead), len(points)):
             found += _between(knob, setting, points[k - 1], points[k])
             if k >= 2:
-                found += _hidden(knob, setting, *points[k - 2 : k + 1], 6)
+                found += _hidden(knob, setting, points[k - 2], points[k - 1], points[k], 6)
         if first and (points[0].unstable > 0 or any(c.unstable_below * c.unstable_above == 0 for c in found)):
             break
     return Crossings(
@@ -460,18 +461,14 @@ def search(
 
 def _between(knob: Knob, setting: Setting, left: _Point, right: _Point) -> list[Crossing]:
     """Crossings between two points, by halving until each half holds at most one branch that changes sign."""
-    changing = [
-        branch for branch in _matched(left.neutral, right.neutral) if (branch[1] > 0) != (branch[3] > 0)
-    ]
+    changing = [branch for branch in _matched(left.neutral, right.neutral) if (branch[1] > 0) != (branch[3] > 0)]
     if left.unstable == right.unstable and not changing:
         return []
     width = math.log(right.value / left.value)
     if abs(left.unstable - right.unstable) == 2 and len(changing) <= 1:
         starts = [(e / (e - f), w, u) for w, e, u, f in changing]
         if width < 1e-3:
-            starts += [
-                (0.5, w, w) for w in _nearest(left.neutral).tolist() + _nearest(right.neutral).tolist()
-            ]
+            starts += [(0.5, w, w) for w in _nearest(left.neutral).tolist() + _nearest(right.neutral).tolist()]
         for t, w, u in starts:
             at = polish(
                 knob,
@@ -512,9 +509,7 @@ def _matched(one: Neutral, two: Neutral) -> list[tuple[float, float, float, floa
     return pairs
 
 
-def _hidden(
-    knob: Knob, setting: Setting, before: _Point, here: _Point, after: _Point, depth: int
-) -> list[Crossing]:
+def _hidden(knob: Knob, setting: Setting, before: _Point, here: _Point, after: _Point, depth: int) -> list[Crossing]:
     """Pairs of crossings about a point where a branch comes near to changing sign and turns back."""
     if not before.unstable == here.unstable == after.unstable or depth == 0:
         return []
@@ -531,9 +526,7 @@ def _hidden(
         fine = np.geomspace(before.value, after.value, 9)[1:-1].tolist()
         points = [before, *_look(knob, setting, fine), after]
         if any(p.unstable != here.unstable for p in points):
-            return [
-                c for pair in zip(points, points[1:], strict=False) for c in _between(knob, setting, *pair)
-            ]
+            return [c for pair in pairwise(points) for c in _between(knob, setting, *pair)]
         return [
             c
             for triple in zip(points, points[1:], points[2:], strict=False)
@@ -569,7 +562,7 @@ def residual_and_slopes(
 def polish(
     knob: Knob, setting: Setting, log_value: float, log_omega: float, furthest: float = math.inf
 ) -> tuple[float, float] | None:
-    """Newton's method in (log value, log omega) for ``Z + kappa = 0`` at ``s = i omega``; None if it does not settle."""
+    """Newton's method in (log value, log omega) for ``Z + kappa = 0`` at ``i omega``; None if it does not settle."""
     x, y, last = log_value, log_omega, math.inf
     for _ in range(12):
         f, (fx, fy) = residual_and_slopes([knob], setting, [x], y)

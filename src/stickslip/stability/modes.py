@@ -1,14 +1,15 @@
 """Modes of smooth sliding: how many grow, how fast the fastest one does, and which spring would stop them.
 
-Roots of ``Z(s) + kappa(s) = 0``. On the imaginary axis the interface and the rig separate: with ``kappa`` computed once,
-each frequency with ``Im(Z + kappa) = 0`` is neutral for exactly one extra spring at the interface, ``-Re(Z + kappa)``.
+Roots of ``Z(s) + kappa(s) = 0``. On the imaginary axis the interface and the rig separate: with ``kappa``
+computed once, each frequency with ``Im(Z + kappa) = 0`` is neutral for exactly one extra spring at the
+interface, ``-Re(Z + kappa)``.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,15 +31,16 @@ from stickslip.stability.rigs import (
 )
 
 Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+ComplexArray = NDArray[np.complexfloating[Any, Any]]
 
 
 def unstable_modes(interface: Interface, rig: Rig, velocity: float) -> int:
     """Count the growing modes of smooth sliding: roots of ``Z(s) + kappa(s) = 0`` with ``Re s > 0``.
 
-    The argument principle along the imaginary axis. Between two neighbouring frequencies the curve stays inside an
-    ellipse about its two values, of a size that follows from the moments of the laws; frequencies are added until no
-    ellipse holds 0, so that no turn is missed (for a rig given as a function its slope is sampled instead).
+    The argument principle along the imaginary axis. Between two neighbouring frequencies the curve stays
+    inside an ellipse about its two values, of a size that follows from the moments of the laws; frequencies
+    are added until no ellipse holds 0, so that no turn is missed (for a rig given as a function its slope is
+    sampled instead).
 
     Parameters
     ----------
@@ -99,14 +101,14 @@ def unstable_modes(interface: Interface, rig: Rig, velocity: float) -> int:
     z_last = z(1j * omega[-1:])[0]
     angle_z = math.atan2(max(z_last.imag, 0.0), z_last.real)
     loops = (turned + np.angle(first) - angle_z - np.angle(last / z_last)) / (2 * math.pi)
-    return -2 * round(loops)
+    return -2 * round(float(loops))
 
 
 def growth_rate(interface: Interface, rig: Rig, velocity: float) -> complex:
     """Return the root of ``Z(s) + kappa(s) = 0`` with the largest real part: growth rate plus ``i`` angular frequency.
 
-    Newton's method from starts all along the axis finds candidates; the argument principle on a line just left of the
-    best one confirms that there is no other to its right.
+    Newton's method from starts all along the axis finds candidates; the argument principle on a line just
+    left of the best one confirms that there is no other to its right.
 
     Parameters
     ----------
@@ -120,16 +122,16 @@ def growth_rate(interface: Interface, rig: Rig, velocity: float) -> complex:
     Returns
     -------
     complex
-        In 1/time, with an imaginary part of 0 or above. A negative real part is the slowest decay, of the slider or of
-        the contacts' own ringing.
+        In 1/time, with an imaginary part of 0 or above. A negative real part is the slowest decay, of the
+        slider or of the contacts' own ringing.
 
     Raises
     ------
     InputError
         If there is no steady sliding, see `dynamic_stiffness`.
     UndecidedError
-        If smooth sliding is stable but no mode dies out exponentially: a law of thresholds with a heavy tail, or a rig
-        without mass nor losses on an interface without delay.
+        If smooth sliding is stable but no mode dies out exponentially: a law of thresholds with a heavy tail,
+        or a rig without mass nor losses on an interface without delay.
     """
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
     response, z = respond(interface), impedance(rig)
@@ -159,11 +161,13 @@ def growth_rate(interface: Interface, rig: Rig, velocity: float) -> complex:
         starts = roots
     if math.isfinite(limit) and unstable_modes(interface, rig, speed) == 0:
         raise UndecidedError(
-            f"smooth sliding at velocity {speed:g} is stable, but no mode dies out more slowly than the tail of the law "
+            f"smooth sliding at velocity {speed:g} is stable, but no mode dies out more slowly than the tail of the "
+            "law 
             f"of thresholds (Re s = {limit:g}): there is no slowest mode to give; unstable_modes() says 0"
         )
     raise UndecidedError(
-        f"smooth sliding at velocity {speed:g}: no root of Z(s) + kappa(s) could be confirmed as the one furthest right; "
+        f"smooth sliding at velocity {speed:g}: no root of Z(s) + kappa(s) could be confirmed as the one "
+        "furthest right; "
         "unstable_modes() still counts those that grow"
     )
 
@@ -192,17 +196,15 @@ NOTHING = Neutral(np.empty(0), np.empty(0), np.empty(0, dtype=np.int64))
 def neutral_frequencies(
     response: Response, rig: Impedance, velocities: Sequence[float], *, softest: float | None = None
 ) -> list[Neutral]:
-    """Return all zeros of ``Im(Z + kappa)`` on the axis that bear on the rig, or on it and all stiffer ones, per velocity.
+    """Return per velocity all zeros of ``Im(Z + kappa)`` on the axis that bear on the rig, or on all stiffer ones too.
 
-    With `softest` given the answer holds for every rig that has the same losses and masses and a total static stiffness
-    of at least `softest`, else for the rig itself only.
+    With `softest` given the answer holds for every rig that has the same losses and masses and a total static
+    stiffness of at least `softest`, else for the rig itself only.
     """
     if response.inert:
         return [NOTHING for _ in velocities]
     scans = [_scan(response, rig, velocity, softest) for velocity in velocities]
-    brackets = [
-        _brackets(response, rig, velocity, scan) for velocity, scan in zip(velocities, scans, strict=True)
-    ]
+    brackets = [_brackets(response, rig, velocity, scan) for velocity, scan in zip(velocities, scans, strict=True)]
     # All velocities at once: a call costs the same for one frequency and for a hundred.
     counts = [left.size for left, _, _ in brackets]
     speed = np.repeat(np.asarray(velocities, dtype=float), counts)
@@ -216,10 +218,9 @@ def neutral_frequencies(
     ends = np.cumsum([0, *counts])
     for k, (scan, (_, _, rising)) in enumerate(zip(scans, brackets, strict=True)):
         w, e, modes = omega[ends[k] : ends[k + 1]], extra[ends[k] : ends[k + 1]], np.where(rising, 2, -2)
-        if softest is None and scan.omega.size and scan.value[-1] < 0:
-            # Cut off where |kappa| < |Z|: if just past half a turn, the turn is never completed.
-            if _past_half_a_turn(response, rig, velocities[k], float(scan.omega[-1])):
-                w, e, modes = np.append(w, np.inf), np.append(e, np.inf), np.append(modes, 2)
+        # Where a scan was cut off for |kappa| < |Z| just past half a turn, the turn is never completed.
+        if softest is None and scan.omega.size and _past_half_a_turn(response, rig, velocities[k], scan):
+            w, e, modes = np.append(w, np.inf), np.append(e, np.inf), np.append(modes, 2)
         order = np.argsort(w)
         answers.append(Neutral(w[order], e[order], modes[order]))
     return answers
@@ -235,9 +236,7 @@ def _brackets(
     left, right, rising = omega[at], omega[at + 1], negative[at]
     touching = _nearly_touching(value)
     if touching.size:
-        fine = omega[touching - 1, None] + (omega[touching + 1] - omega[touching - 1])[:, None] * np.linspace(
-            0, 1, 33
-        )
+        fine = omega[touching - 1, None] + (omega[touching + 1] - omega[touching - 1])[:, None] * np.linspace(0, 1, 33)
         below = _loss(response, rig, velocity, fine) < 0
         row, column = np.nonzero(below[:, 1:] != below[:, :-1])
         left = np.concatenate([left, fine[row, column]])
@@ -246,10 +245,13 @@ def _brackets(
     return left, right, rising
 
 
-def _past_half_a_turn(response: Response, rig: Impedance, velocity: float, omega: float) -> bool:
-    """Whether ``Z + kappa`` has gone through the negative real axis at a frequency where ``|kappa| < |Z|``."""
-    z = complex(rig(np.array([1j * omega]))[0])
-    total = z + complex(response.stiffness(velocity, np.array([1j * omega]))[0])
+def _past_half_a_turn(response: Response, rig: Impedance, velocity: float, scan: _Scan) -> bool:
+    """Whether ``Z + kappa`` is through the negative real axis at the end of the scan, while ``Z`` never gets there."""
+    if scan.value[-1] >= 0:
+        return False
+    s = 1j * scan.omega[-1:]
+    z = complex(rig(s)[0])
+    total = z + complex(response.stiffness(velocity, s)[0])
     return math.atan2(total.imag, total.real) - math.atan2(max(z.imag, 0.0), z.real) < -math.pi
 
 
@@ -261,9 +263,7 @@ class _Scan(NamedTuple):
 def _scan(response: Response, rig: Impedance, velocity: float, softest: float | None = None) -> _Scan:
     """Sample ``Im(Z + kappa) |denominator|^2`` up to where nothing can happen any more."""
     scale = float(response.scale(velocity))
-    count = 1 << max(
-        8, math.ceil(math.log2(8.0 / response.law.standard_deviation() / STEP * response.reach(velocity)))
-    )
+    count = 1 << max(8, math.ceil(math.log2(8.0 / response.law.standard_deviation() / STEP * response.reach(velocity))))
     held = 0.0 if softest is None else softest - float(rig(np.zeros(1, dtype=complex))[0].real)
     while True:
         if count > SCAN_LIMIT:
@@ -285,9 +285,7 @@ def _scan(response: Response, rig: Impedance, velocity: float, softest: float | 
     if doubtful.size == 0:
         return _Scan(np.empty(0), np.empty(0))
     stop = doubtful[-1] + 2
-    part = Axis(
-        y=axis.y[:stop], complement=axis.complement[:stop], shape=axis.shape[:stop], centre=axis.centre[:stop]
-    )
+    part = Axis(y=axis.y[:stop], complement=axis.complement[:stop], shape=axis.shape[:stop], centre=axis.centre[:stop])
     omega, z = omega[:stop], z[:stop]
     numerator, denominator = response.axis_parts(velocity, part)
     value = z.imag * np.abs(denominator) ** 2 + (numerator * np.conj(denominator)).imag
@@ -299,9 +297,7 @@ def _scan(response: Response, rig: Impedance, velocity: float, softest: float | 
     return _Scan(omega, value)
 
 
-def _clear(
-    z: ComplexArray, centre: ComplexArray, scale: float, held: float, all_springs: bool
-) -> NDArray[np.bool_]:
+def _clear(z: ComplexArray, centre: ComplexArray, scale: float, held: float, all_springs: bool) -> NDArray[np.bool_]:
     """Whether no delay law at all could make the mode at this frequency neutral, from the disc that holds kappa."""
     radius = np.abs(centre)
     lossy = z.imag * scale >= radius - centre.imag - 1e-14 * radius
@@ -318,13 +314,9 @@ def _clear_beyond(
     deficit = float(np.max(np.abs(tail) * (1 - 1e-14) - tail.imag))
     if is_plain(rig) and rig(np.array([1j * omega]))[0].imag * scale >= deficit:
         return True
-    beyond = np.concatenate(
-        [omega * np.geomspace(1, 1e6, 400), np.abs(natural_frequencies(rig)), resonances(rig)]
-    )
+    beyond = np.concatenate([omega * np.geomspace(1, 1e6, 400), np.abs(natural_frequencies(rig)), resonances(rig)])
     z = rig(1j * beyond[beyond >= omega])
-    centre = np.full(
-        z.shape, complex(math.sqrt(max(worst**2 - (worst - max(deficit, 0)) ** 2, 0)), worst - deficit)
-    )
+    centre = np.full(z.shape, complex(math.sqrt(max(worst**2 - (worst - max(deficit, 0)) ** 2, 0)), worst - deficit))
     return bool(_clear(z, centre, scale, held, all_springs).all())
 
 
@@ -354,21 +346,16 @@ def _nearly_touching(value: Array) -> NDArray[np.intp]:
     """Indices of local minima of ``|value|`` where a parabola through three points comes near zero."""
     before, here, after = value[:-2], value[1:-1], value[2:]
     side = np.sign(here)
-    inner = (
-        (before * side > 0)
-        & (after * side > 0)
-        & (here * side <= before * side)
-        & (here * side <= after * side)
-    )
+    inner = (before * side > 0) & (after * side > 0) & (here * side <= before * side) & (here * side <= after * side)
     k = np.flatnonzero(inner)
     if k.size == 0:
         return k
     bend = (before - 2 * here + after)[k] * side[k]
     vertex = here[k] * side[k] - (after[k] - before[k]) ** 2 / (8 * np.maximum(bend, 1e-300))
-    return k[vertex < 0.3 * np.abs(here[k])] + 1
+    return np.asarray(k[vertex < 0.3 * np.abs(here[k])] + 1)
 
 
-def _bracketed_zeros(function, left: Array, right: Array) -> Array:  # type: ignore[no-untyped-def]
+def _bracketed_zeros(function: Callable[[Array], Array], left: Array, right: Array) -> Array:
     """Chandrupatla's method on many brackets at once: bisection that jumps by inverse quadratic interpolation."""
     b, a = left.copy(), right.copy()
     fb, fa = function(b), function(a)
@@ -403,9 +390,7 @@ def _bracketed_zeros(function, left: Array, right: Array) -> Array:  # type: ign
 # ---------------------------------------------------------------- the argument principle
 
 
-def _product(
-    response: Response, rig: Impedance, velocity: float, s: ComplexArray
-) -> tuple[ComplexArray, ComplexArray]:
+def _product(response: Response, rig: Impedance, velocity: float, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
     """``(Z + kappa)`` times the denominator of kappa, and that denominator."""
     if response.inert:
         return rig(s), np.ones_like(s)
@@ -447,15 +432,11 @@ def _slope_bound(response: Response, rig: Impedance, velocity: float, omega: Arr
     z_slope = np.hypot(2 * mass * right, drag)
     z_size = np.hypot(np.maximum(np.abs(z[:-1].real), np.abs(z[1:].real)), z[1:].imag)
     return np.asarray(
-        z_size * (tau1 + m1 / velocity)
-        + 2 * z_slope
-        + (3 * m2 / velocity + 2 * m1 * tau1) / response.scale(velocity)
+        z_size * (tau1 + m1 / velocity) + 2 * z_slope + (3 * m2 / velocity + 2 * m1 * tau1) / response.scale(velocity)
     )
 
 
-def _is_rightmost(
-    response: Response, rig: Impedance, velocity: float, roots: ComplexArray, limit: float
-) -> bool:
+def _is_rightmost(response: Response, rig: Impedance, velocity: float, roots: ComplexArray, limit: float) -> bool:
     """Whether no root lies to the right of the first one, from a count to the right of a line just left of it."""
     cycle = response.reach(velocity) / velocity
     best = float(roots[0].real)
@@ -478,10 +459,7 @@ def _count_right_of(response: Response, rig: Impedance, velocity: float, line: f
         10 / reach,
     )
     fine_top = 8.0 * velocity / max(response.law.standard_deviation(), 1e-9)
-    near = [
-        root.imag + max(abs(root.real - line), 1e-9 * abs(root)) * np.sinh(np.linspace(-6, 6, 121))
-        for root in own
-    ]
+    near = [root.imag + max(abs(root.real - line), 1e-9 * abs(root)) * np.sinh(np.linspace(-6, 6, 121)) for root in own]
     for _ in range(30):
         fine = np.arange(0.0, min(top, fine_top), STEP / reach)
         omega = np.union1d(
@@ -490,7 +468,7 @@ def _count_right_of(response: Response, rig: Impedance, velocity: float, line: f
         omega = omega[(omega >= 0) & (omega <= top)]
         with np.errstate(all="ignore"):
             s = line + 1j * omega
-            product, denominator = _product(response, rig, velocity, s)
+            product, _ = _product(response, rig, velocity, s)
             ratio = product / rig(s)
         if not np.all(np.isfinite(product)):
             return None
@@ -537,7 +515,7 @@ def _starts_from_line(response: Response, rig: Impedance, velocity: float, line:
         axis = response.axis(velocity, omega.size)
         omega = velocity * axis.y
         numerator, denominator = response.axis_parts(velocity, axis)
-        value = rig(1j * omega) * denominator + numerator
+        value: ComplexArray = rig(1j * omega) * denominator + numerator
     else:
         with np.errstate(all="ignore"):
             value = _product(response, rig, velocity, line + 1j * omega)[0]
@@ -554,10 +532,12 @@ def _starts_from_line(response: Response, rig: Impedance, velocity: float, line:
 
 
 def _starts_on_real_axis(response: Response, rig: Impedance, velocity: float, limit: float) -> ComplexArray:
-    """Where ``Z + kappa`` changes sign on the real axis, between the limit (or as far left as matters) and far right."""
+    """Where ``Z + kappa`` changes sign on the real axis, from the limit (or as far left as matters) on."""
     cycle = response.reach(velocity) / velocity
     # Far right kappa falls as v/(s (m1 + v <tau>)).
-    soft = 0.0 if response.inert else velocity / float(response.scale(velocity) * rig(np.zeros(1, dtype=complex))[0].real)
+    soft = (
+        0.0 if response.inert else velocity / float(response.scale(velocity) * rig(np.zeros(1, dtype=complex))[0].real)
+    )
     top = 10 * max(1 / cycle, soft, float(np.max(np.abs(natural_frequencies(rig)), initial=0.0)))
     right = np.geomspace(1e-3 / cycle, top, 200)
     left = -np.geomspace(1e-3 / cycle, min(10 / cycle, -0.99 * limit), 60)[::-1] if limit < 0 else np.empty(0)

@@ -1,16 +1,17 @@
 """The dynamic stiffness of an interface: how its force answers a small shake of a smoothly sliding slider.
 
-With ``P^`` the Laplace transform of the law of thresholds, ``E(s) = <exp(-s tau)>`` that of the delay, ``q = s/v`` and
-``h(q) = Int x J_c(x) exp(-q x) dx``,
+With ``P^`` the Laplace transform of the law of thresholds, ``E(s) = <exp(-s tau)>`` that of the delay, ``q =
+s/v`` and ``h(q) = Int x J_c(x) exp(-q x) dx``,
 
     kappa(s) = - q h(q) (1 - E(s)) / [(m1 + v <tau>) (1 - E(s) P^(q))]
 
-per contact, in units of ``k``. It is not in the paper: it is Eqs. (1)-(4) with the delay, linearised about the steady
-state. Two facts carry the search for unstable modes:
+per contact, in units of ``k``. It is not in the paper: it is Eqs. (1)-(4) with the delay, linearised about
+the steady state. Two facts carry the search for unstable modes:
 
 * ``1 - E P^`` has a positive real part for ``Re s >= 0, s != 0``, so ``kappa`` has no pole there;
 * whatever the delay, ``E`` lies in the unit disc, so ``kappa(i w)`` lies in the disc through 0 about
-  ``c = -q h (1 - conj P^)/((1 - |P^|^2)(m1 + v <tau>))``. A frequency at which ``-Z`` lies outside that disc holds no mode.
+  ``c = -q h (1 - conj P^)/((1 - |P^|^2)(m1 + v <tau>))``. A frequency at which ``-Z`` lies outside that disc
+  holds no mode.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,7 +29,7 @@ from stickslip.model import Delay, DelayLaw, Interface
 from stickslip.thresholds import Exponential, Gamma, Law, LogNormal, Weibull
 
 Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+ComplexArray = NDArray[np.complexfloating[Any, Any]]
 
 STEP = 0.2
 """Phase (rad) that the fastest part of the response may turn between neighbours of a scan; a full turn is 6.3."""
@@ -46,8 +48,8 @@ def dynamic_stiffness(interface: Interface, velocity: float, s: ArrayLike) -> Co
     velocity : float
         Speed of smooth sliding, in ``x_s`` per time.
     s : array_like of complex
-        Growth rate plus ``i`` times angular frequency, in 1/time; on the imaginary axis and to its right for every
-        law, to its left as far as the law of thresholds has a transform.
+        Growth rate plus ``i`` times angular frequency, in 1/time; on the imaginary axis and to its right for
+        every law, to its left as far as the law of thresholds has a transform.
 
     Returns
     -------
@@ -57,12 +59,13 @@ def dynamic_stiffness(interface: Interface, velocity: float, s: ArrayLike) -> Co
     Raises
     ------
     InputError
-        If contacts never come back (no steady sliding), age, or all share one threshold and one delay; if `s` lies
-        where the transform does not exist or overflows.
+        If contacts never come back (no steady sliding), age, or all share one threshold and one delay; if `s`
+        lies where the transform does not exist or overflows.
 
     Notes
     -----
-    Laws without a closed transform (`LogNormal`, `Weibull`) cost some ten microseconds a point. The relative error is about 1e-12, for laws with very heavy tails down to 1e-8 at small `s`.
+    Laws without a closed transform (`LogNormal`, `Weibull`) cost some ten microseconds a point. The relative
+    error is about 1e-12, for laws with very heavy tails down to 1e-8 at small `s`.
     """
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
     response = respond(interface)
@@ -76,9 +79,7 @@ def dynamic_stiffness(interface: Interface, velocity: float, s: ArrayLike) -> Co
     with np.errstate(over="ignore", invalid="ignore"):
         kappa = response.stiffness(speed, points)
     if not np.all(np.isfinite(kappa)):
-        raise InputError(
-            f"s = {furthest:g}: too far left of the imaginary axis, exp(-s x/v) overflows; stay nearer 0"
-        )
+        raise InputError(f"s = {furthest:g}: too far left of the imaginary axis, exp(-s x/v) overflows; stay nearer 0")
     return kappa
 
 
@@ -118,7 +119,7 @@ class Response:
 
     def reach(self, velocity: float) -> float:
         """Distance over which the response remembers, in ``x_s``: the largest threshold and the longest delay."""
-        return _largest(self.law) + velocity * _longest(self.delay)
+        return _largest(_key(self.law)) + velocity * _longest(_key(self.delay))
 
     def stiffness(self, velocity: ArrayLike, s: ArrayLike) -> ComplexArray:
         """``kappa(s)``; `velocity` and `s` broadcast."""
@@ -126,26 +127,27 @@ class Response:
         if self.inert:
             return np.zeros(np.broadcast_shapes(speed.shape, s.shape), dtype=complex)
         numerator, denominator = self.parts(speed, s)
-        return np.asarray(
-            np.divide(numerator, denominator, out=np.zeros_like(numerator), where=denominator != 0)
-        )
+        return np.asarray(np.divide(numerator, denominator, out=np.zeros_like(numerator), where=denominator != 0))
 
     def parts(self, velocity: ArrayLike, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """Numerator and denominator of ``kappa``, both without poles where the transforms exist."""
         complement, shape = transforms(self.law, s / np.asarray(velocity, dtype=float))
-        late = 1.0 - absence(self.delay, s)
-        return -shape * (1.0 - late) / self.scale(velocity), (1.0 - late) + late * complement
+        missing = absence(self.delay, s)
+        numerator: ComplexArray = -shape * missing / self.scale(velocity)
+        return numerator, missing + (1.0 - missing) * complement
 
     def axis_parts(self, velocity: float, axis: Axis) -> tuple[ComplexArray, ComplexArray]:
         """`parts` on the imaginary axis, with the share of the law taken from a table."""
         missing = absence(self.delay, 1j * velocity * axis.y)
-        return -axis.shape * missing / self.scale(velocity), missing + (1.0 - missing) * axis.complement
+        numerator: ComplexArray = -axis.shape * missing / self.scale(velocity)
+        denominator: ComplexArray = missing + (1.0 - missing) * axis.complement
+        return numerator, denominator
 
     def axis(self, velocity: float, count: int) -> Axis:
         """Table of the law with at least `count` points, fine enough for this speed and delay."""
         # Steps are powers of 2, so that neighbouring speeds share a table.
         step = 2.0 ** math.floor(math.log2(STEP / self.reach(velocity)))
-        return _axis(self.law, step, count)
+        return _axis(_key(self.law), step, count)
 
 
 @lru_cache(maxsize=256)
@@ -178,7 +180,16 @@ def respond(interface: Interface) -> Response:
             f"Interface.ageing = {interface.ageing}: the linear response of ageing thresholds is not available; "
             "use ageing=None with a delay, or find the regime by simulate()"
         )
-    return _respond(interface.threshold_law, interface.delay)
+    return _respond(_key(interface.threshold_law), _key(interface.delay))
+
+
+def _key(law: Law | DelayLaw) -> Any:
+    """Return the law, checked to be fit for the key of a table."""
+    try:
+        hash(law)
+    except TypeError as error:
+        raise InputError(f"{law!r}: a law must be hashable; make it a frozen dataclass") from error
+    return law
 
 
 # ---------------------------------------------------------------- transforms without cancellation
@@ -186,7 +197,7 @@ def respond(interface: Interface) -> Response:
 
 def transforms(law: Law, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
     """Return ``1 - P^(q)`` and ``H(q) = q h(q) = (1 - P^)/q + P^'``, by series in the moments where `q` is small."""
-    radius, a, b = _series(law)
+    radius, a, b = _series(_key(law))
     q = np.asarray(q, dtype=complex)
     small = np.abs(q) < radius
     if not small.any():
@@ -229,8 +240,8 @@ def _turned_nodes(law: LogNormal | Weibull) -> tuple[ComplexArray, ComplexArray]
     """Nodes and weights for transforms without a closed form, on a path turned off the real axis.
 
     There ``exp(-q x)`` dies out instead of oscillating, and the same few hundred nodes do for all `q` with
-    ``Im q >= 0``. (`Law.laplace` keeps to the real axis; its cost grows with ``|Im q|``.) The trapezoidal rule converges
-    exponentially.
+    ``Im q >= 0``. (`Law.laplace` keeps to the real axis; its cost grows with ``|Im q|``.) The trapezoidal
+    rule converges exponentially.
     """
     if isinstance(law, LogNormal):
         # x = exp(log_mean + log_spread (z - i turn)): the density grows by exp(turn^2/2), at most 90.

@@ -1,14 +1,15 @@
 """What holds the slider: mechanical impedances to stand for ``M s^2 + M eta s + K``.
 
 A rig answers one question: which force per contact, applied where the contacts act, moves the slider by
-``exp(s t)``? That is its impedance ``Z(s)`` (a dynamic stiffness, force over displacement). Natural units per contact.
+``exp(s t)``? That is its impedance ``Z(s)`` (a dynamic stiffness, force over displacement). Natural units per
+contact.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, cast, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,16 +19,17 @@ from stickslip.errors import InputError, number
 from stickslip.model import Slider
 
 Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+ComplexArray = NDArray[np.complexfloating[Any, Any]]
 
 
 @runtime_checkable
 class Impedance(Protocol):
     """A mechanical impedance: force over displacement at complex `s`, per contact, in units of ``k``.
 
-    It must be passive (``Im Z(i w) >= 0`` for ``w > 0``: the rig takes energy out and puts none in), analytic for
-    ``Re s >= 0``, real on the real axis, and hold the slider (``Z(0) > 0``). A plain function will do. The count of
-    unstable modes is guaranteed for the records of this module; for a function it rests on sampling.
+    It must be passive (``Im Z(i w) >= 0`` for ``w > 0``: the rig takes energy out and puts none in), analytic
+    for ``Re s >= 0``, real on the real axis, and hold the slider (``Z(0) > 0``). A plain function will do.
+    The count of unstable modes is guaranteed for the records of this module; for a function it rests on
+    sampling.
     """
 
     def __call__(self, s: ComplexArray, /) -> ComplexArray:
@@ -60,7 +62,7 @@ class SpringMassDamper:
 
     def __call__(self, s: ComplexArray, /) -> ComplexArray:
         """Force over displacement at each `s`."""
-        return cast(ComplexArray, self.stiffness + self.mass * s * (s + self.damping))
+        return np.asarray(self.stiffness + self.mass * s * (s + self.damping), dtype=complex)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,8 +74,9 @@ class RadiationDamping:
     stiffness : float
         Stiffness of the loading ``K/N`` (for a fault patch of size L about ``mu A/L``).
     radiation : float
-        ``r = A mu / c_s`` per contact for one radiating half-space on a rigid base, ``A mu / (2 c_s)`` where both sides
-        radiate: `A` area per contact, `mu` shear modulus, `c_s` speed of shear waves; in units of ``k`` times time.
+        ``r = A mu / c_s`` per contact for one radiating half-space on a rigid base, ``A mu / (2 c_s)`` where
+        both sides radiate: `A` area per contact, `mu` shear modulus, `c_s` speed of shear waves; in units of
+        ``k`` times time.
     mass : float
         ``M/N``; zero for a quasi-dynamic fault.
     """
@@ -89,7 +92,7 @@ class RadiationDamping:
 
     def __call__(self, s: ComplexArray, /) -> ComplexArray:
         """Force over displacement at each `s`."""
-        return cast(ComplexArray, self.stiffness + s * (self.radiation + self.mass * s))
+        return np.asarray(self.stiffness + s * (self.radiation + self.mass * s), dtype=complex)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,9 +105,10 @@ class Modes:
     Parameters
     ----------
     masses, stiffnesses, dampings : sequence of float, shape (n,)
-        Modal masses and stiffnesses per contact, scaled so that the mode's displacement at the interface is 1, and
-        ``eta_j > 0`` in 1/time. With the far end of the drive held still in the modal analysis, they are all there is
-        and `stiffness` is 0. For the modes of the free body a stiffness of 0 is its rigid motion.
+        Modal masses and stiffnesses per contact, scaled so that the mode's displacement at the interface is
+        1, and ``eta_j > 0`` in 1/time. With the far end of the drive held still in the modal analysis, they
+        are all there is and `stiffness` is 0. For the modes of the free body a stiffness of 0 is its rigid
+        motion.
     stiffness : float
         A driving spring ``K/N`` that pulls at the interface, beside the modes.
     """
@@ -123,12 +127,9 @@ class Modes:
         ):
             values: Sequence[float] = getattr(self, field)
             if len(values) != len(self.masses) or len(values) == 0:
-                raise InputError(
-                    f"Modes.{field}: {len(values)} values: must be as many as masses, at least one"
-                )
+                raise InputError(f"Modes.{field}: {len(values)} values: must be as many as masses, at least one")
             checked = (
-                number(f"Modes.{field}[{i}]", value, above=above, at_least=at_least)
-                for i, value in enumerate(values)
+                number(f"Modes.{field}[{i}]", value, above=above, at_least=at_least) for i, value in enumerate(values)
             )
             object.__setattr__(self, field, tuple(checked))
         if self.stiffness == 0 and min(self.stiffnesses) == 0:
@@ -140,10 +141,7 @@ class Modes:
     def __call__(self, s: ComplexArray, /) -> ComplexArray:
         """Force over displacement at each `s`."""
         s = np.asarray(s, dtype=complex)
-        own = [
-            m * s * (s + eta) + k
-            for m, eta, k in zip(self.masses, self.dampings, self.stiffnesses, strict=True)
-        ]
+        own = [m * s * (s + eta) + k for m, eta, k in zip(self.masses, self.dampings, self.stiffnesses, strict=True)]
         # 1/G as a product over sums of products: finite where a mode alone would be.
         scaled = [z / max(m, k, 1e-300) for z, m, k in zip(own, self.masses, self.stiffnesses, strict=True)]
         total = np.zeros_like(s)
@@ -156,7 +154,7 @@ class Modes:
         for factor in scaled:
             product = product * factor
         with np.errstate(divide="ignore", invalid="ignore"):
-            return cast(ComplexArray, self.stiffness + product / total)
+            return self.stiffness + product / total
 
 
 def impedance(rig: Rig) -> Impedance:
@@ -172,9 +170,7 @@ def impedance(rig: Rig) -> Impedance:
     if isinstance(rig, SpringMassDamper | RadiationDamping | Modes):
         return rig
     if not callable(rig):
-        raise InputError(
-            f"rig = {rig!r}: must be a Slider or an impedance, such as Modes(...) or a function of s"
-        )
+        raise InputError(f"rig = {rig!r}: must be a Slider or an impedance, such as Modes(...) or a function of s")
     held = complex(np.asarray(rig(np.zeros(1, dtype=complex))).ravel()[0])
     if not (held.real > 0 and abs(held.imag) <= 1e-12 * abs(held.real)):
         raise InputError(f"rig: Z(0) = {held:g}: must be real and above 0: a spring has to hold the slider")
