@@ -85,7 +85,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
             "K_eff": (
                 "X",
                 -run["stiffness"].to_numpy(),
-                {"units": "k", "long_name": "effective stiffness of the interface, per contact"},
+                {"units": "k", "long_name": "effective stiffness, per contact"},
             ),
             "V_eff": (
                 ("drive", "X"),
@@ -182,7 +182,7 @@ def _bend(data: xr.Dataset) -> float:
 def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
     K = float(data.attrs["stiffness"])
     figure = plot.new_figure(plot.PAGE, 3.3)
-    left, right = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
+    left, right = figure.subplots(1, 2, width_ratios=(1.3, 1.0))
     X, force = data["X"].to_numpy(), data["F_c"].to_numpy()
     shown = X <= 1.6
     left.plot(X[shown], force[shown], color=plot.BLUE)
@@ -194,15 +194,16 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
         left.plot(line, K * (drive - line), color=colour, linestyle=style, linewidth=1.0)
         height = float(np.interp(at, X, force))
         left.plot(at, height, "o", color=colour, markersize=5, zorder=3)
-        left.annotate(name, (at, height), xytext=(6, 3), textcoords="offset points", color=colour, fontweight="bold")
+        left.annotate(name, (at, height), xytext=(-12, 1) if i == 0 else (6, 3),
+                      textcoords="offset points", color=colour, fontweight="bold")  # fmt: skip
     landing = float(data["point"][2])
     left.plot(landing, np.interp(landing, X, force), "o", markerfacecolor="white", color=plot.VERMILLION, markersize=5)
-    left.text(1.07, 0.62, r"$K(v_\mathrm{d}t^* - X)$", color=plot.VERMILLION)
+    left.text(1.09, 0.43, r"$K(v_\mathrm{d}t^* - X)$", color=plot.VERMILLION)
     plot.dress(left.xaxis, data["X"])
     plot.dress(left.yaxis, data["F_c"])
-    left.set(xlim=(0, 1.6), ylim=(0, 1.02))
+    left.set(xlim=(0, 1.6), ylim=(0, 1.1))
     plot.letter(left, rf"(a) $K$ = {K:g} $k$")
-    _draw_potential(left.inset_axes((0.70, 0.70, 0.3, 0.3)), data)
+    _draw_potential(left.inset_axes((0.66, 0.64, 0.34, 0.36)), data)
 
     right.plot(X[shown], data["K_eff"].to_numpy()[shown], color=plot.BLUE)
     for value, text, colour in (
@@ -227,16 +228,19 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
 def _draw_potential(ax: matplotlib.axes.Axes, data: xr.Dataset) -> None:
     """The effective potential before, at and after the instability, with the slider where it rests."""
     X = data["X"].to_numpy()
-    names = ("before", "at", "after")
+    names = ("$t < t^*$", "$t^*$", "$t > t^*$")
     for i, (colour, name) in enumerate(zip((plot.GREY, plot.VERMILLION, plot.BLACK), names, strict=True)):
         V = data["V_eff"].to_numpy()[i]
         V = V - float(np.interp(float(data["point"][1]), X, V)) - 0.09 * i
         near_point = (X > 0.55) & (X < 1.35)
-        ax.plot(X[near_point], V[near_point], color=colour, linewidth=1.0, label=name)
+        ax.plot(X[near_point], V[near_point], color=colour, linewidth=1.0)
+        ax.text(1.38, V[near_point][-1], name, color=colour, fontsize=7, va="center")
         if i < 2:
             at = float(data["point"][i])
             ax.plot(at, np.interp(at, X, V), "o", color=colour, markersize=4)
     ax.set_yticks([])
+    ax.set_xticks([0.6, 0.9, 1.2])
+    ax.set_xlim(0.5, 1.72)
     ax.tick_params(labelsize=7)
     ax.set_xlabel(r"$X$ ($x_\mathrm{s}$)", fontsize=7, labelpad=1)
     ax.set_ylabel(r"$V_\mathrm{eff}$", fontsize=7, labelpad=1)
