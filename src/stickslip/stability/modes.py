@@ -159,16 +159,14 @@ def growth_rate(interface: Interface, rig: Rig, velocity: float) -> complex:
         if not growing and roots[0].real <= 0 and _is_rightmost(response, z, speed, roots, limit):
             return complex(roots[0])
         starts = roots
-    if math.isfinite(limit) and unstable_modes(interface, rig, speed) == 0:
+    if math.isfinite(limit) and growing == 0:
         raise UndecidedError(
             f"smooth sliding at velocity {speed:g} is stable, but no mode dies out more slowly than the tail of the "
-            "law 
-            f"of thresholds (Re s = {limit:g}): there is no slowest mode to give; unstable_modes() says 0"
+            f"law of thresholds (Re s = {limit:g}): there is no slowest mode to give; unstable_modes() says 0"
         )
     raise UndecidedError(
-        f"smooth sliding at velocity {speed:g}: no root of Z(s) + kappa(s) could be confirmed as the one "
-        "furthest right; "
-        "unstable_modes() still counts those that grow"
+        f"smooth sliding at velocity {speed:g}: no root of Z(s) + kappa(s) could be confirmed as the one furthest "
+        f"right; {growing} of them grow"
     )
 
 
