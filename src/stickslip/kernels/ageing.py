@@ -27,6 +27,9 @@ from ._jit import jit
 
 Floats = NDArray[np.float64]
 
+# Relaxation times of the reflected gap, noise/drift^2, after which its start is forgotten to exp(-FORGOTTEN/2).
+FORGOTTEN = 16.0
+
 # ---------------------------------------------------------------- grids and exponentially fitted rates
 
 
@@ -330,32 +333,50 @@ def _crossing(start: float, end: float, variance: float, rng: np.random.Generato
 
 
 @jit
-def _regenerate(drift: float, noise: float, time: float, rng: np.random.Generator) -> tuple[float, float]:
-    """Gap of a contact that starts on its boundary and is reborn there whenever it returns; and its age.
+def _regenerate(
+    start: float, drift: float, noise: float, time: float, rng: np.random.Generator
+) -> tuple[float, float]:
+    """Gap of a contact that is reborn on its boundary whenever it meets it; and its age.
 
-    The gap is a Brownian motion with drift, reflected at 0: free motion less its running minimum. The time since
-    the last visit to 0 is the time since the minimum. Both are sampled exactly (the minimum by its bridge law, its
-    time as a mixture of two inverse Gaussians), so that a step may hold any number of breaks.
+    The gap is a Brownian motion with drift, reflected at 0: free motion less its running minimum where that is
+    below 0. The time since the last visit to 0 is the time since the minimum. Both are sampled exactly (the minimum
+    by its bridge law, its time as a mixture of two inverse Gaussians), so that a step may hold any number of breaks.
 
     Parameters
     ----------
+    start : float
+        Gap at the start, 0 for a newborn.
     drift, noise : float
         Drift of the gap, and the square of its noise, ``<dy^2>/dt``.
     time : float
         How long it goes on.
+
+    Returns
+    -------
+    gap, age : float
+        The age is -1 where the contact has not broken.
     """
     variance = noise * time
     if variance <= 0.0:
-        return max(drift, 0.0) * time, time if drift > 0.0 else 0.0
-    free = drift * time + np.sqrt(variance) * rng.standard_normal()
-    below = 0.5 * (np.sqrt(free * free + 2.0 * variance * rng.standard_exponential()) - free)
-    gap = free + below
-    if below <= 0.0 or gap <= 0.0:
+        free = start + drift * time
+        if free > 0.0:
+            return free, time if start == 0.0 else -1.0
+        return 0.0, 0.0
+    if start == 0.0 and drift < 0.0 and drift * drift * time > FORGOTTEN * noise:
+        # Stationary: the minimum over an endless past, and the first passage backwards from the gap to it.
+        gap = -0.5 * noise / drift * rng.standard_exponential()
+        return gap, _inverse_gaussian(-gap / drift, gap * gap / noise, rng)
+    way = drift * time + np.sqrt(variance) * rng.standard_normal()
+    down = 0.5 * (np.sqrt(way * way + 2.0 * variance * rng.standard_exponential()) - way)
+    if down < start:
+        return start + way, -1.0
+    gap = way + down
+    if down <= 0.0 or gap <= 0.0:
         return max(gap, 0.0), time if gap > 0.0 else 0.0
-    if rng.random() * (below + gap) < below:
-        ratio = _inverse_gaussian(gap / below, gap * gap / variance, rng)
+    if rng.random() * (down + gap) < down:
+        ratio = _inverse_gaussian(gap / down, gap * gap / variance, rng)
     else:
-        ratio = 1.0 / _inverse_gaussian(below / gap, below * below / variance, rng)
+        ratio = 1.0 / _inverse_gaussian(down / gap, down * down / variance, rng)
     return gap, time * ratio / (1.0 + ratio)
 
 
@@ -378,78 +399,112 @@ def _gap_drift(rate: float, mean: float, noise: float, speed: float, time: float
 
 @jit
 def _age_contacts(
-    stretching: Floats,
+    base: Floats,
     threshold: Floats,
     attach: Floats,
+    seen: Floats,
+    until: Floats,
+    room: Floats,
     now: float,
     dt: float,
+    X: float,
     dX: float,
     law: Floats,
     delays: Floats,
-    bridge: bool,
     rng: np.random.Generator,
-) -> tuple[float, float]:
-    """One step of all contacts while the slider moves by `dX` at constant velocity.
+) -> tuple[float, int]:
+    """One step of all contacts while the slider moves from `X` to ``X + dX`` at constant velocity.
 
-    Returns the sum of the stretchings of the attached contacts and the number of them.
+    A contact far from breaking sleeps: nothing is done until the time ``until`` or until the slider leaves the
+    range ``room`` (low and high end for each contact); its threshold is that of the time ``seen``, its stretching
+    is ``base + X`` all the time.
+
+    Returns what breaking has taken from the sum of all stretchings, and how many contacts the step has attached
+    (less those that it has detached).
     """
     rate, mean, spread, newborn = law[0], law[1], law[2], law[3]
-    decay = np.exp(-rate * rate * dt)
+    square = rate * rate
+    decay = np.exp(-square * dt)
     kick = spread * np.sqrt(1.0 - decay * decay)
     # Of the bridge, in the clock that makes an Ornstein-Uhlenbeck process a Brownian motion.
-    variance = 2.0 * spread * spread * np.sinh(rate * rate * dt)
-    noise = 2.0 * (rate * spread) ** 2
+    variance = 2.0 * spread * spread * np.sinh(square * dt)
+    noise = 2.0 * square * spread * spread
     v = dX / dt
-    total, attached = 0.0, 0
-    for i in range(stretching.size):
-        x, f = stretching[i], threshold[i]
-        left, rest = dt, 0.0
-        if attach[i] > now:  # detached
-            rest = attach[i] - now
-            if rest >= dt:
+    end, new_X = now + dt, X + dX
+    # Where a step holds many lives, the moment of the first break in it does not matter.
+    fall = abs(v) - square * mean
+    forgotten = newborn <= 0.0 and fall > 0.0 and fall * fall * dt > FORGOTTEN * noise
+    young = newborn <= 0.0 and fall > 2.0 * square * mean
+    certain = fall * dt - 6.0 * np.sqrt(noise * dt) if forgotten else -1.0
+    whole = _gap_drift(rate, mean, noise, abs(v), dt)
+    lost, more = 0.0, 0
+    for i in range(base.size):
+        if end <= until[i] and room[i, 0] <= new_X <= room[i, 1]:
+            continue
+        if attach[i] <= now:
+            left, x, f = dt, base[i] + X, threshold[i]
+            lost += x + dX
+            more -= 1
+            if seen[i] < now:
+                e = np.exp(-square * (now - seen[i]))
+                f = mean + (f - mean) * e + spread * np.sqrt(1.0 - e * e) * rng.standard_normal()
+        else:
+            left, x, f = end - attach[i], 0.0, newborn
+            if left <= 0.0:
                 continue
-            left, x, f = dt - rest, 0.0, newborn
-        while True:
+        gap = f - abs(x)
+        if gap < certain:
+            gap, age = _regenerate(0.0, whole, noise, dt, rng)
+            x, left = v * age, 0.0
+            f = abs(x) + gap
+        elif young and f < 0.1 * mean and x * v >= 0.0 and left == dt:
+            # Near the boundary and driven towards it: the drift is as good as constant, one sample does it all.
+            gap, age = _regenerate(max(gap, 0.0), min(whole, square * (mean - f) - abs(v)), noise, dt, rng)
+            x, left = (v * age if age >= 0.0 else x + dX), 0.0
+            f = abs(x) + gap
+        while left > 0.0:
             if left == dt:
                 e, sigma, var = decay, kick, variance
             else:
-                e = np.exp(-rate * rate * left)
+                e = np.exp(-square * left)
                 sigma = spread * np.sqrt(1.0 - e * e)
-                var = 2.0 * spread * spread * np.sinh(rate * rate * left)
+                var = 2.0 * spread * spread * np.sinh(square * left)
             new_x = x + v * left
             new_f = mean + (f - mean) * e + sigma * rng.standard_normal()
-            y0, y1 = f - abs(x), new_f - abs(new_x)
-            broken = y1 <= 0.0
-            if not broken and bridge:
-                hidden = 2.0 * y0 * y1 / var
-                broken = hidden < 40.0 and rng.random() < np.exp(-hidden)
-            if not broken:
-                x, f = new_x, new_f
-                break
-            if not bridge:  # the plain Euler reference: seen at the end of the step only
-                x, f = 0.0, newborn
-                break
-            left *= 1.0 - _crossing(y0, y1, var, rng)
-            if newborn > 0.0:
-                x, f = 0.0, newborn
-                left -= delays[int(rng.random() * delays.size)]
-                if left <= 0.0:
+            gap = max(f - abs(x), 0.0)
+            new_gap = new_f - abs(new_x)
+            if new_gap > 0.0:
+                hidden = 2.0 * gap * new_gap / var
+                if hidden > 40.0 or rng.random() >= np.exp(-hidden):
+                    x, f, left = new_x, new_f, 0.0
                     break
+            if newborn > 0.0:
+                left *= 1.0 - _crossing(gap, new_gap, var, rng)
+                left -= delays[int(rng.random() * delays.size)]
+                x, f = 0.0, newborn
             else:
-                f, age = _regenerate(_gap_drift(rate, mean, noise, abs(v), left), noise, left, rng)
+                if not forgotten:
+                    left *= 1.0 - _crossing(gap, new_gap, var, rng)
+                gap, age = _regenerate(0.0, _gap_drift(rate, mean, noise, abs(v), left), noise, left, rng)
                 x = v * age
-                f += abs(x)
+                f = abs(x) + gap
                 left = 0.0
-                break
         if left < 0.0:
-            attach[i] = now + dt - left
-            stretching[i], threshold[i] = 0.0, newborn
+            attach[i] = until[i] = end - left
+            room[i, 0], room[i, 1] = -np.inf, np.inf
+            continue
+        lost -= x
+        more += 1
+        attach[i] = -np.inf
+        base[i], threshold[i], seen[i] = x - new_X, f, end
+        # One third of the gap for the slider, two thirds for 4.5 standard deviations of the noise.
+        gap = f - abs(x) - max(f - mean, 0.0)
+        if gap > 0.0:
+            until[i] = end + 0.022 * gap * gap / noise if noise > 0.0 else np.inf
+            room[i, 0], room[i, 1] = new_X - gap / 3.0, new_X + gap / 3.0
         else:
-            attach[i] = now
-            stretching[i], threshold[i] = x, f
-            total += x
-            attached += 1
-    return total, float(attached)
+            until[i] = -np.inf
+    return lost, more
 
 
 @jit
@@ -471,15 +526,17 @@ def advance_contacts(
 
     Per contact and step: an exact Ornstein-Uhlenbeck step of the threshold, a Brownian-bridge test for breaking
     inside the step, the exact law of the moment of breaking, and for contacts born on their boundary the exact law
-    of gap and age after any number of breaks (`_regenerate`). Between updates the slider is the exact oscillator of
-    stiffness K + (attached share), driven by the drive and by the loss of force that the previous step showed.
+    of gap and age after any number of breaks (`_regenerate`). Contacts far from breaking are left alone. Between
+    updates the slider is the exact oscillator of the driving spring and of those contacts that, by the previous
+    step, follow the slider without breaking.
 
     Parameters
     ----------
     state : ndarray, shape (4,)
-        Time, X, V and the present loss of force to breaking per time (0 at the start); changed in place.
+        Time, X, V and the share of new stretching that breaking presently undoes (0 at the start; a memory of the
+        step before); changed in place.
     stretching, threshold, attach : ndarray, shape (N,)
-        Stretchings, thresholds, and the times from which contacts hold (not later than now: attached); changed in
+        Stretchings, thresholds, and the times from which contacts hold (``-inf`` for attached ones); changed in
         place.
     drive : ndarray, shape (segments, 4)
         See `drive_at`.
@@ -493,9 +550,9 @@ def advance_contacts(
     times : ndarray, shape (m,)
         When to sample, ascending, none before now.
     step : float
-        Largest step in units of 1/rate^2; negative for the plain Euler reference without bridges, of fixed step.
+        Largest step in units of 1/rate^2; 0.04 is converged to 2e-3.
     reach : float
-        Largest way of the slider in a step, in units of `mean`.
+        Largest way of the slider in a step, in units of `mean`; 0.05 with a slider, inf for steady rigid motion.
     rng : numpy.random.Generator
 
     Returns
@@ -503,64 +560,76 @@ def advance_contacts(
     ndarray, shape (m, 5)
         X, V, driving force F_d, contact force F_c (both per contact), share of attached contacts.
     """
-    rate, mean = law[0], law[1]
+    rate, mean, spread = law[0], law[1], law[2]
     K, mass, damping = slider[0], slider[1], slider[2]
     rigid = np.isinf(K)
-    bridge = step > 0.0
     n = stretching.size
-    now, X, V, loss = state[0], state[1], state[2], state[3]
+    now, X, V, undone = state[0], state[1], state[2], state[3]
     if law[3] <= 0.0 and np.max(delays) > 0.0:
         raise ValueError("a delay after breaking needs a newborn threshold above 0")
-    total, count = 0.0, 0.0
+    if rigid and times.size > 0:
+        X = drive_at(drive, now)[0]
+    total, count = 0.0, 0
+    seen, until, room = np.full(n, now), np.full(n, -np.inf), np.zeros((n, 2))
     for i in range(n):
         if attach[i] <= now:
             total += stretching[i]
-            count += 1.0
-    longest = abs(step) / rate**2
+            count += 1
+        else:
+            until[i], room[i, 0], room[i, 1] = attach[i], -np.inf, np.inf
+        stretching[i] -= X
     amplitude = 0.0
     samples = np.empty((times.size, 5))
     for j in range(times.size):
         while now < times[j]:
             D, v_d, a_d, knot = drive_at(drive, now)
             F, share = total / n, count / n
-            dt = longest
-            if bridge:
-                fast = abs(v_d) + abs(a_d) * dt if rigid else max(abs(V), abs(v_d) + abs(a_d) * dt)
-                dt = min(dt, reach * mean / max(fast, 1e-300))
+            dt = step / rate**2
+            fast = abs(v_d) + abs(a_d) * dt
+            if not rigid:
+                fast = max(fast, abs(V))
                 # The free oscillation, where it matters, is followed by eighteen steps a period.
-                if not rigid and amplitude > 0.1 * reach * mean:
+                if amplitude > 0.05 * reach * mean:
                     dt = min(dt, 0.35 / np.sqrt((K + share) / mass))
+            dt = min(dt, reach * mean / max(fast, 1e-300))
             target = min(times[j], knot)
             # A sliver of a step before a sample is shared with the step before it.
             if now + 1.0000001 * dt >= target:
                 dt = target - now
             elif now + 2.0 * dt > target:
                 dt = 0.5 * (target - now)
+            before, v_0 = X, V
             if rigid:
-                dX = dt * (v_d + 0.5 * a_d * dt)
-                X, V = D + dX, v_d + a_d * dt
+                X, V = D + dt * (v_d + 0.5 * a_d * dt), v_d + a_d * dt
             else:
-                before = X
-                X, V, amplitude = _oscillator(
-                    X,
-                    V,
-                    K + share,
-                    mass,
-                    damping,
-                    K * D - F + share * X,
-                    K * v_d + loss,
-                    0.5 * K * a_d,
-                    dt,
-                )
-                dX = X - before
-            total, count = _age_contacts(
-                stretching, threshold, attach, now, dt, dX, law, delays, bridge, rng
+                grip = share * (1.0 - undone)
+                k, F_0, F_1, F_2 = K + grip, K * D - F + grip * X, K * v_d, 0.5 * K * a_d
+                X, V, amplitude = _oscillator(before, v_0, k, mass, damping, F_0, F_1, F_2, dt)
+                if V * v_0 < 0.0:  # a step ends where the slider turns back
+                    turn = dt * v_0 / (v_0 - V)
+                    if 0.05 * dt < turn < 0.95 * dt:
+                        dt = turn
+                        X, V, amplitude = _oscillator(before, v_0, k, mass, damping, F_0, F_1, F_2, dt)
+            dX = X - before
+            lost, more = _age_contacts(
+                stretching, threshold, attach, seen, until, room, now, dt, before, dX, law, delays, rng
             )
-            loss = (F + share * dX - total / n) / dt
+            if count > 0 and dX != 0.0:
+                undone = min(max(lost / (count * dX), 0.0), 1.0)
+            total += count * dX - lost
+            count += more
             now = target if dt == target - now else now + dt
         D, v_d, a_d, knot = drive_at(drive, times[j])
         samples[j, 0], samples[j, 1] = X, V
         samples[j, 3], samples[j, 4] = total / n, count / n
         samples[j, 2] = samples[j, 3] if rigid else K * (D - X)
-    state[0], state[1], state[2], state[3] = now, X, V, loss
+    for i in range(n):
+        stretching[i] += X
+        if attach[i] > now:
+            stretching[i] = 0.0
+        elif seen[i] < now:
+            e = np.exp(-rate * rate * (now - seen[i]))
+            f = mean + (threshold[i] - mean) * e + spread * np.sqrt(1.0 - e * e) * rng.standard_normal()
+            threshold[i] = max(f, abs(stretching[i]))
+    state[0], state[1], state[2], state[3] = now, X, V, undone
     return samples
