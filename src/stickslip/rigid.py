@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError, number, whole
 from stickslip.model import Delay, Interface
-from stickslip.simulate import LABELS, Contacts, MasterEquation, check_method, initial_nodes, known_reach, pull_rigidly
+from stickslip.simulate import LABELS, Contacts, MasterEquation, check_method, initial_nodes, pull_rigidly
 from stickslip.thresholds import excess
 
 if TYPE_CHECKING:
@@ -73,10 +73,10 @@ def slide(
 
     Notes
     -----
-    The master equation is solved to the letter of Eqs. (1)-(4): a contact that starts stretched backwards may have
-    any threshold. `Contacts`, and every slider on a spring, know that it lies beyond ``|x_0|``, as the contact
-    could have broken on that side. For initial and threshold spreads of .3 the first maximum differs by .001, for
-    narrower ones by less than 1e-6.
+    `Renewal` solves Eqs. (1)-(4) to the letter: only contacts stretched forwards are asked for their threshold, so one
+    that starts stretched backwards may have any. The other methods, which let the slider turn round, know that it lies
+    beyond ``|x_0|``. For initial and threshold spreads of .3 the first maxima differ by .001, for narrower ones by less
+    than 1e-6.
     """
     distance = number("slide: distance", distance, above=0, hint="in x_s")
     velocity = number("slide: velocity", velocity, above=0, hint="in x_s per time")
@@ -208,7 +208,7 @@ class _Solution:
             lambda x, n: excess(law, x, n),
             self.initial_stretchings,
             weight,
-            known_reach(self.initial_stretchings),
+            np.maximum(self.initial_stretchings, 0.0),
             velocity * delay,
             share,
         )

@@ -542,13 +542,7 @@ class _Cohorts:
             x, share = kernel.smooth_sliding(self._table, self._cells, attached)
             rate = attached * motion.drive.pieces[0].start / interface.threshold_law.moment(1)
         self._state = kernel.initial_state(
-            self._table,
-            self._rebirth,
-            x,
-            share,
-            velocity=motion.first_velocity,
-            rate=rate,
-            reach=known_reach(x) if slider is None else None,
+            self._table, self._rebirth, x, share, velocity=motion.first_velocity, rate=rate
         )
 
     def contact_force(self) -> float:
@@ -644,14 +638,6 @@ def initial_nodes(interface: Interface) -> tuple[Array, Array]:
     weight = weight * law.density(x)
     kept = (weight > 0) & (thresholds.survival(np.abs(x)) > 0)
     return x[kept], weight[kept] / weight[kept].sum()
-
-
-def known_reach(x: Array) -> Array:
-    """Stretching beyond which thresholds of initial contacts lie in rigid forward motion, to the letter of Eq. (3).
-
-    Only contacts stretched forwards are asked for their threshold there; one stretched backwards may have any.
-    """
-    return np.maximum(x, 0.0)
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -625,7 +625,6 @@ def initial_state(
     velocity: float = 0.0,
     time: float = 0.0,
     rate: float = 0.0,
-    reach: Array | None = None,
 ) -> State:
     """Put a slider on its initial contacts.
 
@@ -644,15 +643,13 @@ def initial_state(
     rate : float
         Mass that broke per unit time before the start; it is born again after its delay. For smooth sliding
         ``v / (<x_s> + v <tau_d>)``, with the attached fraction ``<x_s> / (<x_s> + v <tau_d>)``.
-    reach : ndarray, shape (n_nodes,), optional
-        Stretching beyond which the thresholds of the initial contacts are known to lie, if not ``|x_0|``.
 
     Returns
     -------
     State
     """
     stretching, weight = np.asarray(stretching, float), np.asarray(weight, float)
-    reach = np.abs(stretching) if reach is None else np.asarray(reach, float)
+    reach = np.abs(stretching)
     alive = np.array([max(survival(table, x), EXTINCT) for x in reach])
     n = stretching.size
     cohort = np.zeros((6, 2 * n + 1024))
