@@ -591,7 +591,7 @@ def _newton(
     response: Response, rig: Impedance, velocity: float, s: ComplexArray, radius: float, longest: float
 ) -> tuple[ComplexArray, NDArray[np.bool_]]:
     """Newton's method on ``product/s`` from many starts; slopes from Cauchy's integral on a small circle."""
-    corner = np.exp(1j * math.pi * np.array([0.25, 0.75, 1.25, 1.75]))[:, None]
+    corner = np.append(0.0, np.exp(1j * math.pi * np.array([0.25, 0.75, 1.25, 1.75])))[:, None]
 
     def reduced(points: ComplexArray) -> ComplexArray:
         value = _product(response, rig, velocity, points)[0]
@@ -600,11 +600,11 @@ def _newton(
     settled = np.zeros(s.shape, dtype=bool)
     active = np.arange(s.size)
     last = np.full(s.shape, np.inf)
-    for _ in range(60):
+    for _ in range(30):
         here = s[active]
-        around = reduced((here + radius * corner).ravel()).reshape(4, -1)
-        slope = np.mean(around * np.conj(corner), axis=0) / radius
-        step = -reduced(here) / slope
+        around = reduced((here + radius * corner).ravel()).reshape(5, -1)
+        slope = np.mean(around[1:] * np.conj(corner[1:]), axis=0) / radius
+        step = -around[0] / slope
         size = np.abs(step)
         # Steps that no longer shrink are rounding; one that was large must not be taken in full.
         finished = (size < 1e-10 * (np.abs(here) + longest)) & (size > 0.1 * last[active])
