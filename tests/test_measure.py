@@ -270,6 +270,16 @@ def test_irregular_slips_of_a_force_alone_are_stick_slip(seed, spread):
     assert result.period == pytest.approx(6.0, rel=0.3)
 
 
+def test_samples_that_step_over_slips_do_not_make_them_smooth():
+    t, force = even_sawtooth(cycles=60)
+    data = with_motion(t, force)
+    for every in (1, 5, 10, 20):  # 150 to 7.5 samples in a cycle, 6 to .3 in a fall
+        thin = data.isel(t=slice(None, None, every))
+        assert regime(thin.assign(velocity=("t", np.gradient(thin.X, thin.t)))).kind == "stick-slip"
+    assert regime(data.isel(t=slice(None, None, 60))).kind == "undecided"
+    assert "record more often" in regime(wave().isel(t=slice(None, None, 40))).reason
+
+
 def test_too_few_cycles_are_undecided():
     t, force = even_sawtooth(cycles=3)
     result = regime(with_motion(t, force))
