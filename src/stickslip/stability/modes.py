@@ -232,14 +232,23 @@ def _brackets(
     negative = value < 0
     at = np.flatnonzero(negative[1:] != negative[:-1])
     left, right, rising = omega[at], omega[at + 1], negative[at]
-    touching = _nearly_touching(value)
-    if touching.size:
-        fine = omega[touching - 1, None] + (omega[touching + 1] - omega[touching - 1])[:, None] * np.linspace(0, 1, 33)
-        below = _loss(response, rig, velocity, fine) < 0
-        row, column = np.nonzero(below[:, 1:] != below[:, :-1])
+    middle = _nearly_touching(value)
+    low, high, side = omega[middle - 1], omega[middle + 1], np.sign(value[middle])
+    for _ in range(6):
+        if low.size == 0:
+            break
+        # A pair of zeros may be much closer than two frequencies of the scan: close in on the dip until it is decided.
+        fine = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, 17)
+        dip = _loss(response, rig, velocity, fine) * side[:, None]
+        row, column = np.nonzero((dip[:, 1:] < 0) != (dip[:, :-1] < 0))
         left = np.concatenate([left, fine[row, column]])
         right = np.concatenate([right, fine[row, column + 1]])
-        rising = np.concatenate([rising, below[row, column]])
+        rising = np.concatenate([rising, (dip[row, column] < 0) == (side[row] > 0)])
+        lowest = np.clip(np.argmin(dip, axis=1), 1, 15)
+        each = np.arange(low.size)
+        before, here, after = dip[each, lowest - 1], dip[each, lowest], dip[each, lowest + 1]
+        open_ = (here > 0) & (_vertex(before, here, after) < 0.5 * np.minimum(before, after))
+        low, high, side = fine[each, lowest - 1][open_], fine[each, lowest + 1][open_], side[open_]
     return left, right, rising
 
 
@@ -342,15 +351,17 @@ def _loss(response: Response, rig: Impedance, velocity: float | Array, omega: Ar
 
 def _nearly_touching(value: Array) -> NDArray[np.intp]:
     """Indices of local minima of ``|value|`` where a parabola through three points comes near zero."""
-    before, here, after = value[:-2], value[1:-1], value[2:]
-    side = np.sign(here)
-    inner = (before * side > 0) & (after * side > 0) & (here * side <= before * side) & (here * side <= after * side)
-    k = np.flatnonzero(inner)
-    if k.size == 0:
-        return k
-    bend = (before - 2 * here + after)[k] * side[k]
-    vertex = here[k] * side[k] - (after[k] - before[k]) ** 2 / (8 * np.maximum(bend, 1e-300))
-    return np.asarray(k[vertex < 0.3 * np.abs(here[k])] + 1)
+    side = np.sign(value[1:-1])
+    before, here, after = value[:-2] * side, np.abs(value[1:-1]), value[2:] * side
+    k = np.flatnonzero((here > 0) & (here <= before) & (here <= after))
+    near = _vertex(before[k], here[k], after[k]) < 0.2 * np.minimum(before[k], after[k])
+    return np.asarray(k[near] + 1)
+
+
+def _vertex(before: Array, here: Array, after: Array) -> Array:
+    """Lowest value of the parabola through three equally spaced points around a minimum."""
+    bend = before - 2 * here + after
+    return np.asarray(here - (after - before) ** 2 / (8 * np.maximum(bend, 1e-300)))
 
 
 def _bracketed_zeros(function: Callable[[Array], Array], left: Array, right: Array) -> Array:

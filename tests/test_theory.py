@@ -1,0 +1,116 @@
+"""Closed forms, beside quadrature and beside the limits they are good for."""
+
+import math
+
+import numpy as np
+import pytest
+
+from stickslip.errors import InputError
+from stickslip.model import FIG4, FIG7, Delay, Interface, Langevin, RandomDelay, Slider
+from stickslip.theory import (
+    attached_fraction,
+    critical_delay_estimate,
+    critical_stiffness_estimate,
+    driving_force,
+    effective_potential,
+    kinetic_friction,
+    slip_displacement,
+)
+from stickslip.thresholds import Gaussian, Uniform
+
+NARROW = Gaussian(mean=0.0, spread=0.01)
+
+
+@pytest.mark.parametrize(("spread", "expected"), [(0.1, 0.50500), (0.3, 0.54498)])
+def test_kinetic_friction_without_delay(spread, expected):
+    interface = Interface(thresholds=Gaussian(mean=1.0, spread=spread), initial=NARROW)
+    # .54498 is the truncated law's: the plain Gaussian gives .54500
+    assert kinetic_friction(interface) == pytest.approx(expected, abs=5e-6)
+    assert kinetic_friction(interface, 7.0) == kinetic_friction(interface)
+
+
+def test_kinetic_friction_falls_with_velocity_by_the_share_of_attached_contacts():
+    v = np.geomspace(0.01, 100, 9)
+    friction = kinetic_friction(FIG4.interface, v)
+    assert np.all(np.diff(friction) < 0)
+    assert friction == pytest.approx(0.505 / (1 + 0.2 * v), rel=1e-12)
+
+
+@pytest.mark.eq(10)
+def test_attached_fraction():
+    # vbar = xbar/tau_d = 5: half of the contacts are attached there
+    assert attached_fraction(FIG4.interface, 5.0) == pytest.approx(0.5, rel=1e-12)
+    assert attached_fraction(FIG4.interface, 0.0) == 1.0
+    random = Interface(
+        thresholds=Gaussian(mean=1.0, spread=0.1), initial=NARROW, delay=RandomDelay(mean=0.2, spread=0.12)
+    )
+    assert attached_fraction(random, 3.0) == pytest.approx(1 / (1 + 3.0 * random.delay.moment(1)), rel=1e-12)
+    never = Interface(thresholds=FIG4.interface.thresholds, initial=NARROW, delay=Delay(math.inf))
+    assert attached_fraction(never, 1.0) == 0.0
+
+
+def test_no_closed_form_where_there_is_none():
+    ageing = Interface(thresholds=FIG4.interface.thresholds, initial=NARROW, ageing=Langevin(rate=1.0))
+    with pytest.raises(InputError, match="ageing"):
+        kinetic_friction(ageing, 1.0)
+    never = Interface(thresholds=FIG4.interface.thresholds, initial=NARROW, delay=Delay(math.inf))
+    with pytest.raises(InputError, match="velocity = 0"):
+        kinetic_friction(never)
+    with pytest.raises(InputError, match="velocity = -1"):
+        kinetic_friction(FIG4.interface, -1.0)
+
+
+@pytest.mark.eq(11)
+def test_mean_driving_force_balances_damping_and_friction():
+    assert driving_force(FIG4.interface, FIG4.slider, 1.0) == pytest.approx(1e-4 * 200 + 0.505 / 1.2, rel=1e-12)
+
+
+@pytest.mark.eq(9)
+def test_critical_stiffness_estimate():
+    assert critical_stiffness_estimate(FIG4.interface) == pytest.approx(1 / 0.11, rel=1e-9)
+    wide = Interface(thresholds=Uniform(low=0.5, high=1.5), initial=Gaussian(mean=0.0, spread=0.0))
+    assert critical_stiffness_estimate(wide) == pytest.approx(math.sqrt(12), rel=1e-12)
+
+
+@pytest.mark.eq(12)
+def test_slip_displacement_solves_the_oscillator_to_its_order():
+    # Eq. (12) is the start of v t + (v/Omega)(sinh - Omega t), a slider pushed by K times what it has run ahead
+    slider, v = FIG4.slider, 2.0
+    t = np.linspace(0, 0.3, 7) / slider.frequency
+    exact = v / slider.frequency * np.sinh(slider.frequency * t)
+    assert slip_displacement(slider, v, t) == pytest.approx(exact, rel=0.3**4 / 120 * 1.1)
+    # both readings: the drive's velocity as printed, or the slider's own; the formula is linear in it
+    assert slip_displacement(slider, 3.5, 0.005) == pytest.approx(3.5 * slip_displacement(slider, 1.0, 0.005))
+    with pytest.raises(InputError, match="mass"):
+        slip_displacement(Slider(stiffness=1.0, mass=0.0, damping=0.0), 1.0, 0.1)
+
+
+@pytest.mark.eq(12)
+@pytest.mark.parametrize("mass", [1e-12, 1e-6, 1e-4, 1e-1, 1e6])
+def test_critical_delay_estimates_are_the_limits_of_the_slip(mass):
+    slider = Slider(stiffness=2.0, mass=mass, damping=0.0)
+    estimate = critical_delay_estimate(FIG4.interface, slider, 1.5)
+    time = estimate.phase / slider.frequency
+    assert slip_displacement(slider, 1.5, time) == pytest.approx(0.1, rel=1e-9)
+    if estimate.phase < 1e-2:
+        assert time == pytest.approx(estimate.light, rel=1e-4)
+    if estimate.phase > 1e3:
+        assert time == pytest.approx(estimate.heavy, rel=1e-4)
+    assert estimate.light == pytest.approx(0.1 / 1.5)
+
+
+@pytest.mark.eq(5, 6)
+def test_effective_potential_is_flat_where_forces_balance_and_bends_with_the_stiffness():
+    slider, drive = FIG7.slider, 1.3
+    x = np.linspace(0, 2, 4001)
+    force = 0.5 * np.sin(3 * x) ** 2
+    potential = effective_potential(slider, x, force, drive)
+    h = x[1]
+    slope = (potential[2:] - potential[:-2]) / (2 * h)
+    assert -slope == pytest.approx(slider.stiffness * (drive - x[1:-1]) - force[1:-1], abs=3 * h**2)
+    bend = (potential[2:] - 2 * potential[1:-1] + potential[:-2]) / h**2
+    assert bend == pytest.approx(slider.stiffness + 1.5 * np.sin(6 * x[1:-1]), abs=20 * h**2 + 1e-8)
+    with pytest.raises(InputError, match="start at 0"):
+        effective_potential(slider, x + 1, force, drive)
+    with pytest.raises(InputError, match="shapes"):
+        effective_potential(slider, x, force[1:], drive)
