@@ -1,7 +1,7 @@
-"""Will this rig stick-slip, at which speeds, and what would stop it?
+"""The answer to: will this rig stick-slip, at which speeds, and what would stop it.
 
 `predict` answers for a `Rig`: the regime of a simulation with its evidence, the friction forces, the elastic
-instability (linear in nothing: the whole first fall of the force), the linear stability of smooth sliding, the margin
+instability (the whole first fall of the force), the linear stability of smooth sliding, the margin
 in every knob of the rig, and the smallest single changes that would cure it.
 
 Three questions are kept apart, because their answers differ:
@@ -19,9 +19,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from stickslip import stability
 from stickslip.drive import hold
-from stickslip.errors import InputError, UndecidedError
+from stickslip.errors import InputError, UndecidedError, number, whole
 from stickslip.measure import Regime, regime
 from stickslip.model import Slider
 from stickslip.rig import Rig
@@ -30,7 +32,7 @@ from stickslip.simulate import Contacts, Method, Progress, Relaxed, Sliding, Sta
 from stickslip.stability import Knob, Setting
 from stickslip.stability.knobs import knob_named
 from stickslip.theory import kinetic_friction
-from stickslip.units import Quantity
+from stickslip.units import Quantity, in_si
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -41,7 +43,7 @@ _CLEARANCE = 0.05
 """How far past a linear boundary a remedy goes."""
 _SHORTEST, _CYCLES = 120.0, 12.0
 """A run lasts at least this many ``x_s``, and about this many cycles of a spring that unloads by ``f_s``."""
-_RANGE = 1e3
+_RANGE = 30.0
 """Margins are looked for within this factor on either side of a knob's value."""
 
 _QUANTITIES: dict[str, Quantity | None] = {
@@ -165,6 +167,82 @@ class Prediction:
         """Whether smooth sliding is stable although the run shows lasting stick-slip."""
         return self.unstable_modes == 0 and self.regime.kind in ("stick-slip", "small oscillation")
 
+    @property
+    def ill(self) -> bool:
+        """Whether there is something to cure."""
+        return bool(self.unstable_modes) or self.regime.kind in ("stick-slip", "small oscillation")
+
+    @property
+    def verdict(self) -> str:
+        """The answer in one sentence."""
+        speed = self.rig.in_units(self.rig.velocity, "velocity")
+        if self.bistable:
+            return (
+                f"{self.regime.kind} at {speed} from this start; smooth sliding, once reached, would be stable, too: "
+                "the rig is bistable"
+            )
+        if self.regime.kind == "undecided":
+            return f"undecided at {speed}: {self.regime.reason}"
+        if self.regime.kind == "smooth sliding" and self.unstable_modes:
+            return f"smooth at {speed} so far, but smooth sliding is unstable: oscillation will grow"
+        return f"{self.regime.kind} at {speed}"
+
+    def numbers(self) -> Iterator[tuple[str, str]]:
+        """Names and values, with units, of the quantities behind the verdict."""
+        rig = self.rig
+        yield "thresholds of all contacts together N f_s", rig.in_units(1.0, "force")
+        yield "static friction F_s (slow rigid motion)", rig.in_units(self.static_friction, "force")
+        yield "kinetic friction F_k at this speed", rig.in_units(self.kinetic_friction, "force")
+        yield "stiffness K of the driving spring", rig.in_units(rig.slider.stiffness, "stiffness")
+        yield (
+            "critical stiffness K*",
+            f"{rig.in_units(self.critical_stiffness, 'stiffness')} "
+            f"({rig.in_units(self.critical_stiffness_without_reattachment, 'stiffness')} without re-attachment)",
+        )
+        weaker = "softer: elastic instability" if self.stiffness_margin < 1 else "stiffer: no elastic instability"
+        yield "margin K/K*", f"{self.stiffness_margin:.3g} ({weaker})"
+        if self.theory_note:
+            yield "linear stability", self.theory_note
+        elif self.growth is not None:
+            rate = rig.in_units(self.growth.real, "rate")
+            turn = rig.in_units(abs(self.growth.imag) / (2 * math.pi), "rate")
+            state = f"unstable, {self.unstable_modes} growing modes" if self.unstable_modes else "stable"
+            swing = f", swinging at {turn}" if self.growth.imag else ", without swinging"
+            yield "linear stability of smooth sliding", f"{state}; fastest mode: growth rate {rate}{swing}"
+
+    def margin_rows(self) -> Iterator[tuple[str, str, str, str]]:
+        """Knob, value and nearest edges, in words."""
+        for margin in self.margins:
+            low, high = (_amount(self.rig, margin.knob, value) for value in margin.searched)
+            yield (
+                _TITLES[margin.knob],
+                _amount(self.rig, margin.knob, margin.value),
+                f"none down to {low}" if margin.lower is None else _amount(self.rig, margin.knob, margin.lower),
+                f"none up to {high}" if margin.upper is None else _amount(self.rig, margin.knob, margin.upper),
+            )
+
+    def remedy_lines(self) -> Iterator[str]:
+        """Each remedy as a sentence."""
+        for remedy in self.remedies:
+            now = _amount(self.rig, remedy.knob, remedy.value)
+            words = [f"{_TITLES[remedy.knob]}: from {now}"]
+            if remedy.keeps is not None:
+                words.append(
+                    f"to {_amount(self.rig, remedy.knob, remedy.keeps)}, and smooth sliding, once there, stays"
+                )
+            if remedy.stops is not None:
+                if remedy.keeps is not None:
+                    words.append("; on")
+                words.append(
+                    f"to {_amount(self.rig, remedy.knob, remedy.stops)}, and stick-slip dies from a start at rest, too "
+                    "(simulated)"
+                )
+            else:
+                words.append("; from a start at rest, stick-slip lasted in every run tried")
+            if remedy.checked:
+                words.append("; checked with the rig's own method: " + ", ".join(seen.kind for seen in remedy.checked))
+            yield " ".join(words).replace(" ;", ";")
+
 
 def predict(rig: Rig, *, verify: bool = False, progress: Progress | None = None) -> Prediction:
     """Say what a rig does at its speed, how safely, and what would make it slide smoothly.
@@ -211,6 +289,12 @@ def predict(rig: Rig, *, verify: bool = False, progress: Progress | None = None)
     )
 
 
+def _amount(rig: Rig, knob: str, value: float) -> str:
+    """A knob's value with its unit."""
+    quantity = _QUANTITIES[knob]
+    return f"{value:.3g}" if quantity is None else rig.in_units(value, quantity)
+
+
 def _watch(rig: Rig, progress: Progress) -> tuple[xr.Dataset, Regime]:
     """Simulate the rig as its file says, longer if that cannot be judged; the last stretch of drive is held."""
     drive = rig.drive
@@ -249,7 +333,9 @@ def _margins(setting: Setting) -> Iterator[Margin]:
             continue
         searched = (value / _RANGE, value * _RANGE)
         if knob.name == "spread":  # wider than that is no longer a law of thresholds about its mean
-            searched = (value / 10.0, max(0.5, 1.5 * value))
+            searched = (value / 3.0, max(0.5, 1.5 * value))
+        elif knob.name == "delay":  # longer delays never help, and have many modes
+            searched = (value / _RANGE, value * 3.0)
         try:
             found = stability.critical(knob, setting.interface, setting.rig, setting.velocity, between=searched)
         except (InputError, UndecidedError):
@@ -272,7 +358,7 @@ def _remedies(setting: Setting, margins: tuple[Margin, ...], report: Progress) -
     for i, margin in enumerate(margins):
         report(i / len(margins))
         knob = knob_named(margin.knob)
-        sides = [side for side in (-1, 1) if _leads_out(setting, knob, margin, side, unstable)]
+        sides = [side for side in (-1, 1) if _leads_out(margin, side, unstable)]
         for side in sides:
             edge = margin.lower if side < 0 else margin.upper
             keeps = edge * (1 + _CLEARANCE) ** side if unstable and edge else None
@@ -282,7 +368,7 @@ def _remedies(setting: Setting, margins: tuple[Margin, ...], report: Progress) -
     return tuple(sorted(found, key=lambda remedy: (remedy.stops is None, remedy.size)))
 
 
-def _leads_out(setting: Setting, knob: Knob, margin: Margin, side: int, unstable: bool) -> bool:
+def _leads_out(margin: Margin, side: int, unstable: bool) -> bool:
     """Whether turning a knob this way leads into, or deeper into, stability."""
     edge = margin.lower if side < 0 else margin.upper
     if unstable:
@@ -344,3 +430,62 @@ def _verified(rig: Rig, remedy: Remedy) -> Remedy:
     return replace(
         remedy, checked=tuple(_run_from(start, knob.set(setting, value), rig.method) for value, start in targets)
     )
+
+
+def chart(
+    rig: Rig, over: tuple[str, str], around: float, points: int, progress: Progress | None = None
+) -> xr.Dataset:
+    """Map the linear stability of smooth sliding over two knobs around a rig's own point, in the rig's units.
+
+    Parameters
+    ----------
+    rig : Rig
+    over : (str, str)
+        Names of two knobs: the first along the horizontal axis.
+    around : float
+        Factor on either side of the rig's own values.
+    points : int
+        Points along each knob for the number of growing modes; the growth rate has a third as many.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``growth_rate`` over the two knobs; along ``point`` the boundary with ``curve`` and ``frequency``; scalars
+        ``here_<knob>``; the attribute ``summary`` in words.
+    """
+    around = number("map: around", around, above=1.0, at_most=1e4)
+    points = whole("map: points", points, at_least=4, at_most=2_000)
+    report = progress or (lambda _share: None)
+    setting = Setting(interface=rig.interface, rig=rig.slider, velocity=rig.velocity)
+    knobs = [knob_named(name) for name in over]
+    here = [knob.get(setting) for knob in knobs]
+    for knob, value in zip(knobs, here, strict=True):
+        number(f"map: {knob.name} of the rig", value, above=0)
+    window = tuple((value / around, min(value * around, _widest(knob))) for knob, value in zip(knobs, here, strict=True))
+    grids = tuple(np.geomspace(low, high, max(points // 2, 4)) for low, high in window)
+    names = (knobs[0].name, knobs[1].name)
+    found = stability.stability_map(
+        rig.interface, rig.slider, rig.velocity, over=names, values=(grids[0], grids[1]), growth=True
+    )
+    report(0.7)
+    edge = stability.boundary(
+        rig.interface, rig.slider, rig.velocity, over=names, within=(window[0], window[1])
+    ).rename({name: f"edge_{name}" for name in (*names, "frequency")})
+    report(1.0)
+    found = found.merge(edge, combine_attrs="override")
+    modes = stability.unstable_modes(rig.interface, rig.slider, rig.velocity)
+    for name, value in zip(names, here, strict=True):
+        found[f"here_{name}"] = ((), value, dict(found[name].attrs))
+    curves = len(set(edge["curve"].to_numpy().tolist()))
+    state = f"unstable ({modes} growing modes)" if modes else "stable"
+    found.attrs["summary"] = (
+        f"{rig.name}: smooth sliding is {state} at the rig's own point; "
+        + (f"{curves} neutral curves" if curves else "no boundary")
+        + f" within a factor {around:g} of it in {names[0]} and {names[1]}"
+    )
+    return found if rig.scales is None else in_si(found, rig.scales)
+
+
+def _widest(knob: Knob) -> float:
+    """Largest value that makes sense: a law of thresholds wider than half its mean is another law."""
+    return 0.5 if knob.name == "spread" else math.inf

@@ -24,6 +24,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.collections import PolyCollection
+from matplotlib.colors import SymLogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
@@ -434,3 +435,46 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
     finally:
         part.unlink(missing_ok=True)
     return target
+
+
+def chart(found: xr.Dataset) -> Figure:
+    """Draw a stability map: growth rate as shading, the boundary with its frequency, and the rig's own point.
+
+    Parameters
+    ----------
+    found : xarray.Dataset
+        What `stickslip.advise.chart` returns.
+    """
+    across, up = map(str, found["growth_rate"].dims)
+    with house_style():
+        figure = new_figure(1.5 * COLUMN, 4.2)
+        ax = figure.add_subplot()
+        rate = found["growth_rate"].transpose(up, across)
+        values = rate.to_numpy()
+        largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 1.0
+        norm = SymLogNorm(linthresh=max(1e-3 * largest, 1e-300), vmin=-largest, vmax=largest)
+        shade = ax.pcolormesh(found[across], found[up], values, cmap="PuOr_r", norm=norm, shading="nearest", alpha=0.85)
+        figure.colorbar(shade, ax=ax, label=label(found["growth_rate"]))
+        stable_edge = found["other_unstable"].to_numpy() == 0
+        number_of = found["curve"].to_numpy()
+        x, y = found[f"edge_{across}"].to_numpy(), found[f"edge_{up}"].to_numpy()
+        named = False
+        for curve in np.unique(number_of):
+            mine = number_of == curve
+            inner = np.where(stable_edge[mine], y[mine], np.nan)
+            ax.plot(x[mine], y[mine], color="0.45", lw=0.6)
+            ax.plot(x[mine], inner, color="black", lw=1.6, label=None if named else "boundary of smooth sliding")
+            named = True
+            for i in np.linspace(0, mine.sum() - 1, 4).astype(int)[1:-1]:
+                if stable_edge[mine][i]:
+                    omega = float(found["edge_frequency"].to_numpy()[mine][i])
+                    ax.annotate(f"{omega / (2 * np.pi):.3g}", (x[mine][i], y[mine][i]), fontsize="x-small")
+        here = float(found[f"here_{across}"]), float(found[f"here_{up}"])
+        ax.plot(*here, "o", ms=8, mfc="white", mec="black", mew=1.5, label="this rig")
+        ax.set(xscale="log", yscale="log", xlabel=label(found[across]), ylabel=label(found[up]))
+        ax.set_xlim(float(found[across].min()), float(found[across].max()))
+        ax.set_ylim(float(found[up].min()), float(found[up].max()))
+        unit = unit_text(str(found["edge_frequency"].attrs.get("units", "")))
+        ax.set_title(f"growth > 0: unstable; numbers: frequency of the neutral mode ({unit})", fontsize="small")
+        ax.legend(loc="lower left", fontsize="small")
+    return figure

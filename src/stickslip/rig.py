@@ -564,7 +564,17 @@ def _one_mistake(item: Any) -> str:
     path = [str(part) for part in item["loc"] if part not in ("random", "fixed", "never")]
     kind, value = item["type"], item["input"]
     # Names of the alternatives of a union are no keys of the file.
-    laws = {"gaussian", "uniform", "exponential", "gamma", "lognormal", "weibull", "empirical", "langevin", "logarithmic"}
+    laws = {
+        "gaussian",
+        "uniform",
+        "exponential",
+        "gamma",
+        "lognormal",
+        "weibull",
+        "empirical",
+        "langevin",
+        "logarithmic",
+    }
     path = [part for part in path if part not in laws]
     key = ".".join(path) or "the file"
     if kind == "extra_forbidden":

@@ -85,6 +85,7 @@ _SI_OF: dict[str, tuple[Quantity, int, str]] = {
     "1/x_s": ("length", -1, "1/m"),
     "1/time": ("rate", 1, "1/s"),
     "k": ("stiffness", 1, "N/m"),
+    "f_s time^2/x_s": ("mass", 1, "kg"),
 }
 """Natural unit of a variable: its quantity, the power of it, and the SI unit."""
 

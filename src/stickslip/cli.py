@@ -1,0 +1,487 @@
+"""The command line: parse, call, save, print."""
+
+from __future__ import annotations
+
+import json as jsonlib
+import math
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import App, CycloptsError, Parameter
+
+from stickslip import __version__
+from stickslip.errors import InputError, UndecidedError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from stickslip.advise import Prediction
+    from stickslip.rig import Rig
+
+app = App(
+    name="stickslip",
+    help="Friction of interfaces made of many contacts: will it stick-slip, at which speeds, and what would stop it?",
+    version=__version__,
+    result_action="return_value",
+)
+
+Json = Annotated[bool, Parameter(help="Print JSON for a machine to read.", negative="")]
+Plot = Annotated[Path | None, Parameter(help="Also draw a picture: .png, .svg or .pdf.")]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; return the exit code: 2 for input that cannot be used, 1 for a claim that fails."""
+    try:
+        result = app(list(sys.argv[1:] if arguments is None else arguments), exit_on_error=False, print_error=False)
+    except (InputError, UndecidedError) as error:
+        return _fail(str(error))
+    except CycloptsError as error:
+        return _fail(f"{' '.join(str(error).split())} (see stickslip --help)")
+    except KeyboardInterrupt:
+        return _fail("interrupted; no half-written file was left behind", code=130)
+    except BrokenPipeError:  # the reader went away, as `head` does
+        sys.stderr.close()
+        return 0
+    except MemoryError:
+        return _fail("not enough memory for this case; take fewer contacts or samples")
+    return result if isinstance(result, int) else 0
+
+
+def _fail(message: str, code: int = 2) -> int:
+    print("stickslip: " + " ".join(message.split()), file=sys.stderr)
+    return code
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Commands
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@app.command
+def predict(rig: Path, *, verify: bool = False, json: Json = False, plot: Plot = None) -> None:
+    """Say whether a rig will stick-slip, with margins and remedies.
+
+    Parameters
+    ----------
+    rig
+        A rig file in TOML; see examples/pmma_slider.toml.
+    verify
+        Simulate the rig after each remedy with its own method.
+    """
+    from stickslip import advise
+    from stickslip import rig as rigs
+
+    _check_target(plot)
+    described = rigs.read(rig)
+    with _bar("predicting") as progress:
+        found = advise.predict(described, verify=verify, progress=progress)
+    if plot is not None:
+        from stickslip import plot as drawing
+
+        drawing.save(_picture(found.run, described), plot)
+    if json:
+        _print_json(_prediction_as_plain(found, described))
+    else:
+        _print_prediction(found, described, plot)
+
+
+@app.command
+def simulate(
+    rig: Path,
+    *,
+    output: Annotated[
+        Path | None, Parameter(alias="-o", help="Write the run as NetCDF; it can be made again from it.")
+    ] = None,
+    again: Annotated[bool, Parameter(help="RIG is a run: make it again from its provenance.", negative="")] = False,
+    json: Json = False,
+    plot: Plot = None,
+) -> None:
+    """Simulate a rig and say what it did.
+
+    Parameters
+    ----------
+    rig
+        A rig file in TOML, or with --again a run that `simulate` wrote.
+    """
+    from stickslip import measure, store
+    from stickslip import rig as rigs
+    from stickslip.simulate import repeat
+    from stickslip.simulate import simulate as run_case
+
+    _check_target(plot)
+    _check_target(output)
+    with _bar("simulating") as progress:
+        if again:
+            run = repeat(before := store.load(rig), progress=progress)
+            run.attrs.update({key: value for key, value in before.attrs.items() if key not in run.attrs})
+        else:
+            described = rigs.read(rig)
+            run = run_case(
+                described.interface,
+                described.slider,
+                described.drive,
+                described.method,
+                record=described.record,
+                start=described.start,
+                progress=progress,
+            )
+            run.attrs["rig"] = rigs.to_toml(described)
+    if output is not None:
+        store.save(run, output)
+    shown = _in_its_units(run)
+    seen = measure.regime(shown)
+    if plot is not None:
+        from stickslip import plot as drawing
+
+        drawing.save(drawing.overview(shown), plot)
+    if json:
+        _print_json({"regime": _plain(seen), "output": str(output) if output else None})
+        return
+    print(seen)
+    for what, where in (("run", output), ("picture", plot)):
+        if where is not None:
+            print(f"{what}: {where}")
+
+
+@app.command
+def measure(
+    data: Path,
+    *,
+    force: Annotated[str | None, Parameter(help="Column of the force, by name or number from 1.")] = None,
+    time: Annotated[str | None, Parameter(help="Column of the time, by name or number from 1.")] = None,
+    step: Annotated[float | None, Parameter(help="Seconds from one row to the next, where there is no time.")] = None,
+    minimum_drop: Annotated[float | None, Parameter(help="Smallest drop that counts as a slip.")] = None,
+    after: Annotated[float | None, Parameter(help="Judge the regime after this time only.")] = None,
+    events: Annotated[Path | None, Parameter(help="Write the catalogue of slips as CSV.")] = None,
+    json: Json = False,
+    plot: Plot = None,
+) -> None:
+    """Tell the regime and list the slips of a run or of a measured force trace.
+
+    Parameters
+    ----------
+    data
+        A run (NetCDF), or a table in plain text with a column of force.
+    """
+    from stickslip import measure as measures
+
+    _check_target(plot)
+    _check_target(events)
+    trace = _read_data(data, force, time, step)
+    catalogue = measures.events(trace, minimum_drop=minimum_drop)
+    statistics = measures.event_statistics(catalogue)
+    seen = measures.regime(trace, after=after)
+    if events is not None:
+        _write_text(events, _as_csv(catalogue))
+    if plot is not None:
+        from stickslip import plot as drawing
+
+        drawing.save(drawing.overview(trace, events=catalogue), plot)
+    unreadable = jsonlib.loads(trace.attrs.get("unreadable", "[]"))
+    if json:
+        _print_json(
+            {
+                "regime": _plain(seen),
+                "statistics": _plain(statistics),
+                "events": {str(name): _plain(catalogue[name].to_numpy()) for name in catalogue.variables},
+                "unreadable": unreadable,
+            }
+        )
+        return
+    print(seen)
+    print()
+    print(statistics)
+    if note := trace.attrs.get("note"):
+        print(f"note: {note}")
+    for what, where in (("slips", events), ("picture", plot)):
+        if where is not None:
+            print(f"{what}: {where}")
+
+
+@app.command
+def plot(
+    data: Path,
+    output: Path,
+    *,
+    kind: Literal["overview", "phase", "stretchings", "energy"] = "overview",
+    force: str | None = None,
+    time: str | None = None,
+    step: float | None = None,
+) -> None:
+    """Draw a run or a measured trace.
+
+    Parameters
+    ----------
+    data
+        A run (NetCDF), or a table in plain text.
+    output
+        The picture: .png, .svg or .pdf.
+    kind
+        What to draw.
+    """
+    from stickslip import measure as measures
+    from stickslip import plot as drawing
+
+    _check_target(output)
+    trace = _read_data(data, force, time, step)
+    if kind == "overview":
+        figure = drawing.overview(trace, events=measures.events(trace))
+    else:
+        draw = {"phase": drawing.phase_portrait, "stretchings": drawing.stretchings, "energy": drawing.energy}[kind]
+        figure = draw(trace).figure
+    drawing.save(figure, output)
+    print(f"picture: {output}")
+
+
+@app.command
+def map(
+    rig: Path,
+    *,
+    over: Annotated[str, Parameter(help="Two knobs, such as stiffness,velocity.")] = "stiffness,velocity",
+    around: Annotated[float, Parameter(help="Factor on either side of the rig's own point.")] = 30.0,
+    points: Annotated[int, Parameter(help="Points of the map along each knob.")] = 80,
+    output: Annotated[Path, Parameter(alias="-o", help="The picture.")] = Path("map.png"),
+    json: Json = False,
+) -> None:
+    """Draw where smooth sliding is stable, over two knobs of a rig; computed, not swept.
+
+    Parameters
+    ----------
+    rig
+        A rig file in TOML.
+    """
+    from stickslip import advise
+    from stickslip import plot as drawing
+    from stickslip import rig as rigs
+
+    _check_target(output)
+    names = tuple(part.strip() for part in over.split(","))
+    if len(names) != 2:
+        raise InputError(f"--over {over}: must name two knobs with a comma between, such as stiffness,velocity")
+    described = rigs.read(rig)
+    with _bar("mapping") as progress:
+        found = advise.chart(described, (names[0], names[1]), around, points, progress)
+    drawing.save(drawing.chart(found), output)
+    if json:
+        _print_json({str(name): _plain(found[name].to_numpy()) for name in found.variables} | _plain(dict(found.attrs)))
+        return
+    print(found.attrs["summary"])
+    print(f"picture: {output}")
+
+
+@app.command
+def paper(
+    figure: str,
+    *,
+    check: Annotated[bool, Parameter(help="Check the paper's claims; exit code 1 if one fails.", negative="")] = False,
+    quick: Annotated[bool, Parameter(help="Fewer points and contacts.", negative="")] = False,
+    directory: Annotated[Path, Parameter(alias="-d", help="Where picture and data go.")] = Path(),
+    json: Json = False,
+) -> int:
+    """Make a figure of the paper: picture, data and, with --check, its claims with verdicts.
+
+    Parameters
+    ----------
+    figure
+        fig1, fig2 ...
+    """
+    from stickslip import plot as drawing
+    from stickslip import store
+    from stickslip.paper import FIGURES
+
+    if figure not in FIGURES:
+        raise InputError(f"{figure}: no such figure; there are {', '.join(FIGURES)}")
+    if not directory.is_dir():
+        raise InputError(f"--directory {directory}: no such directory")
+    chosen = FIGURES[figure]
+    with _bar(figure) as progress:
+        data = chosen.compute(progress=progress, quick=quick)
+    picture = drawing.save(chosen.draw(data), directory / f"{figure}.png")
+    file = store.save(data, directory / f"{figure}.nc")
+    claims = chosen.check(data) if check else ()
+    failed = [claim for claim in claims if not claim.ok]
+    if json:
+        _print_json({"picture": str(picture), "data": str(file), "claims": _plain(claims), "ok": not failed})
+        return 1 if failed else 0
+    for claim in claims:
+        print(claim)
+        print()
+    print(f"picture: {picture}\ndata: {file}")
+    if failed:
+        print(f"{len(failed)} of {len(claims)} claims did not come out as settled", file=sys.stderr)
+    return 1 if failed else 0
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What they share
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def _bar(title: str) -> Iterator[Callable[[float], None]]:
+    """A progress bar on a terminal, nothing in a pipe."""
+    if not sys.stderr.isatty():
+        yield lambda _share: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(title, total=1.0)
+        yield lambda share: bar.update(task, completed=share)
+
+
+def _check_target(path: Path | None) -> None:
+    """Complain of a place that cannot be written before any work is done."""
+    if path is None:
+        return
+    if path.is_dir():
+        raise InputError(f"{path}: is a directory; give the name of a file")
+    if not path.absolute().parent.is_dir():
+        raise InputError(f"{path}: there is no directory {path.parent}; make it first")
+
+
+def _read_data(data: Path, force: str | None, time: str | None, step: float | None) -> xr.Dataset:
+    """Read a run, in its units, or a measured trace."""
+    from stickslip import measure as measures
+    from stickslip import store
+
+    if data.is_file() and store.is_netcdf(data):
+        run = store.load(data)
+        if "F_d" not in run or "t" not in run.coords:
+            raise InputError(f"{data}: holds no run: there is no force F_d along a time t in it")
+        return _in_its_units(run)
+    return measures.read_trace(data, force=_column(force), time=_column(time), step=step)
+
+
+def _column(name: str | None) -> str | int | None:
+    return int(name) if name is not None and name.isdigit() else name
+
+
+def _in_its_units(run: xr.Dataset) -> xr.Dataset:
+    """A run in the units of the rig file that it was made from."""
+    from stickslip import rig as rigs
+    from stickslip import units
+
+    if "rig" not in run.attrs:
+        return run
+    import tomllib
+
+    described = rigs.from_document(tomllib.loads(run.attrs["rig"]), "the rig in this run")
+    return run if described.scales is None else units.in_si(run, described.scales)
+
+
+def _picture(run: xr.Dataset, rig: Rig) -> Any:
+    from stickslip import measure as measures
+    from stickslip import plot as drawing
+    from stickslip import units
+
+    shown = run if rig.scales is None else units.in_si(run, rig.scales)
+    return drawing.overview(shown, events=measures.events(shown))
+
+
+def _as_csv(catalogue: xr.Dataset) -> str:
+    import csv
+    import io
+
+    text = io.StringIO()
+    writer = csv.writer(text)
+    names = [str(name) for name in catalogue.data_vars]
+    writer.writerow([f"{name} [{catalogue[name].attrs.get('units', '')}]" for name in names])
+    writer.writerows(zip(*(catalogue[name].to_numpy().tolist() for name in names), strict=True))
+    return text.getvalue()
+
+
+def _write_text(path: Path, text: str) -> None:
+    part = path.with_name(f".{path.name}.part")
+    try:
+        part.write_text(text)
+        part.replace(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror})") from None
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _plain(value: Any) -> Any:
+    """Turn a result into what JSON can hold; what is not finite becomes null."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    if isinstance(value, complex):
+        return {"real": _plain(value.real), "imag": _plain(value.imag)}
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, (bool, int, str)):
+        return value
+    return str(value)
+
+
+def _print_json(value: Any) -> None:
+    print(jsonlib.dumps(value, indent=2))
+
+
+def _prediction_as_plain(found: Prediction, rig: Rig) -> dict[str, Any]:
+    keep = {
+        field.name: _plain(getattr(found, field.name)) for field in fields(found) if field.name not in ("rig", "run")
+    }
+    scales = None if rig.scales is None else _plain(rig.scales)
+    return {
+        "rig": rig.name,
+        "units": "natural, per contact; multiply by the scales for SI",
+        "scales": scales,
+        "velocity": rig.velocity,
+        "stiffness": rig.slider.stiffness,
+        "stiffness_margin": _plain(found.stiffness_margin),
+        "smooth": found.smooth,
+        "bistable": found.bistable,
+        "verdict": found.verdict,
+        **keep,
+        "assumed": dict(rig.assumed),
+    }
+
+
+def _print_prediction(found: Prediction, rig: Rig, picture: Path | None) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(highlight=False, soft_wrap=True)
+    console.print(f"[bold]{rig.name}[/bold]: {found.verdict}\n")
+    console.print(str(found.regime) + "\n", markup=False)
+    numbers = Table(box=None, show_header=False, pad_edge=False)
+    for name, text in found.numbers():
+        numbers.add_row(name, text)
+    console.print(numbers)
+    if found.margins:
+        console.print("\n[bold]Margins[/bold] of smooth sliding, each knob turned alone (linear stability)")
+        table = Table(box=None, pad_edge=False)
+        for title in ("knob", "now", "nearest edge below", "nearest edge above"):
+            table.add_column(title)
+        for row in found.margin_rows():
+            table.add_row(*row)
+        console.print(table)
+    if found.remedies:
+        console.print("\n[bold]Remedies[/bold], one change at a time, the smallest first")
+        for line in found.remedy_lines():
+            console.print(f"- {line}", markup=False)
+    elif found.ill:
+        console.print("\nNo single change within the ranges searched gives smooth sliding.")
+    if rig.assumed:
+        console.print("\n[bold]Assumed[/bold], not measured:")
+        for key, how in rig.assumed.items():
+            console.print(f"- {key}: {how}", markup=False)
+    if picture is not None:
+        console.print(f"\npicture: {picture}", markup=False)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
