@@ -234,7 +234,7 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
         exact = _at(data["K_critical"].sel(reattachment=how), 0.01, 0.1)
         ax.plot(0.1, exact, "o", color=plot.PALETTE[1], markersize=5, label="exact, Figs. 4 to 7")
         ax.plot(0.1, _PRINTED, "x", color=plot.BLACK, markersize=6, label=f"{_PRINTED}, as printed")
-        offset = (7, -3) if how == "at once" else (8, -11)
+        offset = (7, -3) if how == "at once" else (8, 3)
         ax.annotate(f"{exact:.3f}", (0.1, exact), xytext=offset, textcoords="offset points", fontsize=8)
         ax.set_yscale("log")
         ax.set(xlim=(0, 0.5), ylim=(0.03, 40))
