@@ -30,6 +30,8 @@ Floats = NDArray[np.float64]
 # Relaxation times of the reflected gap, noise/drift^2, after which its start is forgotten to exp(-FORGOTTEN/2).
 FORGOTTEN = 16.0
 
+NO_DELAY = np.zeros(1)
+
 # ---------------------------------------------------------------- grids and exponentially fitted rates
 
 
@@ -633,3 +635,238 @@ def advance_contacts(
             threshold[i] = max(f, abs(stretching[i]))
     state[0], state[1], state[2], state[3] = now, X, V, undone
     return samples
+
+
+# ---------------------------------------------------------------- linear stability of smooth sliding
+
+
+@jit
+def _stability_nodes(u: float, delta: float, newborn: float, cells: int) -> tuple[Floats, Floats]:
+    """Nodes of gap and age that also resolve the entrance of excursions: geometric from the first cell upwards."""
+    c = (1.0 - u) / delta
+    coarse = _gap_nodes(u, delta, newborn, cells)
+    first = coarse[1] if newborn > 0.0 else 1.5 / (cells * max(1.0, abs(c)))
+    z = _graded(coarse[-1], cells, first)
+    smooth = _age_nodes(u, delta, newborn, 2 * cells)
+    age = np.empty(40 * cells)
+    age[0] = 0.0
+    start, j, k = 0.3 * z[1] * z[1], 0, 0
+    while age[k] < smooth[-1] and k + 1 < age.size:
+        while smooth[j + 1] <= age[k] and j + 2 < smooth.size:
+            j += 1
+        age[k + 1] = min(age[k] + min(8.0 / cells * (age[k] + start), smooth[j + 1] - smooth[j]), smooth[-1])
+        k += 1
+    return z, age[: k + 1].copy()
+
+
+@jit
+def _density_by_age(u: float, delta: float, newborn: float, z: Floats, age: Floats) -> Floats:
+    """Density (mass per node) of one life in steady sliding, for all ages; shape (ages, nodes).
+
+    An L-stable Runge-Kutta step of second order (SDIRK2) from a unit of mass at the newborn's gap, or at the first
+    node where the newborn is on its boundary.
+    """
+    m = z.size - 1
+    c0, r = (1.0 - u) / delta, u / delta
+    gamma = 1.0 - np.sqrt(0.5)
+    up, down = np.zeros(m + 1), np.zeros(m + 1)
+    mass = np.zeros((age.size, m + 1))
+    if newborn > 0.0:
+        place = newborn / delta
+        i = np.searchsorted(z, place)
+        w = (place - z[i - 1]) / (z[i] - z[i - 1])
+        mass[0, i - 1], mass[0, i] = 1.0 - w, w
+        mass[0, 0] = 0.0
+    else:
+        mass[0, 1] = 1.0
+    upper, slope, stage = np.zeros(m + 2), np.zeros((2, m + 1)), np.zeros(m + 2)
+    for j in range(age.size - 1):
+        h = age[j + 1] - age[j]
+        for k in range(2):
+            _chain(z, c0 - r * (age[j] + h * (gamma if k == 0 else 1.0)), up, down)
+            # (1 - gamma h L) stage = known; slope = L stage
+            for i in range(1, m + 1):
+                known = mass[j, i] + (h * (1.0 - gamma) * slope[0, i] if k == 1 else 0.0)
+                below = gamma * h * up[i - 1]
+                pivot = 1.0 / (1.0 + gamma * h * (up[i] + down[i]) - below * upper[i - 1])
+                stage[i] = (known + below * stage[i - 1]) * pivot
+                upper[i] = gamma * h * (down[i + 1] if i < m else 0.0) * pivot
+                slope[k, i] = -known
+            for i in range(m - 1, 0, -1):
+                stage[i] += upper[i] * stage[i + 1]
+            for i in range(1, m + 1):
+                slope[k, i] = (slope[k, i] + stage[i]) / (gamma * h)
+        for i in range(1, m + 1):
+            mass[j + 1, i] = stage[i]
+    return mass
+
+
+@jit
+def _response(
+    u: float, delta: float, newborn: float, s: complex, z: Floats, age: Floats, mass: Floats
+) -> tuple[complex, complex, complex, complex]:
+    """Transforms of one life at the Laplace variable `s` and of its linear response to a shaken slider.
+
+    Returns ``int S e^{-sa}``, ``int u a S e^{-sa}``, and the same two of the perturbation of S.
+    """
+    m, n = z.size - 1, age.size - 1
+    c0, r = (1.0 - u) / delta, u / delta
+    up, down, pull = np.zeros(m + 1), np.zeros(m + 1), np.zeros(m + 1)
+    upper = np.zeros(m + 1, dtype=np.complex128)
+    life, work = np.zeros(m + 1, dtype=np.complex128), np.zeros(m + 1, dtype=np.complex128)
+    b0, b1 = np.zeros(m + 1, dtype=np.complex128), np.zeros(m + 1, dtype=np.complex128)
+    response = np.zeros(2, dtype=np.complex128)
+    right, left = np.zeros(2, dtype=np.complex128), np.zeros(2, dtype=np.complex128)
+    for j in range(n - 1, -1, -1):
+        da = age[j + 1] - age[j]
+        middle = 0.5 * (age[j + 1] + age[j])
+        _chain(z, c0 - r * middle, up, down)
+        share = 0.5 if j < n - 8 else 1.0
+        explicit, implicit = (1.0 - share) * da, share * da
+        for i in range(1, m + 1):
+            k = min(i + 1, m)
+            b0[i] = (
+                life[i] * (1.0 - explicit * s)
+                + explicit * (down[i] * (life[i - 1] - life[i]) + up[i] * (life[k] - life[i]))
+                + da
+            )
+            b1[i] = (
+                work[i] * (1.0 - explicit * s)
+                + explicit * (down[i] * (work[i - 1] - work[i]) + up[i] * (work[k] - work[i]))
+                + da * u * middle
+            )
+            below = implicit * down[i]
+            pivot = 1.0 / (1.0 + implicit * (s + up[i]) + below - below * upper[i - 1])
+            b0[i] = (b0[i] + below * b0[i - 1]) * pivot
+            b1[i] = (b1[i] + below * b1[i - 1]) * pivot
+            upper[i] = implicit * up[i] * pivot
+        life[m], work[m] = b0[m], b1[m]
+        for i in range(m - 1, 0, -1):
+            life[i] = b0[i] + upper[i] * life[i + 1]
+            work[i] = b1[i] + upper[i] * work[i + 1]
+        # What a unit of extra drift at this age would add, in all: density times slope of what is to come.
+        left[0], left[1] = 0.0, 0.0
+        c = c0 - r * age[j]
+        for i in range(m):
+            h = z[i + 1] - z[i]
+            d = (c - 0.5 * (z[i] + z[i + 1])) * h
+            pull[i] = _bernoulli_slope(d)
+        for i in range(1, m + 1):
+            width = 0.5 * (z[i + 1] - z[i - 1]) if i < m else 0.5 * (z[m] - z[m - 1])
+            weight = mass[j, i] / width
+            k = min(i + 1, m)
+            ahead, back = 1.0 + pull[min(i, m - 1)], -pull[i - 1]
+            left[0] += weight * (ahead * (life[k] - life[i]) + back * (life[i] - life[i - 1]))
+            left[1] += weight * (ahead * (work[k] - work[i]) + back * (work[i] - work[i - 1]))
+        # times the extra drift e^{-sa} - 1 - s: linear between the nodes, the exponential exactly.
+        q = s * da
+        if abs(q) < 1e-2:
+            whole = 1.0 - q / 2.0 + q * q / 6.0 - q**3 / 24.0
+            ramp = 0.5 - q / 3.0 + q * q / 8.0 - q**3 / 30.0
+        else:
+            e = np.exp(-q)
+            whole = (1.0 - e) / q
+            ramp = (1.0 - e * (1.0 + q)) / (q * q)
+        wave = np.exp(-s * age[j])
+        for k in range(2):
+            response[k] += da * (
+                left[k] * (wave * (whole - ramp) - 0.5 * (1.0 + s)) + right[k] * (wave * ramp - 0.5 * (1.0 + s))
+            )
+            right[k] = left[k]
+    response /= delta
+    if newborn > 0.0:
+        i = np.searchsorted(z, newborn / delta)
+        w = mass[0, i]
+        return (
+            (1.0 - w) * life[i - 1] + w * life[i],
+            (1.0 - w) * work[i - 1] + w * work[i],
+            response[0],
+            response[1],
+        )
+    # The half cell at the boundary belongs to the life, too.
+    return life[1] + 0.5 * z[1] * z[1], work[1], response[0], response[1]
+
+
+@jit
+def _bernoulli_slope(z: float) -> float:
+    """Derivative of the Bernoulli function."""
+    if abs(z) < 1e-2:
+        return -0.5 + z / 6.0 - z**3 / 180.0
+    if z > 300.0:
+        return 0.0
+    if z < -300.0:
+        return -1.0
+    e = np.expm1(z)
+    return (e - z * (e + 1.0)) / (e * e)
+
+
+@jit
+def _dynamic_stiffness(
+    velocity: float,
+    rate: float,
+    spread: float,
+    s: NDArray[np.complex128],
+    newborn: float,
+    mean: float,
+    delays: Floats,
+    cells: int,
+) -> NDArray[np.complex128]:
+    """`dynamic_stiffness_ageing` at one resolution."""
+    u, delta, start = velocity / (rate * rate * mean), spread / mean, newborn / mean
+    z, age = _stability_nodes(u, delta, start, cells)
+    mass = _density_by_age(u, delta, start, z, age)
+    rest = _response(u, delta, start, 0j, z, age, mass)
+    held = rest[0] + np.mean(delays) * rate * rate
+    kappa = np.empty(s.size, dtype=np.complex128)
+    for k in range(s.size):
+        p = s[k] / (rate * rate)
+        life, work, less, lost = _response(u, delta, start, p, z, age, mass)
+        away = 0j  # detached contacts, per birth
+        if np.max(delays) > 0.0 and p != 0.0:
+            e = np.mean(np.exp(-s[k] * delays))
+            away = (1.0 - e) / (p * e)
+        kappa[k] = (rest[0] - life + lost - less * work / (life + away)) / held
+    return kappa
+
+
+@jit
+def dynamic_stiffness_ageing(
+    velocity: float,
+    rate: float,
+    spread: float,
+    s: NDArray[np.complex128],
+    newborn: float = 0.0,
+    mean: float = 1.0,
+    delays: Floats = NO_DELAY,
+    cells: int = 80,
+) -> NDArray[np.complex128]:
+    """Dynamic stiffness of ageing contacts about steady sliding, from Eqs. (11) and (13)-(17).
+
+    A slider at ``X = velocity t + xi e^{st}`` feels the force ``F + kappa(s) xi e^{st}``; with a mass on a spring,
+    the roots of ``M s^2 + M eta s + K + kappa(s) = 0`` are the modes of smooth sliding. kappa depends on
+    ``velocity/(rate^2 mean)`` and ``s/rate^2`` only, tends to ``s dF/dv`` for small s and to 1 for large s.
+
+    The density of the gap over the age is perturbed by the extra drift ``-d xi/dt - (xi(t) - xi(birth)) rate^2``; the
+    births, counted by the local time of the gap at its boundary, follow from the conservation of contacts. The
+    response of survivors is the density times the slope of the adjoint solution, which is smooth at any s: large
+    imaginary s costs no finer grid.
+
+    Parameters
+    ----------
+    velocity, rate, spread, newborn, mean : float
+        See `steady_friction`; velocity above 0.
+    s : ndarray of complex, shape (n,)
+        Laplace variable, per time.
+    delays : ndarray, shape (d,)
+        Delays after breaking, equally likely; they need a newborn threshold above 0.
+    cells : int
+        Cells of the gap on the coarser of two grids, which one Richardson extrapolation joins; 80 gives some 2e-4
+        for |s| up to a hundred times rate^2.
+
+    Returns
+    -------
+    ndarray of complex, shape (n,)
+        kappa, per contact, in units of the contact stiffness.
+    """
+    coarse = _dynamic_stiffness(velocity, rate, spread, s, newborn, mean, delays, cells)
+    return (4.0 * _dynamic_stiffness(velocity, rate, spread, s, newborn, mean, delays, 2 * cells) - coarse) / 3.0
