@@ -31,8 +31,31 @@ LAWS: dict[str, Law] = {
 }
 
 
+# Laws that reach below zero: for initial stretchings, and for thresholds once conditioned on positive values.
+LAWS_ON_BOTH_SIDES: dict[str, Law] = {
+    "gaussian-both-sides": Gaussian(mean=0.1, spread=0.3),
+    "gaussian-cut-below-zero": Gaussian(mean=0.1, spread=0.3, lower=-0.2),
+    "gaussian-cut-far-up": Gaussian(mean=-1.0, spread=0.4, lower=0.0),
+    "uniform-both-sides": Uniform(low=-0.5, high=0.3),
+    "empirical-both-sides": Empirical(edges=(-1.0, -0.5, 0.25, 0.5), weights=(1.0, 2.0, 3.0)),
+}
+
+
+@pytest.fixture(scope="session")
+def laws() -> dict[str, Law]:
+    """Every law of thresholds, by name."""
+    return LAWS
+
+
 @pytest.fixture(params=LAWS.values(), ids=LAWS.keys())
 def law(request: pytest.FixtureRequest) -> Law:
     """Every law of thresholds in turn."""
+    chosen: Law = request.param
+    return chosen
+
+
+@pytest.fixture(params=[*LAWS.values(), *LAWS_ON_BOTH_SIDES.values()], ids=[*LAWS, *LAWS_ON_BOTH_SIDES])
+def any_law(request: pytest.FixtureRequest) -> Law:
+    """Every law in turn, those that reach below zero among them."""
     chosen: Law = request.param
     return chosen

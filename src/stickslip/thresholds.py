@@ -9,7 +9,9 @@ Natural units: stretchings in units of ``x_s = f_s/k``.
 
 from __future__ import annotations
 
+import cmath
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
@@ -19,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
-from stickslip.errors import InputError, number, whole
+from stickslip.errors import InputError, instance, number, whole
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -184,15 +186,17 @@ class Gaussian(Law):
         if self.spread == 0:
             return np.asarray(self.mean**order * np.exp(-q * self.mean))
         variance = self.spread**2
-        bell = np.exp(-q * self.mean + 0.5 * q * q * variance)
-        kept, edge = bell, np.zeros_like(bell)
-        if math.isfinite(self.lower):
+        if math.isinf(self.lower):
+            kept = np.exp(-q * self.mean + 0.5 * q * q * variance)
+            edge = np.zeros_like(kept)
+        else:
             # erfcx keeps exp(large) * erfc(large) together: no overflow on either side of the cut.
             z = (self.lower - self.mean + q * variance) / (self.spread * math.sqrt(2))
             at_cut = np.exp(-q * self.lower - 0.5 * float(self._z(self.lower)) ** 2)
             right = z.real >= 0
             part = 0.5 * at_cut * special.erfcx(np.where(right, z, -z))
-            kept = np.where(right, part, np.where(right, 0.0, bell) - part)
+            left = np.where(right, 0.0, q)
+            kept = np.where(right, part, np.exp(-left * self.mean + 0.5 * left * left * variance) - part)
             edge = at_cut / math.sqrt(2 * math.pi) * self.spread
         if order == 1:
             kept = (self.mean - q * self.spread**2) * kept + edge
@@ -214,8 +218,8 @@ class Gaussian(Law):
     @property
     def support(self) -> tuple[float, float]:
         """Interval that holds all but a negligible part of the probability on each side."""
-        reach = 8.3 * self.spread
-        return max(self.lower, self.mean - reach), self.mean + reach
+        low, high = special.ndtri(NEGLIGIBLE / 2), special.ndtri(NEGLIGIBLE / 2 * self._beyond_lower())
+        return max(self.lower, self.mean + low * self.spread), self.mean - high * self.spread
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -413,14 +417,17 @@ class LogNormal(Law):
 
     def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
         """Mean of ``x**order * exp(-q x)``, by quadrature in the logarithm (there is no closed form)."""
-        z, weight = panels(-8.5, 8.5, self._panel_count(q))
-        x = np.exp(self.log_mean + self.log_spread * z)
-        return _laplace_of_nodes(q, x, weight * np.exp(-0.5 * z * z) / math.sqrt(2 * math.pi), order)
-
-    def _panel_count(self, q: ArrayLike) -> int:
         # The phase q x turns fastest where the density is still felt, about five deviations up.
-        fastest = float(np.max(np.abs(np.imag(q)), initial=0.0)) * float(self.inverse_survival(1e-7))
-        return 12 + int(17 * fastest * self.log_spread / 6)
+        per_turn = 17 * float(self.inverse_survival(1e-7)) * self.log_spread / 6
+        return _laplace_on_a_ray(q, order, self._on_a_ray, 2.0 * self.log_spread, 12, per_turn)
+
+    def _on_a_ray(self, angle: float, count: int, growing: bool) -> tuple[ComplexArray, ComplexArray]:
+        del growing  # the transform has no value there
+        # Turning x by an angle shifts z by an imaginary number; beyond two spreads the density would grow.
+        node, weight = panels(-8.5, 8.5, count)
+        z = node - 1j * angle / self.log_spread
+        x = np.asarray(np.exp(self.log_mean + self.log_spread * z))
+        return x, np.asarray(np.log(weight) - 0.5 * z * z - 0.5 * math.log(2 * math.pi))
 
     def positive(self) -> LogNormal:
         """Return the law itself: it is positive."""
@@ -461,10 +468,15 @@ class Weibull(Law):
 
     def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
         """Mean of ``x**order * exp(-q x)``, by quadrature in the logarithm of the hazard (no closed form)."""
-        fastest = float(np.max(np.abs(np.imag(q)), initial=0.0)) * float(self.inverse_survival(1e-9))
-        y, weight = panels(-40.0, 3.7, 24 + int(4 * fastest / self.shape))
-        t = np.exp(y)
-        return _laplace_of_nodes(q, self.scale * t ** (1 / self.shape), weight * t * np.exp(-t), order)
+        per_turn = 4 * float(self.inverse_survival(1e-9)) / self.shape
+        return _laplace_on_a_ray(q, order, self._on_a_ray, 1.2 / self.shape, 24, per_turn)
+
+    def _on_a_ray(self, angle: float, count: int, growing: bool) -> tuple[ComplexArray, ComplexArray]:
+        # Turning x by an angle turns (x/scale)**shape by `shape` times as much, which must stay below a right angle.
+        turn = np.exp(-1j * angle * self.shape)
+        y, weight = panels(-40.0, 6.6 if growing else 3.7 - math.log(turn.real), count)
+        x = np.asarray(self.scale * np.exp(y / self.shape - 1j * angle))
+        return x, np.asarray(np.log(weight) + y - 1j * angle * self.shape - np.exp(y) * turn)
 
     def positive(self) -> Weibull:
         """Return the law itself: it is positive."""
@@ -504,9 +516,11 @@ class Empirical(Law):
             )
         if any(right <= left for left, right in pairwise(edges)):
             raise InputError("Empirical.edges: must rise from each edge to the next")
-        total = sum(weights)
+        total = math.fsum(weights)
         if total <= 0:
             raise InputError("Empirical.weights: must have a positive sum")
+        if abs(total - 1.0) <= 4e-16:
+            total = 1.0  # normalised already: a law made again from its fields is the same law
         _set(self, "edges", edges)
         _set(self, "weights", tuple(w / total for w in weights))
 
@@ -526,7 +540,10 @@ class Empirical(Law):
         InputError
             If there are fewer than two different values, or one is not finite.
         """
-        values = np.ravel(np.asarray(samples, dtype=float))
+        try:
+            values = np.ravel(np.asarray(samples, dtype=float))
+        except (TypeError, ValueError):
+            values = np.empty(0)
         if values.size == 0 or not np.all(np.isfinite(values)) or np.ptp(values) == 0:
             raise InputError("Empirical.from_samples: needs at least two different values, all finite")
         if bins is not None:
@@ -599,6 +616,7 @@ class SteadyState(Law):
     thresholds: Law
 
     def __post_init__(self) -> None:
+        instance("SteadyState.thresholds", self.thresholds, Law, "a law, such as Gaussian(mean=1.0, spread=0.1)")
         _set(self, "thresholds", self.thresholds.positive())
 
     @property
@@ -621,19 +639,36 @@ class SteadyState(Law):
         """Stretching exceeded with the given probability, by Newton steps from a table."""
         wanted = np.asarray(probability, dtype=float)
         grid, survival = _steady_table(self)
-        x = np.interp(wanted, survival[::-1], grid[::-1])
-        for _ in range(3):
+        # The survival is convex: from the left, Newton's steps never overshoot.
+        place = np.clip(np.searchsorted(-survival, -wanted, side="right") - 1, 0, grid.size - 2)
+        x, end = grid[place], grid[place + 1]
+        for _ in range(60):
             slope = np.maximum(self.density(x), 1e-300)
-            step = (self.survival(x) - wanted) / slope
-            x = np.where(np.abs(step) < grid[1] - grid[0], np.maximum(x + step, 0.0), x)
+            step = np.minimum(np.maximum((self.survival(x) - wanted) / slope, 0.0), end - x)
+            x = x + step
+            if not np.any(step > 4e-16 * x):
+                break
         return np.asarray(x)
 
     def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
-        """Mean of ``x**order * exp(-q x)``, by quadrature between the knots."""
-        low, high = 0.0, self.thresholds.support[1]
-        fastest = float(np.max(np.abs(np.imag(q)), initial=0.0))
-        x, weight = panels(low, high, 64 + int(fastest * high / 4))
-        return _laplace_of_nodes(q, x, weight * self.density(x), order)
+        """Mean of ``x**order * exp(-q x)``: ``(1 - P^(q))/(q <x_s>)``, or by quadrature where that cancels."""
+        if order not in (0, 1):
+            raise InputError(f"laplace(order={order}): only orders 0 and 1 are defined")
+        q = np.asarray(q, dtype=complex)
+        high = self.thresholds.support[1]
+        small = np.abs(q) * high <= 30.0
+        safe = np.where(small, 1.0, q)
+        result = (1.0 - self.thresholds.laplace(safe)) / (safe * self._scale)
+        if order == 1:
+            result = (result - self.thresholds.laplace(safe, 1) / self._scale) / safe
+        if np.any(small):
+            edges = [0.0, *(knot for knot in self.thresholds.knots if 0.0 < knot < high), high]
+            parts = [panels(a, b, 8 + math.ceil(48 * (b - a) / high)) for a, b in pairwise(edges)]
+            x, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
+            result = np.where(
+                small, _laplace_of_nodes(np.where(small, q, 0.0), x, weight * self.density(x), order), result
+            )
+        return np.asarray(result)
 
     def positive(self) -> SteadyState:
         """Return the law itself: it is positive."""
@@ -678,6 +713,36 @@ def _laplace_of_nodes(q: ArrayLike, x: Array, weight: Array, order: int) -> Comp
     weighted = weight * x**order
     flat = np.array([np.exp(-value * x) @ weighted for value in q.ravel()], dtype=complex)
     return flat.reshape(q.shape)
+
+
+def _laplace_on_a_ray(
+    q: ArrayLike,
+    order: int,
+    nodes: Callable[[float, int, bool], tuple[ComplexArray, ComplexArray]],
+    largest_angle: float,
+    fewest: int,
+    per_turn: float,
+) -> ComplexArray:
+    """Transform of an analytic density, on a ray turned towards the direction in which ``exp(-q x)`` decays.
+
+    On the real axis ``exp(-q x)`` turns ever faster with `q`, and so many more nodes would be needed. ``nodes(angle,
+    count, growing)`` gives places, and the logarithms of their weights, on `count` panels of the ray ``x exp(-i
+    angle)``, further out where ``exp(-q x)`` is `growing`; on the real axis `fewest` panels and `per_turn` for each
+    unit of ``|q|`` are enough.
+    """
+    q = np.asarray(q, dtype=complex)
+    result = np.empty(q.size, dtype=complex)
+    for i, value in enumerate(q.ravel().tolist()):
+        count, angle = fewest + int(per_turn * abs(value)), 0.0
+        if count > _MOST and value.real >= 0:
+            angle = math.copysign(min(abs(cmath.phase(value)), largest_angle), value.imag)
+            count = _MOST
+        x, log_weight = nodes(angle, 32 * math.ceil(count / 32), value.real < 0)  # few counts: the panels are kept
+        result[i] = np.sum(x**order * np.exp(log_weight - value * x))
+    return result.reshape(q.shape)
+
+
+_MOST = 256  # panels: enough on a ray, whatever q
 
 
 def _laplace_of_bins(q: ArrayLike, edges: Array, weights: Array, order: int) -> ComplexArray:
