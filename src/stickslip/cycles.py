@@ -1,0 +1,1131 @@
+"""Stick-slip as it lasts: does it, from where, and how far it can be followed. The nonlinear side of stability.
+
+`stickslip.stability` says where smooth sliding is unstable to the smallest disturbance. Stick-slip once started may
+live on where smooth sliding is stable. The names keep the two apart: what is *critical* is linear, what is *lasting*
+is nonlinear and belongs to a start, and a cycle that is followed dies at its *fold*.
+
+- `lasts`: does an oscillation last from a start? With the evidence.
+- `lasting`, `lasting_velocities`, `lasting_delay` (the paper's ``tau*``): where it does, along a knob, afresh from
+  the same start at each value.
+- `cycle_branch`: the cycle itself, carried from value to value of a knob up to where it dies (``v1'`` on the way down,
+  ``v2`` on the way up).
+- `bistable_band`: between the fold and the linear boundary both smooth sliding and stick-slip last.
+
+All of it rests on forward runs of the master equation on cohorts, Eqs. (1)-(4) and (11). With the 100 cohorts per
+``x_s`` of `METHOD` amplitudes are within 1e-3 of those with 200, and thresholds within 3e-3; 50 move ``tau*`` by 1.5 %.
+
+Natural units per contact.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip import store
+from stickslip.errors import InputError, UndecidedError, instance, number
+from stickslip.measure.verdict import SLIP_VELOCITY, TINY, Kind
+from stickslip.model import Interface, Slider
+from stickslip.simulate import (
+    MasterEquation,
+    Relaxed,
+    Sliding,
+    Start,
+    check_method,
+    initial_nodes,
+    survival_table,
+)
+from stickslip.stability import DELAY, VELOCITY, Crossings, Knob, Setting, critical, unstable_modes
+from stickslip.stability.knobs import check_range, knob_named
+from stickslip.thresholds import Law
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from stickslip.kernels import cohorts as kernel
+
+Array = NDArray[np.float64]
+
+METHOD = MasterEquation(cells=100)
+"""The fewest cohorts that keep the settled numbers; see above."""
+
+LOOK = 3.0
+"""Cycles, by their expected length, between two looks at the amplitude."""
+PATIENCE = 60
+"""Looks after which what has not settled is undecided, unless its trend tells."""
+STEADY = 1e-3
+"""Change of ln(amplitude) from look to look that counts as none if it stays so small three times."""
+REST = 0.01
+"""... and that may still lie ahead, if the changes shrink geometrically."""
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Does it last?
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """Whether an oscillation lasts from a start, with the evidence. Nonlinear: it belongs to the start.
+
+    Attributes
+    ----------
+    lasts : bool or None
+        None if the evidence does not suffice, for the reason given.
+    kind : {"stick-slip", "small oscillation", "smooth sliding", "undecided"}
+        Of the motion at the end. Stick-slip: the slider reaches at least 3.5 times the velocity of the drive, as in
+        `stickslip.measure.regime`.
+    reason : str
+        Why, in plain words.
+    peak_to_peak : float
+        Of the driving force at the last look, in ``f_s``: the median cycle.
+    period : float
+        In time; NaN without complete cycles.
+    largest_velocity : float
+        Of the slider, in velocities of the drive, at the last look.
+    change : float
+        Of ln(peak to peak) from the last look but one to the last; NaN with one look.
+    travel : float
+        Of the drive, in ``x_s``, up to the verdict.
+    linearly_unstable : bool or None
+        Whether smooth sliding is unstable by itself there; None on its very boundary, and if there is no steady
+        sliding.
+    """
+
+    lasts: bool | None
+    kind: Kind
+    reason: str
+    peak_to_peak: float
+    period: float
+    largest_velocity: float
+    change: float
+    travel: float
+    linearly_unstable: bool | None
+
+    def __str__(self) -> str:
+        return f"{self.kind}: {self.reason}"
+
+
+def lasts(
+    interface: Interface,
+    slider: Slider,
+    velocity: float,
+    start: Start = Relaxed(),
+    *,
+    method: MasterEquation = METHOD,
+    patience: int = PATIENCE,
+) -> Verdict:
+    """Tell whether an oscillation lasts from a start, at a constant velocity of the drive.
+
+    The run is looked at every three cycles, by their expected length: the drive travels ``<x_s> (1 + k/K)`` in one,
+    or for one period of the slider on its spring, whichever is longer. It ends as soon as its fate is clear. The
+    oscillation *lasts* if its amplitude no longer changes (by less than 1e-3 three times running, or with changes
+    that shrink geometrically and have less than 1 % left to go), or wavers without a trend. It *dies* if it is below
+    2 % of the kinetic friction and shrinks while smooth sliding is stable by linear theory. Where smooth sliding is
+    unstable some oscillation always lasts; the run then tells which.
+
+    Parameters
+    ----------
+    interface, slider
+        The rig.
+    velocity : float
+        Of the drive, in ``x_s`` per time.
+    start : Relaxed or Sliding
+        `Relaxed` contacts with a narrow law are the paper's start; ``Sliding(kick=...)`` asks for small disturbances.
+    method : MasterEquation
+    patience : int
+        Looks after which to give up, at 3 cycles each; up to five times as many while the amplitude drifts one way.
+
+    Returns
+    -------
+    Verdict
+        Undecided where the amplitude still drifts after all looks, and its trend does not tell where to.
+    """
+    setting = _check(interface, slider, velocity, method)
+    instance("lasts: start", start, Relaxed | Sliding, "Relaxed() or Sliding(...)")
+    return _settle(_Ride.begin(setting, start, method), patience)[0]
+
+
+def _check(interface: Interface, slider: Slider, velocity: float, method: MasterEquation) -> Setting:
+    instance("cycles: interface", interface, Interface, "an Interface")
+    instance("cycles: slider", slider, Slider, "a Slider")
+    instance("cycles: method", method, MasterEquation, "MasterEquation(...)")
+    if method.memoryless:
+        raise InputError("MasterEquation.memoryless: without memory the oscillation is spurious; leave it False here")
+    check_method(interface, method)
+    if slider.mass == 0:
+        raise InputError("Slider.mass = 0: a cycle needs a mass above 0; the massless limit is for `stability` only")
+    return Setting(interface=interface, rig=slider, velocity=number("velocity", velocity, above=0, hint="x_s per time"))
+
+
+def _slider(setting: Setting) -> Slider:
+    instance("cycles: slider", setting.rig, Slider, "a Slider")
+    assert isinstance(setting.rig, Slider)
+    return setting.rig
+
+
+class _Look(NamedTuple):
+    """What a stretch of a few cycles shows."""
+
+    amplitude: float
+    period: float
+    fastest: float
+    mean_force: float
+    travel: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Ride:
+    """A rig on its way: where it is, and all that moves it on. Immutable, so that one can go back and try again."""
+
+    setting: Setting
+    cells: int
+    table: kernel.Table
+    rebirth: kernel.Rebirth
+    mechanics: kernel.Mechanics
+    pull: kernel.Pull
+    state: kernel.State
+    cycle: float  # expected travel of the drive in one
+
+    @classmethod
+    def begin(cls, setting: Setting, start: Start, method: MasterEquation) -> _Ride:
+        from stickslip.kernels import cohorts as kernel
+
+        interface, slider, velocity = setting.interface, _slider(setting), setting.velocity
+        table, rebirth = _table(interface.threshold_law), kernel.Rebirth(*interface.delay.quadrature(), False)
+        if isinstance(start, Relaxed):
+            x, share = initial_nodes(interface)
+            speed = rate = 0.0
+        else:
+            mean, delay = interface.threshold_law.moment(1), interface.delay.moment(1)
+            if math.isinf(delay):
+                raise InputError("Sliding: contacts that never come back have no steady sliding; start Relaxed()")
+            rate = velocity / (mean + velocity * delay)
+            x, share = kernel.smooth_sliding(table, method.cells, mean / (mean + velocity * delay))
+            speed = velocity * (1.0 + start.kick)
+        state = kernel.initial_state(table, rebirth, x, share, velocity=speed, rate=rate)
+        balance = 0.0
+        if isinstance(start, Sliding):
+            drag = slider.mass * slider.damping * velocity
+            balance = (float(state.scalar[kernel.CONTACT_FORCE]) + drag) / slider.stiffness
+        return cls(
+            setting=setting,
+            cells=method.cells,
+            table=table,
+            rebirth=rebirth,
+            mechanics=kernel.Mechanics(slider.stiffness, slider.mass, slider.damping, False),
+            pull=kernel.Pull(0.0, balance, velocity, 0.0),
+            state=state,
+            cycle=_cycle(setting),
+        )
+
+    def on(self, travel: float) -> tuple[_Ride, Array]:
+        """Go on by a travel of the drive; with times, driving force and slider velocity of fine samples, as rows."""
+        from stickslip.kernels import cohorts as kernel
+
+        slider, velocity = _slider(self.setting), self.setting.velocity
+        begin, duration = float(self.state.scalar[kernel.TIME]), travel / velocity
+        each = self.cycle / velocity
+        # A slip lasts about half a period of the slider on its spring; a cap keeps very quick slips affordable.
+        count = math.ceil(duration / max(min(each / 200, 0.3 / slider.frequency), each / 4000))
+        times = begin + duration * np.arange(1, count + 1) / count
+        done = kernel.advance(
+            self.state,
+            self.table,
+            self.rebirth,
+            self.mechanics,
+            self.pull,
+            until=begin + duration,
+            times=times,
+            cells=self.cells,
+        )
+        rows = done.rows[:, [kernel.TIME, kernel.DRIVE_FORCE, kernel.VELOCITY]].T
+        return replace(self, state=done.state), rows
+
+    def look(self) -> tuple[_Ride, _Look]:
+        """Go on for a few cycles and say what they show; stretches of the drive too short for that are doubled."""
+        travel = LOOK * self.cycle
+        ride, rows = self.on(travel)
+        cycles = _cycles(rows, ride.mechanics.stiffness, ride.setting.velocity)
+        _, force, speed = rows
+        fastest = float(speed.max()) / ride.setting.velocity
+        if cycles.shape[1] == 0:
+            swing = float(np.ptp(force))
+            if swing > TINY:  # cycles longer than expected
+                ride = replace(ride, cycle=2.0 * ride.cycle)
+            return ride, _Look(swing, math.nan, fastest, float(force.mean()), travel)
+        swing, period, mean = np.median(cycles[0]), np.mean(cycles[1]), np.average(cycles[2], weights=cycles[1])
+        return ride, _Look(float(swing), float(period), fastest, float(mean), travel)
+
+    def turn(self, setting: Setting) -> _Ride:
+        """Change the rig or the drive under way: forces, positions and masses stay, the drive goes on from where it is.
+
+        Contacts that are detached stay so for the same share of the new delay. Cohorts keep what is attached of them.
+        """
+        from stickslip.kernels import cohorts as kernel
+
+        slider = _slider(setting)
+        table, rebirth = self.table, self.rebirth
+        scalar, cohort, broken = self.state.scalar.copy(), self.state.cohort.copy(), self.state.broken.copy()
+        cursor, used = self.state.cursor.copy(), self.state.used.copy()
+        if setting.interface.delay != self.setting.interface.delay:
+            rebirth = kernel.Rebirth(*setting.interface.delay.quadrature(), False)
+            ratio = _stretched(self.rebirth, rebirth)
+            n = used[1]
+            broken[0, :n] = scalar[kernel.TIME] - ratio * (scalar[kernel.TIME] - broken[0, :n])
+            cursor[:] = 0
+        if setting.interface.thresholds != self.setting.interface.thresholds:
+            table = _table(setting.interface.threshold_law)
+            n = used[0]
+            share = np.array([kernel.survival(table, reach) for reach in cohort[kernel.REACH, :n]])
+            held = share > kernel.EXTINCT  # the others break as soon as they are stretched further
+            cohort[kernel.MASS, :n] = np.where(held, cohort[kernel.ALIVE, :n] / np.where(held, share, 1.0), 0.0)
+        at = float(scalar[kernel.POSITION] + scalar[kernel.DRIVE_FORCE] / slider.stiffness)
+        return replace(
+            self,
+            setting=setting,
+            table=table,
+            rebirth=rebirth,
+            mechanics=kernel.Mechanics(slider.stiffness, slider.mass, slider.damping, False),
+            pull=kernel.Pull(float(scalar[kernel.TIME]), at, setting.velocity, 0.0),
+            state=kernel.State(scalar, cohort, broken, cursor, used),
+            cycle=self.cycle / _cycle(self.setting) * _cycle(setting),
+        )
+
+
+def _table(law: Law) -> kernel.Table:
+    from stickslip.kernels import cohorts as kernel
+
+    return kernel.tabulate(*survival_table(law))
+
+
+def _cycle(setting: Setting) -> float:
+    """Expected travel of the drive in a cycle: loading by a threshold, or a swing of the slider on its spring."""
+    slider = _slider(setting)
+    stretch = setting.interface.threshold_law.moment(1)
+    return max(stretch * (1.0 + 1.0 / slider.stiffness), setting.velocity * 2.0 * math.pi / slider.frequency)
+
+
+def _stretched(old: kernel.Rebirth, new: kernel.Rebirth) -> float:
+    """Ratio of two laws of delays that differ in scale only."""
+    if old.delay.size == new.delay.size and old.delay.size and np.allclose(old.weight, new.weight, rtol=1e-6):
+        ratio = float(new.delay.max() / old.delay.max()) if old.delay.max() > 0 else math.nan
+        if np.allclose(new.delay, ratio * old.delay, rtol=1e-6) and ratio > 0:
+            return ratio
+    raise InputError(
+        "Interface.delay: a cycle can be carried over only to a delay that is the old one scaled (the knob DELAY does "
+        "that); use lasts() afresh at each value"
+    )
+
+
+def _cycles(rows: Array, stiffness: float, velocity: float) -> Array:
+    """Swing of the driving force, period and mean force of each complete cycle: shape (3, n).
+
+    A cycle goes from one rise through three quarters of the range to the next, with a fall below one quarter in
+    between. The extremes lie where the slider is as fast as the drive, between the samples.
+    """
+    t, force, speed = rows
+    low, high = float(force.min()), float(force.max())
+    level = 0.25 * low + 0.75 * high
+    side = np.where(force > level, 1, np.where(force < 0.75 * low + 0.25 * high, -1, 0))
+    outside = np.flatnonzero(side)
+    risen = outside[1:][(side[outside[1:]] > 0) & (side[outside[:-1]] < 0)]
+    if risen.size < 2:
+        return np.empty((3, 0))
+    slope = stiffness * (velocity - speed)
+    swings, means = [], []
+    for a, b in itertools.pairwise(risen.tolist()):
+        part = force[a : b + 1]
+        top, bottom = (_extreme(t, force, slope, a + int(i)) for i in (np.argmax(part), np.argmin(part)))
+        swings.append(top - bottom)
+        means.append(float(part[1:].mean()))
+    rises = t[risen] - (force[risen] - level) / (force[risen] - force[risen - 1]) * (t[risen] - t[risen - 1])
+    return np.array([swings, np.diff(rises), means])
+
+
+def _extreme(t: Array, force: Array, slope: Array, i: int) -> float:
+    """Value where the slope changes sign next to a sample, by a parabola."""
+    for j in (i, i - 1):
+        if 0 <= j < t.size - 1 and slope[j] * slope[j + 1] < 0:
+            way = slope[j] / (slope[j] - slope[j + 1]) * (t[j + 1] - t[j])
+            return float(force[j] + 0.5 * way * slope[j])
+    return float(force[i])
+
+
+def _settle(ride: _Ride, patience: int = PATIENCE) -> tuple[Verdict, _Ride, _Look]:
+    """Go on until it is clear whether the oscillation lasts."""
+    setting, travel, growing = ride.setting, 0.0, _linearly_unstable(ride.setting)
+    floor = TINY * _friction(setting)
+    looks: list[_Look] = []
+    fate: tuple[bool | None, str] | None = None
+    while fate is None:
+        ride, look = ride.look()
+        looks.append(look)
+        travel += look.travel
+        fate = _fate(looks, floor, growing, patience)
+    last, (answer, reason) = looks[-1], fate
+    fastest = max(look.fastest for look in looks[-2:])
+    kind: Kind = "undecided"
+    if answer is False:
+        kind = "smooth sliding"
+    elif answer and last.amplitude > floor:
+        kind = "stick-slip" if fastest >= SLIP_VELOCITY else "small oscillation"
+    change = math.log(last.amplitude / looks[-2].amplitude) if len(looks) > 1 and last.amplitude > 0 else math.nan
+    verdict = Verdict(
+        lasts=answer,
+        kind=kind,
+        reason=reason,
+        peak_to_peak=last.amplitude,
+        period=last.period,
+        largest_velocity=fastest,
+        change=change,
+        travel=travel,
+        linearly_unstable=growing,
+    )
+    return verdict, ride, last
+
+
+def _linearly_unstable(setting: Setting) -> bool | None:
+    try:
+        return unstable_modes(setting.interface, setting.rig, setting.velocity) > 0
+    except (InputError, UndecidedError):  # no steady sliding; on the boundary itself
+        return None
+
+
+def _friction(setting: Setting) -> float:
+    """Kinetic friction ``<x_s^2>/(2 (<x_s> + v <tau>))``; that without delay if contacts never come back."""
+    law, delay = setting.interface.threshold_law, setting.interface.delay.moment(1)
+    detached = setting.velocity * delay if math.isfinite(delay) else 0.0
+    return law.moment(2) / (2.0 * (law.moment(1) + detached))
+
+
+def _fate(looks: list[_Look], floor: float, growing: bool | None, patience: int) -> tuple[bool | None, str] | None:
+    """Whether it lasts and why, as soon as the looks tell."""
+    size = np.array([look.amplitude for look in looks])
+    now = f"{size[-1]:.4g} f_s"
+    if size[-1] < 1e-9 * floor and growing is not True:
+        return False, "there is no oscillation left"
+    if len(looks) < 3:
+        return None
+    step = np.diff(np.log(np.maximum(size, 1e-300)))
+    if size[-1] < floor:
+        if growing is not True and np.all(step[-2:] < 0):
+            return False, f"the swing of the force dies out; it is down to {now}"
+    elif np.all(np.abs(step[-3:]) < STEADY) and len(looks) > 3:
+        return True, f"the swing of the force, {now}, no longer changes"
+    elif len(looks) > 3 and _left_to_go(step) < REST:
+        return True, f"the swing of the force settles at {size[-1]:.3g} f_s"
+    elif len(looks) >= 10 and _wavers(size[-8:]):
+        return True, f"the swing of the force wavers about {np.median(size[-8:]):.3g} f_s without a trend"
+    # What grows slowly from little will arrive; what drifts all one way, through a narrow place, will leave it.
+    drifts = bool(np.all(step[-8:] < 0) or np.all(step[-8:] > 0))
+    if len(looks) < (5 * patience if growing else 3 * patience if drifts else patience):
+        return None
+    if growing:
+        return (
+            True,
+            f"smooth sliding is unstable by linear theory; the swing of the force, {now} so far, has not settled",
+        )
+    third = max(len(step) // 3, 2)
+    if np.all(step[-2 * third :] < 0) and step[-third:].mean() < step[-2 * third : -third].mean() - STEADY / 10:
+        return False, f"the swing of the force shrinks ever faster; it is down to {now}"
+    return None, f"after {len(looks)} looks the swing of the force, {now}, still changes by {step[-1]:.2g} a look"
+
+
+def _left_to_go(step: Array) -> float:
+    """Change of ln(amplitude) still ahead if the last three steps are geometric and shrink; else infinite."""
+    a, b, c = np.abs(step[-3:])
+    if step[-1] * step[-2] <= 0 or step[-2] * step[-3] <= 0 or not (0 < c < 0.7 * b and b < 0.7 * a):
+        return math.inf
+    ratio = max(c / b, b / a)
+    return float(c * ratio / (1 - ratio))
+
+
+def _wavers(size: Array) -> bool:
+    """Whether amplitudes scatter about a constant: no trend beyond twice its error, and no deep fall."""
+    x = np.arange(size.size) - 0.5 * (size.size - 1)
+    y = np.log(np.maximum(size, 1e-300))
+    slope = float(x @ y / (x @ x))
+    rest = y - y.mean() - slope * x
+    error = math.sqrt(float(rest @ rest) / (size.size - 2) / float(x @ x))
+    return size.min() > 0.5 * size.max() and abs(slope) < 2 * error
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Where it lasts
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class Edge:
+    """An end of a stretch of a knob in which an oscillation lasts (nonlinear).
+
+    Attributes
+    ----------
+    value : float
+        Middle of the bracket.
+    dies_at, lasts_at : float
+        The bracket: runs on either side of the edge. Equal at an end of the range searched.
+    end_of_range : bool
+        The oscillation lasts up to the end of the range: the edge lies outside it.
+    """
+
+    value: float
+    dies_at: float
+    lasts_at: float
+    end_of_range: bool = False
+
+    def __float__(self) -> float:
+        return self.value
+
+    def __str__(self) -> str:
+        if self.end_of_range:
+            return f"{self.value:.4g} (end of the range searched)"
+        return f"{self.value:.4g} (± {0.5 * abs(self.dies_at - self.lasts_at):.1g})"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Window:
+    """A stretch of a knob in which an oscillation lasts."""
+
+    low: Edge
+    high: Edge
+
+    def __str__(self) -> str:
+        return f"from {self.low} to {self.high}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lasting:
+    """Where an oscillation lasts along a knob, afresh from the same start at each value; nowhere is an answer too.
+
+    Attributes
+    ----------
+    knob, unit : str
+    searched : (float, float)
+    start : Relaxed or Sliding
+    windows : tuple of Window
+        Rising. Windows narrower than the grid of the search may be missed.
+    grid : tuple of (float, Verdict)
+        The runs of the grid.
+    undecided : tuple of float
+        Values at which a run could not tell.
+    """
+
+    knob: str
+    unit: str
+    searched: tuple[float, float]
+    start: Start
+    windows: tuple[Window, ...]
+    grid: tuple[tuple[float, Verdict], ...]
+    undecided: tuple[float, ...] = ()
+
+    def __iter__(self) -> Iterator[Window]:
+        return iter(self.windows)
+
+    def __len__(self) -> int:
+        return len(self.windows)
+
+    def __str__(self) -> str:
+        low, high = self.searched
+        where = f"for {self.knob} from {low:g} to {high:g} {self.unit}, from {self.start}"
+        doubt = f"; undecided at {', '.join(f'{v:.4g}' for v in self.undecided)}" if self.undecided else ""
+        if not self.windows:
+            return f"no oscillation lasts {where} ({len(self.grid)} runs){doubt}"
+        return f"{where}, an oscillation lasts {' and '.join(map(str, self.windows))}{doubt}"
+
+
+def lasting(
+    knob: Knob | str,
+    interface: Interface,
+    slider: Slider,
+    velocity: float,
+    *,
+    between: tuple[float, float],
+    start: Start = Relaxed(),
+    points: int = 8,
+    tolerance: float = 2e-3,
+    method: MasterEquation = METHOD,
+) -> Lasting:
+    """Find where an oscillation lasts along a knob, afresh from the same start at each value (nonlinear).
+
+    Parameters
+    ----------
+    knob : Knob or str
+        As in `stickslip.stability.critical`.
+    interface, slider, velocity
+        The setting; the knob's own value in it does not matter.
+    between : (float, float)
+        Range searched, in the knob's natural unit, both above 0.
+    start : Relaxed or Sliding
+    points : int
+        Runs per factor of 10, on a logarithmic grid; edges between two of them are found by halving.
+    tolerance : float
+        Relative width of the bracket about an edge.
+    method : MasterEquation
+    """
+    turned, setting = knob_named(knob), _check(interface, slider, velocity, method)
+    low, high = check_range(turned, between)
+    tolerance = number("tolerance", tolerance, above=0, below=1)
+    probe = _Probe(turned, setting, start, method)
+    count = max(2, math.ceil(points * math.log10(high / low)) + 1)
+    values = np.geomspace(low, high, count).tolist()
+    values[0], values[-1] = low, high
+    grid = [(value, probe(value)) for value in values]
+    windows: list[Window] = []
+    decided = [(value, verdict.lasts) for value, verdict in grid if verdict.lasts is not None]
+    opened: Edge | None = None
+    for i, (value, on) in enumerate(decided):
+        before = decided[i - 1] if i else None
+        if on and opened is None:
+            opened = _edge(probe, before[0], value, tolerance) if before else _end(value)
+        elif not on and opened is not None and before:
+            windows.append(Window(low=opened, high=_edge(probe, value, before[0], tolerance)))
+            opened = None
+    if opened is not None:
+        windows.append(Window(low=opened, high=_end(decided[-1][0])))
+    return Lasting(
+        knob=turned.name,
+        unit=turned.unit,
+        searched=(low, high),
+        start=start,
+        windows=tuple(windows),
+        grid=tuple(grid),
+        undecided=tuple(sorted(probe.undecided)),
+    )
+
+
+def lasting_velocities(
+    interface: Interface,
+    slider: Slider,
+    *,
+    between: tuple[float, float],
+    start: Start = Relaxed(),
+    points: int = 8,
+    tolerance: float = 2e-3,
+    method: MasterEquation = METHOD,
+) -> Lasting:
+    """Find the velocities at which stick-slip lasts from a start (nonlinear; see `lasting`).
+
+    From a narrow start the lower edge is where stick-slip dies on the way down, the paper's ``v1'``, and the upper edge
+    where it dies on the way up, ``v2``; the velocities at which smooth sliding loses stability (``v1``, and ``v2'``
+    on the way down) are linear: `stickslip.stability.critical_velocities`.
+    """
+    return lasting(
+        VELOCITY,
+        interface,
+        slider,
+        between[0],
+        between=between,
+        start=start,
+        points=points,
+        tolerance=tolerance,
+        method=method,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class LastingDelay:
+    """The shortest delay with which an oscillation lasts from a start: the paper's ``tau*`` (nonlinear).
+
+    Attributes
+    ----------
+    value : float
+        Middle of the bracket, in the unit of time.
+    dies_at, lasts_at : float
+        The bracket.
+    start : Relaxed or Sliding
+    linear : float or None
+        The linear critical delay beside it: where smooth sliding itself becomes unstable; None if it does not in the
+        range.
+    searched : (float, float)
+    verdict : Verdict
+        Of the run at `lasts_at`.
+    """
+
+    value: float
+    dies_at: float
+    lasts_at: float
+    start: Start
+    linear: float | None
+    searched: tuple[float, float]
+    verdict: Verdict
+
+    def __float__(self) -> float:
+        return self.value
+
+    def __str__(self) -> str:
+        linear = "none in the range" if self.linear is None else f"{self.linear:.6g}"
+        return (
+            f"lasting delay {self.value:.4g} (nonlinear: from {self.start} an oscillation dies at {self.dies_at:.4g} "
+            f"and lasts at {self.lasts_at:.4g}); linear critical delay: {linear}"
+        )
+
+
+def lasting_delay(
+    interface: Interface,
+    slider: Slider,
+    velocity: float,
+    *,
+    start: Start = Relaxed(),
+    between: tuple[float, float] | None = None,
+    tolerance: float = 2e-3,
+    method: MasterEquation = METHOD,
+) -> LastingDelay:
+    """Return the paper's critical delay ``tau*``: the shortest with which stick-slip lasts from a given start.
+
+    Not the linear critical delay of `stickslip.stability.critical_delay`, at which smooth sliding itself becomes
+    unstable; that is given beside it. Delays are tried upwards in steps of 1.4, then the edge is halved.
+
+    Parameters
+    ----------
+    interface : Interface
+        A `RandomDelay` is scaled as a whole, and the answer is its mean; the present delay does not matter otherwise.
+    slider : Slider
+    velocity : float
+        Of the drive, in ``x_s`` per time.
+    start : Relaxed or Sliding
+        The paper's is `Relaxed`, with a narrow law of initial stretchings.
+    between : (float, float), optional
+        Range searched; by default from .01 ``<x_s>/v`` to the linear critical delay, or to 100 ``<x_s>/v`` if there
+        is none.
+    tolerance : float
+        Relative width of the bracket.
+    method : MasterEquation
+
+    Raises
+    ------
+    UndecidedError
+        If no oscillation lasts in the range, or one lasts at its lower end already, or the runs cannot tell; the
+        message gives the range and the evidence.
+    """
+    setting = _check(interface, slider, velocity, method)
+    unit = interface.threshold_law.moment(1) / setting.velocity
+    low, high = check_range(DELAY, between or (0.01 * unit, 100 * unit))
+    tolerance = number("tolerance", tolerance, above=0, below=1)
+    crossings = critical(DELAY, interface, slider, setting.velocity, between=(low, high))
+    linear = next((c.value for c in crossings.edges if c.loses_stability), None)
+    if between is None and linear is not None:
+        high = min(high, 1.01 * linear)
+    probe = _Probe(DELAY, setting, start, method)
+    dead: float | None = None
+    value, verdict = low, probe(low)
+    while not verdict.lasts:
+        if verdict.lasts is False:
+            dead = value
+        if value >= high:
+            doubt = f"; undecided at {', '.join(f'{v:.4g}' for v in probe.undecided)}" if probe.undecided else ""
+            raise UndecidedError(
+                f"no lasting delay: from {start} no oscillation lasts with delays from {low:g} to {high:g} "
+                f"(at the last: {verdict}){doubt}"
+            )
+        value = min(1.4 * value, high)
+        verdict = probe(value)
+    if dead is None:
+        raise UndecidedError(
+            f"no lasting delay: at {value:g}, the low end of the range searched ({low:g} to {high:g}), an oscillation "
+            f"lasts ({verdict}); lower it"
+        )
+    edge = _edge(probe, dead, value, tolerance)
+    return LastingDelay(
+        value=edge.value,
+        dies_at=edge.dies_at,
+        lasts_at=edge.lasts_at,
+        start=start,
+        linear=linear,
+        searched=(low, high),
+        verdict=probe.known[edge.lasts_at],
+    )
+
+
+class _Probe:
+    """Runs along a knob, each afresh from the start, remembered."""
+
+    def __init__(self, knob: Knob, setting: Setting, start: Start, method: MasterEquation) -> None:
+        self.knob, self.setting, self.start, self.method = knob, setting, start, method
+        self.known: dict[float, Verdict] = {}
+
+    def __call__(self, value: float) -> Verdict:
+        if value not in self.known:
+            there = self.knob.set(self.setting, value)
+            self.known[value] = _settle(_Ride.begin(there, self.start, self.method))[0]
+        return self.known[value]
+
+    @property
+    def undecided(self) -> list[float]:
+        return [value for value, verdict in self.known.items() if verdict.lasts is None]
+
+
+def _edge(probe: Callable[[float], Verdict], dead: float, alive: float, tolerance: float) -> Edge:
+    """Halve between a value where it dies and one where it lasts; where runs cannot tell, come as near as possible."""
+    doubt: tuple[float, float] | None = None  # the end towards `dead`, the end towards `alive`
+    while True:
+        gaps = [(dead, alive)] if doubt is None else [(dead, doubt[0]), (doubt[1], alive)]
+        one, two = max(gaps, key=lambda gap: abs(math.log(gap[0] / gap[1])))
+        if abs(math.log(one / two)) <= tolerance:
+            return Edge(value=math.sqrt(dead * alive), dies_at=dead, lasts_at=alive)
+        middle = math.sqrt(one * two)
+        answer = probe(middle).lasts
+        if answer is False:
+            dead = middle
+        elif answer:
+            alive = middle
+        elif doubt is None:
+            doubt = middle, middle
+        else:
+            doubt = (middle, doubt[1]) if one == dead else (doubt[0], middle)
+
+
+def _end(value: float) -> Edge:
+    return Edge(value=value, dies_at=value, lasts_at=value, end_of_range=True)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The cycle, followed
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+class _Point(NamedTuple):
+    """The settled cycle at one value of a knob."""
+
+    value: float
+    verdict: Verdict
+    look: _Look
+    ride: _Ride
+
+
+def cycle_branch(
+    interface: Interface,
+    slider: Slider,
+    velocity: float,
+    knob: Knob | str = VELOCITY,
+    *,
+    within: tuple[float, float],
+    begin: float | None = None,
+    start: Start = Relaxed(),
+    step: float = 0.05,
+    tolerance: float = 2e-3,
+    method: MasterEquation = METHOD,
+) -> xr.Dataset:
+    """Follow the cycle of stick-slip in a knob, both ways, up to where it dies (nonlinear).
+
+    The motion is carried on from value to value: the knob is turned by a step, the motion settles again. Where it dies
+    the step is halved and taken back, until the end of the branch is known to the tolerance. A cycle of finite
+    amplitude ends in a fold, where it meets an unstable cycle; forward runs do not go round it. Turned slowly down,
+    the velocity ends at ``v1'``, and turned up at ``v2`` if there is one.
+
+    Parameters
+    ----------
+    interface, slider, velocity
+        The setting.
+    knob : Knob or str
+    within : (float, float)
+        Range of the knob, both ends above 0.
+    begin : float, optional
+        Value at which to look for the cycle first, from `start`; by default that of the setting, or, if no
+        oscillation lasts there, the first at which one does of 17 over the range.
+    start : Relaxed or Sliding
+    step : float
+        Largest change of the knob at once, as a share of it.
+    tolerance : float
+        Relative width of the bracket about the ends of the branch.
+    method : MasterEquation
+
+    Returns
+    -------
+    xarray.Dataset
+        Along the knob, rising: ``amplitude`` (peak to peak of the driving force), ``period``, ``largest_velocity`` of
+        the slider, ``mean_force``, and ``linearly_unstable`` (whether smooth sliding is, there). Attributes:
+        ``low_end`` and ``high_end`` ("fold", "end of range", "shrinks to nothing" or "undecided"), and the brackets
+        ``low_dies_at``, ``low_lasts_at``, ``high_dies_at``, ``high_lasts_at``.
+
+    Raises
+    ------
+    UndecidedError
+        If no oscillation lasts at `begin`, or anywhere that was looked.
+    """
+    import xarray as xr
+
+    turned, setting = knob_named(knob), _check(interface, slider, velocity, method)
+    low, high = check_range(turned, within)
+    first = _first_point(turned, setting, low, high, begin, start, method)
+    down, low_edge, low_end = _follow(turned, first, low, step, tolerance)
+    up, high_edge, high_end = _follow(turned, first, high, step, tolerance)
+    points = [*reversed(down), first, *up]
+    speeds = np.array([point.ride.setting.velocity for point in points])
+
+    def along(values: list[float] | Array, units: str, name: str) -> tuple[str, Array, dict[str, str]]:
+        return turned.name, np.asarray(values), {"units": units, "long_name": name}
+
+    unstable = [math.nan if p.verdict.linearly_unstable is None else float(p.verdict.linearly_unstable) for p in points]
+    arguments = {
+        "interface": interface,
+        "slider": slider,
+        "velocity": setting.velocity,
+        "knob": turned.name,
+        "within": [low, high],
+        "start": start,
+        "method": method,
+    }
+    return xr.Dataset(
+        {
+            "amplitude": along(
+                [p.look.amplitude for p in points], "f_s", "peak to peak of the driving force, per contact"
+            ),
+            "period": along([p.look.period for p in points], "time", "period of the cycle"),
+            "largest_velocity": along(
+                speeds * [p.verdict.largest_velocity for p in points], "x_s/time", "largest velocity of the slider"
+            ),
+            "mean_force": along([p.look.mean_force for p in points], "f_s", "mean driving force, per contact"),
+            "linearly_unstable": along(unstable, "1", "whether smooth sliding is unstable by linear theory"),
+        },
+        coords={turned.name: along([p.value for p in points], turned.unit, turned.name)},
+        attrs={
+            "low_end": low_end,
+            "low_dies_at": low_edge.dies_at,
+            "low_lasts_at": low_edge.lasts_at,
+            "high_end": high_end,
+            "high_dies_at": high_edge.dies_at,
+            "high_lasts_at": high_edge.lasts_at,
+            "provenance": store.provenance("cycle_branch", arguments),
+        },
+    )
+
+
+def _first_point(
+    knob: Knob, setting: Setting, low: float, high: float, begin: float | None, start: Start, method: MasterEquation
+) -> _Point:
+    own = knob.get(setting) if begin is None else number("begin", begin, at_least=low, at_most=high, hint=knob.unit)
+    values = [own] if low <= own <= high else []
+    if begin is None:
+        spread = np.geomspace(low, high, 17).tolist()
+        spread[0], spread[-1] = low, high
+        values += sorted(spread, key=lambda value: abs(math.log(value / math.sqrt(low * high))))
+    for value in dict.fromkeys(values):
+        verdict, ride, look = _settle(_Ride.begin(knob.set(setting, value), start, method))
+        if verdict.lasts and verdict.kind != "undecided":
+            return _Point(value, verdict, look, ride)
+    raise UndecidedError(
+        f"no cycle to follow: from {start} no oscillation lasts at {knob.name} = "
+        f"{', '.join(f'{v:.4g}' for v in values)}; the last: {verdict}"
+    )
+
+
+def _follow(knob: Knob, first: _Point, until: float, step: float, tolerance: float) -> tuple[list[_Point], Edge, str]:
+    """Carry the cycle on towards a value; the points, the end and what it is."""
+    points, here = [], first
+    way = 1.0 if until > first.value else -1.0
+    stride = largest = math.log1p(number("step", step, above=0, below=1))
+    dead: float | None = None
+    died_unstable: bool | None = None
+    while abs(math.log(until / here.value)) > 1e-12:
+        value = here.value * math.exp(way * stride)
+        if way * (value - until) > -1e-12 * until:
+            value = until
+        verdict, ride, look = _settle(here.ride.turn(knob.set(here.ride.setting, value)))
+        if verdict.lasts and verdict.kind != "undecided":
+            here = _Point(value, verdict, look, ride)
+            points.append(here)
+            if dead is not None:
+                stride = 0.5 * abs(math.log(dead / value))
+        elif verdict.lasts is False:
+            dead, died_unstable = value, verdict.linearly_unstable
+            stride = 0.5 * abs(math.log(dead / here.value))
+        else:
+            dead = value if dead is None else dead
+            return points, _bracket(dead, here.value), "undecided"
+        if dead is not None and abs(math.log(dead / here.value)) <= tolerance:
+            # Where smooth sliding turns stable just as the cycle dies, the one has become the other.
+            gone = here.verdict.linearly_unstable and not died_unstable
+            return points, _bracket(dead, here.value), "shrinks to nothing" if gone else "fold"
+        if dead is None:
+            stride = min(stride, largest)
+    return points, _end(here.value), "end of range"
+
+
+def _bracket(dead: float, alive: float) -> Edge:
+    return Edge(value=math.sqrt(dead * alive), dies_at=dead, lasts_at=alive)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Where both last
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bound:
+    """One end of a bistable band.
+
+    Attributes
+    ----------
+    value : float
+    kind : {"fold", "linear", "end of range", "shrinks to nothing", "undecided"}
+        *Fold*: stick-slip dies there (nonlinear). *Linear*: smooth sliding loses stability there.
+    error : float
+        Half the width of its bracket; 0 for a linear bound.
+    """
+
+    value: float
+    kind: str
+    error: float = 0.0
+
+    def __str__(self) -> str:
+        what = {"fold": "stick-slip dies: fold", "linear": "smooth sliding loses stability: linear"}.get(
+            self.kind, self.kind
+        )
+        return f"{self.value:.5g} ({what})"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Band:
+    """A stretch of a knob in which both smooth sliding and stick-slip last, each by itself."""
+
+    low: Bound
+    high: Bound
+
+    def __contains__(self, value: float) -> bool:
+        return self.low.value <= value <= self.high.value
+
+    def __str__(self) -> str:
+        return f"from {self.low} to {self.high}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bistability:
+    """Where along a knob both smooth sliding and stick-slip last; nowhere is an answer too.
+
+    Attributes
+    ----------
+    knob, unit : str
+    searched : (float, float)
+    bands : tuple of Band
+        Rising.
+    crossings : Crossings
+        The linear boundaries in the range.
+    notes : tuple of str
+        What was looked at and found to be no band, and why.
+    """
+
+    knob: str
+    unit: str
+    searched: tuple[float, float]
+    bands: tuple[Band, ...]
+    crossings: Crossings
+    notes: tuple[str, ...] = ()
+
+    def __bool__(self) -> bool:
+        return bool(self.bands)
+
+    def __iter__(self) -> Iterator[Band]:
+        return iter(self.bands)
+
+    def __contains__(self, value: float) -> bool:
+        return any(value in band for band in self.bands)
+
+    def __str__(self) -> str:
+        low, high = self.searched
+        where = f"for {self.knob} from {low:g} to {high:g} {self.unit}"
+        if not self.bands:
+            return "\n".join([f"no bistable band found {where}", *self.notes])
+        found = " and ".join(map(str, self.bands))
+        return "\n".join([f"{where}, both smooth sliding and stick-slip last {found}", *self.notes])
+
+
+def bistable_band(
+    interface: Interface,
+    slider: Slider,
+    velocity: float | None = None,
+    knob: Knob | str = VELOCITY,
+    *,
+    between: tuple[float, float],
+    start: Start = Relaxed(),
+    step: float = 0.05,
+    tolerance: float = 2e-3,
+    method: MasterEquation = METHOD,
+) -> Bistability:
+    """Find where both smooth sliding and stick-slip last: between the cycle's fold and the linear boundary.
+
+    At each value where smooth sliding loses stability (linear) the cycle is taken up on the unstable side and
+    followed to the stable side until it dies. If there is no such value, the cycle is looked for from `start` on a
+    grid of 17 values.
+
+    Parameters
+    ----------
+    interface, slider
+        The rig.
+    velocity : float, optional
+        Of the drive; needed unless it is the knob.
+    knob : Knob or str
+    between : (float, float)
+        Range searched.
+    start : Relaxed or Sliding
+        From where the cycle is taken up.
+    step, tolerance : float
+        As in `cycle_branch`.
+    method : MasterEquation
+
+    Returns
+    -------
+    Bistability
+        With the range searched. A cycle that lives apart from every linear boundary, beside one that has a boundary,
+        is not looked for.
+    """
+    turned = knob_named(knob)
+    low, high = check_range(turned, between)
+    if velocity is None and turned.name != VELOCITY.name:
+        raise InputError(f"bistable_band: velocity is missing; it is needed with the knob {turned.name}")
+    setting = _check(interface, slider, low if velocity is None else velocity, method)
+    crossings = critical(turned, interface, slider, setting.velocity, between=(low, high))
+    bands: list[Band] = []
+    notes: list[str] = []
+    edges = crossings.edges
+    for i, edge in enumerate(edges):
+        downwards = edge.loses_stability  # smooth sliding is stable below
+        ends = [low, *(other.value for other in edges), high]
+        furthest = ends[i] if downwards else ends[i + 2]
+        beyond = 1.0 + (0.01 if downwards else -0.01)
+        value = min(max(edge.value * beyond, low), high)
+        verdict, ride, look = _settle(_Ride.begin(turned.set(setting, value), start, method))
+        if not verdict.lasts or verdict.kind == "undecided":
+            notes.append(f"at {turned.name} = {value:.4g}, next to the linear boundary {edge.value:.5g}: {verdict}")
+            continue
+        _, end, kind = _follow(turned, _Point(value, verdict, look, ride), furthest, step, tolerance)
+        width = math.log(edge.value / end.value) * (1 if downwards else -1)
+        if width <= (4 if kind == "undecided" else 1) * tolerance or kind == "shrinks to nothing":
+            what = "shrinks to nothing" if kind == "shrinks to nothing" else f"lasts to {end.lasts_at:.5g} at most"
+            notes.append(f"beyond the linear boundary {turned.name} = {edge.value:.5g} the cycle {what}: no band")
+            continue
+        fold = Bound(value=end.value, kind=kind, error=0.5 * abs(end.dies_at - end.lasts_at))
+        linear = Bound(value=edge.value, kind="linear")
+        if kind == "end of range" and furthest not in (low, high):
+            fold = Bound(value=furthest, kind="linear")  # the same band as that of the next boundary
+        band = Band(low=fold, high=linear) if downwards else Band(low=linear, high=fold)
+        if band not in bands:
+            bands.append(band)
+    if not edges and crossings.unstable_at_ends[0]:
+        notes.append("smooth sliding is unstable all the way: stick-slip alone lasts")
+    elif not edges:
+        try:
+            first = _first_point(turned, setting, low, high, None, start, method)
+        except UndecidedError as reason:
+            notes.append(str(reason))
+        else:
+            folds = []
+            for until in (low, high):
+                _, end, kind = _follow(turned, first, until, step, tolerance)
+                folds.append(Bound(value=end.value, kind=kind, error=0.5 * abs(end.dies_at - end.lasts_at)))
+            bands.append(Band(low=folds[0], high=folds[1]))
+    return Bistability(
+        knob=turned.name,
+        unit=turned.unit,
+        searched=(low, high),
+        bands=tuple(bands),
+        crossings=crossings,
+        notes=tuple(notes),
+    )
