@@ -22,10 +22,11 @@ import matplotlib as mpl
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
+from matplotlib.axis import Axis, YAxis
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import SymLogNorm
 from matplotlib.figure import Figure
+from matplotlib.rcsetup import cycler
 from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
@@ -44,11 +45,11 @@ PALETTE = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
 COLUMN, PAGE = 3.5, 7.0
 """Widths of a printed column and page, in inches."""
 
-_STYLE: dict[str, Any] = {
+_STYLE: Any = {
     "axes.axisbelow": True,
     "axes.labelsize": 9,
     "axes.linewidth": 0.7,
-    "axes.prop_cycle": mpl.cycler(color=PALETTE),
+    "axes.prop_cycle": cycler(color=PALETTE),
     "axes.spines.right": False,
     "axes.spines.top": False,
     "axes.titlelocation": "left",
@@ -118,11 +119,28 @@ def _as_symbol(found: re.Match[str]) -> str:
     return f"${found[1]}_{{\\mathrm{{{found[2]}}}}}$" if found[1] else f"${found[3]}$"
 
 
-def label(variable: xr.DataArray, *, units: str | None = None) -> str:
-    """Return the label of an axis: long name and unit of a variable; `units` in place of its own."""
-    name = str(variable.attrs.get("long_name", variable.name or ""))
-    unit = unit_text(str(variable.attrs.get("units", "")) if units is None else units)
-    return f"{name} ({unit})" if unit else name
+def label(variable: xr.DataArray, *, units: str | None = None, most: int = 200) -> str:
+    """Return the label of an axis: long name and unit of a variable.
+
+    Parameters
+    ----------
+    variable : DataArray
+    units : str, optional
+        In place of its own.
+    most : int
+        Characters of a line; a longer label is broken into two.
+    """
+    name = str(variable.attrs.get("long_name", "" if variable.name is None else variable.name))
+    units = str(variable.attrs.get("units", "")) if units is None else units
+    unit = unit_text(units)
+    words = [(word, len(word)) for word in name.split()]
+    if unit:
+        words.append((f"({unit})", len(units) + 2))
+    if sum(length + 1 for _, length in words) - 1 > most and len(words) > 1:
+        before = np.cumsum([length + 1 for _, length in words])
+        cut = int(np.argmin(np.maximum(before[:-1], before[-1] - before[:-1]))) + 1
+        return "\n".join(" ".join(word for word, _ in line) for line in (words[:cut], words[cut:]))
+    return " ".join(word for word, _ in words)
 
 
 def dress(axis: Axis, variable: xr.DataArray) -> None:
@@ -133,7 +151,8 @@ def dress(axis: Axis, variable: xr.DataArray) -> None:
     factor, prefix = 1.0, ""
     if units in _TAKES_PREFIX and largest > 0 and not 0.5 <= largest < 5e3:
         factor, prefix = next((p for p in _PREFIXES if largest >= 0.5 * p[0]), _PREFIXES[-1])
-    axis.set_label_text(label(variable, units=prefix + units))
+    most = 24 if isinstance(axis, YAxis) else 200
+    axis.set_label_text(label(variable, units=prefix + units, most=most))
     if factor != 1.0:
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / factor:.6g}".replace("-", "\N{MINUS SIGN}")))
 
@@ -143,8 +162,9 @@ def dress(axis: Axis, variable: xr.DataArray) -> None:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
+@house_style()
 def force_trace(
-    run: xr.Dataset, ax: Axes | None = None, *, events: xr.Dataset | None = None, **line: Any
+    run: xr.Dataset, ax: Axes | None = None, *, events: xr.Dataset | None = None, color: str = BLUE
 ) -> Axes:
     """Draw the driving force against time.
 
@@ -156,8 +176,7 @@ def force_trace(
         Where to draw; by default a new figure.
     events : Dataset, optional
         Slips to mark, from `stickslip.measure.events`.
-    **line
-        Look of the line, as `matplotlib.axes.Axes.plot` takes it.
+    color : str
 
     Raises
     ------
@@ -167,7 +186,7 @@ def force_trace(
     force = _variable(run, "F_d", "t")
     ax = new_axes(PAGE, 2.2) if ax is None else ax
     time = run["t"]
-    ax.plot(*_envelope(time.to_numpy(), force.to_numpy()), **({"color": BLUE} | line))
+    ax.plot(*_envelope(time.to_numpy(), force.to_numpy()), color=color)
     if events is not None:
         _mark_slips(ax, events)
     if "filled" in run and bool(run["filled"].any()):
@@ -182,6 +201,7 @@ def force_trace(
     return ax
 
 
+@house_style()
 def velocity(run: xr.Dataset, ax: Axes | None = None, *, scale: Scale | None = None) -> Axes:
     """Draw the velocity of the slider, and of the drive, against time.
 
@@ -207,12 +227,14 @@ def velocity(run: xr.Dataset, ax: Axes | None = None, *, scale: Scale | None = N
         scale = "log" if usual > 0 and float(np.max(np.abs(speed.to_numpy()))) > _WIDE_RANGE * usual else "linear"
     if scale == "log":
         ax.set_yscale("symlog", linthresh=usual or float(np.median(np.abs(speed.to_numpy()))) or 1.0)
+        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "\N{MINUS SIGN}")))
     dress(ax.xaxis, run["t"])
     dress(ax.yaxis, speed)
     ax.margins(x=0.01)
     return ax
 
 
+@house_style()
 def attached(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the fraction of attached contacts against time."""
     fraction = _variable(run, "attached", "t")
@@ -225,6 +247,7 @@ def attached(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     return ax
 
 
+@house_style()
 def phase_portrait(run: xr.Dataset, ax: Axes | None = None, *, after: float | None = None) -> Axes:
     """Draw the driving force against the velocity of the slider: a point for smooth sliding, a loop for stick-slip.
 
@@ -249,6 +272,7 @@ def phase_portrait(run: xr.Dataset, ax: Axes | None = None, *, after: float | No
     return ax
 
 
+@house_style()
 def stretchings(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the snapshots of the law of stretchings ``Q(x)`` that a run recorded."""
     if "Q" not in run or set(run["Q"].dims) != {"snapshot", "x"}:
@@ -267,11 +291,12 @@ def stretchings(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def rigid_curve(curve: xr.Dataset, ax: Axes | None = None, **line: Any) -> Axes:
+@house_style()
+def rigid_curve(curve: xr.Dataset, ax: Axes | None = None, *, color: str = BLUE) -> Axes:
     """Draw the force of the contacts against the displacement of a rigid slider, from `stickslip.slide`."""
     force = _variable(curve, "F_c", "X")
     ax = new_axes() if ax is None else ax
-    ax.plot(*_envelope(curve["X"].to_numpy(), force.to_numpy()), **({"color": BLUE} | line))
+    ax.plot(*_envelope(curve["X"].to_numpy(), force.to_numpy()), color=color)
     dress(ax.xaxis, curve["X"])
     dress(ax.yaxis, force)
     ax.margins(x=0.01)
@@ -288,6 +313,7 @@ _ENERGIES = {
 }
 
 
+@house_style()
 def energy(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw where the work of the drive has gone: the parts stacked, and the work, which they add up to, on top."""
     parts = {name: _variable(run, name, "t") for name in _ENERGIES}
@@ -310,6 +336,7 @@ def energy(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     return ax
 
 
+@house_style()
 def overview(run: xr.Dataset, *, events: xr.Dataset | None = None) -> Figure:
     """Draw a run at a glance: force with its slips marked, velocities, attached fraction; whatever of these there is.
 
@@ -329,14 +356,13 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None) -> Figure:
     events = find_events(run) if events is None else events
     panels = [name for name in ("velocity", "attached") if name in run]
     figure = new_figure(PAGE, 2.2 + 1.7 * len(panels))
-    with house_style():
-        axes = figure.subplots(1 + len(panels), 1, sharex=True, squeeze=False)[:, 0]
-        force_trace(run, axes[0], events=events)
-        for name, ax in zip(panels, axes[1:], strict=True):
-            (velocity if name == "velocity" else attached)(run, ax)
-        for ax in axes[:-1]:
-            ax.set_xlabel("")
-        figure.align_ylabels(axes)
+    axes = figure.subplots(1 + len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    force_trace(run, axes[0], events=events)
+    for name, ax in zip(panels, axes[1:], strict=True):
+        (velocity if name == "velocity" else attached)(run, ax)
+    for ax in axes[:-1]:
+        ax.set_xlabel("")
+    figure.align_ylabels(axes)
     return figure
 
 
@@ -345,10 +371,9 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None) -> Figure:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def legend_above(ax: Axes, *, columns: int = 4, **options: Any) -> None:
+def legend_above(ax: Axes, *, columns: int = 4) -> None:
     """Put the legend above the axes on the right, where it hides no data."""
-    place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.2, "ncols": columns}
-    ax.legend(**(place | {"columnspacing": 1.4} | options))
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2, ncols=columns, columnspacing=1.4)
 
 
 def letter(ax: Axes, text: str) -> None:

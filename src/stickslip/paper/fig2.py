@@ -64,8 +64,8 @@ def first_instability(interface: Interface, stiffness: float) -> Instability:
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
     interface, slider = FIG2.interface, FIG2.slider
-    points = 1000 if quick else 4000
-    run = slide(interface, _DISTANCE, method=Renewal(points))
+    run = slide(interface, _DISTANCE, method=Renewal(1000 if quick else 4000))
+    progress(0.5)
     X, force = run["X"].to_numpy(), run["F_c"].to_numpy()
     found = first_instability(interface, slider.stiffness)
     forever = first_instability(replace(interface, delay=Delay(math.inf)), slider.stiffness)
@@ -158,7 +158,7 @@ def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
         ),
         Claim(
             number=None,
-            statement="the slider is stable in a well of V_eff, which bends as K + dF_c/dX; at the instability it vanishes",
+            statement="the slider rests in a well of V_eff, which bends as K + dF_c/dX and is gone at the instability",
             verdict=verdict(printed=wells[0] == 1 and wells[-1] == 0 and bend < 1e-3),
             settled="reproduced",
             measured=(

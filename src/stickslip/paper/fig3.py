@@ -16,7 +16,18 @@ from stickslip import plot
 from stickslip.drive import hold
 from stickslip.measure import regime
 from stickslip.model import FIG3, FIG4, Delay, Interface
-from stickslip.paper.record import Claim, Figure, Measured, Progress, at_least, at_most, between, near, portions, verdict
+from stickslip.paper.record import (
+    Claim,
+    Figure,
+    Measured,
+    Progress,
+    at_least,
+    at_most,
+    between,
+    near,
+    portions,
+    verdict,
+)
 from stickslip.rigid import critical_stiffness
 from stickslip.simulate import MasterEquation, Relaxed, Sliding, Start, simulate
 from stickslip.stability import critical_delay
@@ -61,16 +72,12 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
             K[1, i, j] = critical_stiffness(interface, reattachment=False)
         next(parts)(1.0)
     steady = [Interface(thresholds=law, initial=SteadyState(thresholds=law)) for law in map(_law, spreads)]
-    estimate = np.array(
-        [[critical_stiffness_estimate(_interface(i, float(s))) for s in spreads] for i in _INITIAL]
-    )
+    estimate = np.array([[critical_stiffness_estimate(_interface(i, float(s))) for s in spreads] for i in _INITIAL])
     kinds, swings = [], []
     for spread, delay, start, duration in _RUNS.values():
         interface = replace(_interface(0.01, spread), delay=Delay(delay))
         method = MasterEquation(cells=100 if quick else 400)
-        run = simulate(
-            interface, FIG4.slider, hold(FIG4.velocity, duration), method, start=start, progress=next(parts)
-        )
+        run = simulate(interface, FIG4.slider, hold(FIG4.velocity, duration), method, start=start, progress=next(parts))
         seen = regime(run, after=duration - _JUDGED)
         kinds.append(seen.kind)
         swings.append(seen.peak_to_peak)
@@ -159,10 +166,7 @@ def _falls(data: xr.Dataset) -> Claim:
             at_most("K* from the steady state", steady, 1e-6, "k"),
             near("Eq. (9), Df_0 = .01, Df_s = .1", estimate, 9.09, 0.01, "k"),
             near("power of Df_s in K*, delta start, .02 to .05", slope, -1.0, 0.15),
-            *(
-                near(f"K*, Df_0 = {i:g}, Df_s = {t:g}", _at(K, i, t), value, 0.003, "k")
-                for i, t, value in settled
-            ),
+            *(near(f"K*, Df_0 = {i:g}, Df_s = {t:g}", _at(K, i, t), value, 0.003, "k") for i, t, value in settled),
         ),
         evidence=f"{K.size} pairs of spreads by Eq. (8), with K_eff as an integral and not as a numerical derivative",
     )
@@ -212,8 +216,8 @@ def _avoided(data: xr.Dataset) -> Claim:
         statement="wide thresholds, or a start in the steady state, avoid stick-slip",
         verdict=verdict(printed=wide_avoids and steady_avoids and always, read=wide_avoids and steady_avoids),
         settled="reproduced under the stated reading",
-        reading=f"a steady start keeps smooth sliding while the delay is below the linear critical delay ({linear[0]:.4f} "
-        "here), where smooth sliding and stick-slip are both stable; above it any disturbance grows into stick-slip",
+        reading=f"a steady start stays smooth while the delay is below the linear critical delay ({linear[0]:.4f}), "
+        "where smooth sliding and stick-slip are both stable; above it any disturbance grows into stick-slip",
         measured=tuple(measured),
         evidence=f"runs of the master equation at K = 2 k, eta = 200, v_d = 1, judged over their last {_JUDGED:g} time "
         "units; steady starts kicked by 5 % in velocity",

@@ -122,8 +122,7 @@ def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
     near_start = data.sel(phase=slice(0.02, _AROUND))
     actual = near_start["slip"] / near_start["slip_actual"]
     printed = near_start["slip"] / near_start["slip_printed"]
-    worst_actual = float(np.abs(actual - 1.0).max())
-    worst_printed = float(np.abs(printed - 1.0).max())
+    errors = abs(actual - 1.0).max("phase").to_numpy()
     factors = printed.max("phase").to_numpy()
     measured: list[Measured] = [
         near("X*, quasi-static", float(data["X_star"]), 0.9247, 1e-4, "x_s"),
@@ -138,7 +137,7 @@ def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
         ]
     measured += [
         at_most(f"Eq. (12) with the actual velocity, Omega dt <= 1, eta {eta}: relative error", worst, 0.1)
-        for eta, worst in zip(data["damping"].values, np.abs(actual - 1.0).max("phase").to_numpy(), strict=True)
+        for eta, worst in zip(data["damping"].values, errors, strict=True)
     ]
     measured += [
         between(f"slip over Eq. (12) as printed, Omega dt <= 1, eta {eta}, largest", factor, 2.0, 3.5)
@@ -147,7 +146,7 @@ def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
     claim = Claim(
         number=8,
         statement="after the instability the slider moves by v_d dt [1 + (Omega dt)^2/6]",
-        verdict=verdict(printed=worst_printed <= 0.1, read=worst_actual <= 0.1),
+        verdict=verdict(printed=bool(factors.max() <= 1.1), read=bool(errors.max() <= 0.1)),
         settled="reproduced under the stated reading",
         reading="with the slider's velocity when it passes X*, 2 to 3 v_d, in place of v_d, and for Omega dt <= 1; as "
         f"printed it is too small by a factor {factors.min():.2g} to {factors.max():.2g}",
@@ -158,7 +157,7 @@ def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
 
 
 def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
-    figure = plot.new_figure(plot.PAGE, 5.0)
+    figure = plot.new_figure(plot.PAGE, 5.4)
     (forces, position), (velocity, ratio) = figure.subplots(2, 2)
     run = data.sel(solver="master equation").sel(t=slice(0.9, 1.5))
     t, t_star, X_star = run["t"].to_numpy(), float(data["t_star"]), float(data["X_star"])
@@ -181,7 +180,7 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
         slip = data[name] if name == "slip_printed" else data[name][0]
         position.plot(after, X_star + slip.to_numpy(), color=colour, linestyle=style, label=text)
     position.plot(passed, X_star, "o", color=plot.GREEN, markersize=4)
-    position.annotate("$X^*$", (passed, X_star), xytext=(-14, 3), textcoords="offset points")
+    position.annotate("$X^*$", (passed, X_star), xytext=(6, -9), textcoords="offset points")
     plot.dress(position.yaxis, data["X"])
     position.set_ylim(0.5, 1.7)
     position.legend(loc="upper left")
@@ -203,11 +202,11 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
         ratio.plot(one["phase"], one["slip"] / one["slip_actual"], color=colour, label=names[str(eta)])
         ratio.plot(one["phase"], one["slip"] / one["slip_printed"], color=colour, linestyle="--")
     ratio.axhspan(0.9, 1.1, color=plot.GREY, alpha=0.25, linewidth=0)
-    ratio.set(xlim=(0, 6), ylim=(0, 4))
+    ratio.set(xlim=(0, 6), ylim=(-0.3, 4))
     ratio.set_xlabel(r"$\Omega\,\Delta t$ since the instability")
     ratio.set_ylabel("slip, in terms of Eq. (12)")
-    ratio.text(0.1, 0.07, r"dashed: with $v_\mathrm{d}$, as printed", fontsize=8)
-    ratio.text(0.1, 0.3, "solid: with the actual velocity", fontsize=8)
+    words = "solid: with the actual velocity\n" r"dashed: with $v_\mathrm{d}$, as printed"
+    ratio.text(0.08, -0.24, words, fontsize=8, va="bottom", linespacing=1.3)
     plot.legend_above(ratio)
     plot.letter(ratio, "(d)")
     return figure

@@ -114,8 +114,8 @@ class Claim:
 
     def __post_init__(self) -> None:
         for field in ("verdict", "settled"):
-            if getattr(self, field) not in get_args(Verdict):
-                raise InputError(f"Claim.{field} = {getattr(self, field)!r}: must be one of {', '.join(get_args(Verdict))}")
+            if (value := getattr(self, field)) not in get_args(Verdict):
+                raise InputError(f"Claim.{field} = {value!r}: must be one of {', '.join(get_args(Verdict))}")
         if self.settled == "reproduced under the stated reading" and not self.reading:
             raise InputError("Claim.reading is empty: a claim reproduced under a reading must state it")
         if self.settled == "not reproduced" and not self.exact:
@@ -183,7 +183,9 @@ def verdict(*, printed: bool, read: bool = False) -> Verdict:
 class Compute(Protocol):
     """Compute the data of a figure; `quick` is for tests: coarser, with the same verdicts."""
 
-    def __call__(self, progress: Progress, quick: bool) -> xr.Dataset: ...
+    def __call__(self, progress: Progress, quick: bool) -> xr.Dataset:
+        """Return one labelled Dataset with all that picture and claims need."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -219,9 +221,9 @@ class Figure:
         quick : bool
             Coarser, for tests; the verdicts are the same.
         """
-        data = self.data(progress or (lambda share: None), quick)
-        if progress:
-            progress(1.0)
+        report = progress or _no_report
+        data = self.data(report, quick)
+        report(1.0)
         data.attrs["title"] = f"{self.name}: {self.title}"
         arguments: dict[str, object] = {"figure": self.name}
         if quick:
@@ -246,6 +248,10 @@ class Figure:
             raise InputError(f"{self.name}: these are other data (made by {json.dumps(made_by['arguments'])[:80]})")
 
 
+def _no_report(_: float) -> None:
+    pass
+
+
 def portions(progress: Progress, count: int) -> Iterator[Progress]:
     """Share a progress among `count` tasks of equal length, one after the other."""
     for i in range(count):
@@ -254,4 +260,3 @@ def portions(progress: Progress, count: int) -> Iterator[Progress]:
             progress((done + share) / count)
 
         yield part
-
