@@ -432,9 +432,7 @@ def _verified(rig: Rig, remedy: Remedy) -> Remedy:
     )
 
 
-def chart(
-    rig: Rig, over: tuple[str, str], around: float, points: int, progress: Progress | None = None
-) -> xr.Dataset:
+def chart(rig: Rig, over: tuple[str, str], around: float, points: int, progress: Progress | None = None) -> xr.Dataset:
     """Map the linear stability of smooth sliding over two knobs around a rig's own point, in the rig's units.
 
     Parameters
@@ -461,7 +459,9 @@ def chart(
     here = [knob.get(setting) for knob in knobs]
     for knob, value in zip(knobs, here, strict=True):
         number(f"map: {knob.name} of the rig", value, above=0)
-    window = tuple((value / around, min(value * around, _widest(knob))) for knob, value in zip(knobs, here, strict=True))
+    window = tuple(
+        (value / around, min(value * around, _widest(knob))) for knob, value in zip(knobs, here, strict=True)
+    )
     grids = tuple(np.geomspace(low, high, max(points // 2, 4)) for low, high in window)
     names = (knobs[0].name, knobs[1].name)
     found = stability.stability_map(

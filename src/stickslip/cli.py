@@ -229,10 +229,10 @@ def plot(
     _check_target(output)
     trace = _read_data(data, force, time, step)
     if kind == "overview":
-        figure = drawing.overview(trace, events=measures.events(trace))
+        figure: Any = drawing.overview(trace, events=measures.events(trace))
     else:
         draw = {"phase": drawing.phase_portrait, "stretchings": drawing.stretchings, "energy": drawing.energy}[kind]
-        figure = draw(trace).figure
+        figure = draw(trace).get_figure(root=True)
     drawing.save(figure, output)
     print(f"picture: {output}")
 

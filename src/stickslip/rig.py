@@ -190,8 +190,8 @@ def _registry() -> pint.UnitRegistry[Any]:
     return pint.UnitRegistry()
 
 
-def _quantity(unit: str, example: str, sign: Literal["above 0", "at least 0", ""] = "above 0") -> Any:
-    """Type of a quantity: a string with a unit in SI files, a plain number in natural ones."""
+def _quantity(unit: str, example: str, sign: Literal["above 0", "at least 0", ""] = "above 0") -> BeforeValidator:
+    """How a quantity is read: a string with a unit in SI files, a plain number in natural ones."""
 
     def to_si(value: object, info: ValidationInfo) -> object:
         result = _read(value, natural=bool(info.context and info.context["natural"]))
@@ -212,7 +212,7 @@ def _quantity(unit: str, example: str, sign: Literal["above 0", "at least 0", ""
             raise ValueError("must be a plain number, as the file says units = 'natural'")
         return _parse(value, unit, example)
 
-    return Annotated[float, BeforeValidator(to_si)]
+    return BeforeValidator(to_si)
 
 
 def _parse(text: str, unit: str, example: str) -> float:
@@ -220,7 +220,7 @@ def _parse(text: str, unit: str, example: str) -> float:
     from pint.errors import PintError
 
     try:
-        quantity = _registry().Quantity(text)
+        quantity: Any = _registry().Quantity(text)
         if quantity.dimensionless and unit:
             raise ValueError(f"has no unit; write it as in {example!r}")
         result = float(quantity.to(unit).magnitude)
@@ -235,14 +235,14 @@ def _parse(text: str, unit: str, example: str) -> float:
     return result
 
 
-_Mass = _quantity("kg", "75.6 g", "at least 0")
-_Stiffness = _quantity("N/m", "4 MN/m")
-_Rate = _quantity("1/s", "200 1/s", "at least 0")
-_Force = _quantity("N", "768 N")
-_Length = _quantity("m", "2 um")
-_Time = _quantity("s", "2 ms")
-_Delay = _quantity("s", "2 ms", "at least 0")
-_Velocity = _quantity("m/s", "0.4 mm/s", "")
+_Mass = Annotated[float, _quantity("kg", "75.6 g", "at least 0")]
+_Stiffness = Annotated[float, _quantity("N/m", "4 MN/m")]
+_Rate = Annotated[float, _quantity("1/s", "200 1/s", "at least 0")]
+_Force = Annotated[float, _quantity("N", "768 N")]
+_Length = Annotated[float, _quantity("m", "2 um")]
+_Time = Annotated[float, _quantity("s", "2 ms")]
+_Delay = Annotated[float, _quantity("s", "2 ms", "at least 0")]
+_Velocity = Annotated[float, _quantity("m/s", "0.4 mm/s", "")]
 
 
 class _Part(BaseModel):
@@ -602,8 +602,11 @@ def _one_mistake(item: Any) -> str:
     return f"{key} = {value!r}: {words.get(kind, item['msg'].lower())}"
 
 
+_LAWS = ("gaussian", "uniform", "exponential", "gamma", "lognormal", "weibull", "empirical")
+
+
 def _tags(item: Any) -> str:
-    return str(item.get("ctx", {}).get("expected_tags", "gaussian, uniform, exponential, gamma, lognormal, weibull"))
+    return str(item.get("ctx", {}).get("expected_tags", ", ".join(_LAWS)))
 
 
 def _keys_beside(path: list[str]) -> list[str]:

@@ -1,0 +1,195 @@
+"""The door for rigs: what a file says reaches the model, and every mistake gets one clear line."""
+
+import copy
+import math
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import stickslip as ss
+from stickslip import rig as rigs
+
+EXAMPLE = Path(__file__).parents[1] / "examples" / "pmma_slider.toml"
+
+
+@pytest.fixture
+def document():
+    return tomllib.loads(EXAMPLE.read_text())
+
+
+def with_value(document, path, value):
+    changed = copy.deepcopy(document)
+    node = changed
+    *parents, last = path.split(".")
+    for part in parents:
+        node = node[part]
+    if value is None:
+        del node[last]
+    else:
+        node[last] = value
+    return changed
+
+
+def test_the_published_bench_reaches_the_model_in_natural_units():
+    rig = rigs.read(EXAMPLE)
+    scales = rig.scales
+    assert scales.force == pytest.approx(1920 * 0.4)
+    assert scales.si(rig.slider.mass, "mass") == pytest.approx(75.6e-3)
+    assert scales.si(rig.slider.stiffness, "stiffness") == pytest.approx(4e6)
+    assert scales.si(rig.velocity, "velocity") == pytest.approx(0.4e-3)
+    assert scales.si(rig.interface.delay.time, "time") == pytest.approx(2e-3)
+    # Omega is a rate: the same in both systems of units.
+    assert scales.si(rig.slider.frequency, "rate") == pytest.approx(math.sqrt(4e6 / 75.6e-3))
+    assert rig.slider.damping == pytest.approx(0.3 * rig.slider.frequency)
+
+
+def test_every_assumed_value_says_how_to_measure_it():
+    rig = rigs.read(EXAMPLE)
+    assert "interface.threshold_stretching" in rig.assumed
+    assert all(len(how) > 30 for how in rig.assumed.values())
+
+
+def test_a_rig_written_as_toml_reads_back_the_same():
+    rig = rigs.read(EXAMPLE)
+    again = rigs.from_document(tomllib.loads(rigs.to_toml(rig)))
+    assert again == rig
+
+
+@pytest.mark.parametrize(
+    ("written", "same"),
+    [("75.6 g", "0.0756 kg"), ("75.6 g", "75600 mg")],
+)
+def test_units_of_one_quantity_are_interchangeable(document, written, same):
+    one = rigs.from_document(with_value(document, "slider.mass", written))
+    two = rigs.from_document(with_value(document, "slider.mass", same))
+    assert one.slider.mass == pytest.approx(two.slider.mass, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("law", "expected"),
+    [
+        ({"law": "gaussian", "spread": 0.2}, ss.Gaussian(mean=1.0, spread=0.2)),
+        ({"law": "uniform", "low": 0.5, "high": 1.5}, ss.Uniform(low=0.5, high=1.5)),
+        ({"law": "exponential"}, ss.Exponential(mean=1.0)),
+        ({"law": "gamma", "spread": 0.3}, ss.Gamma(mean=1.0, spread=0.3)),
+        ({"law": "lognormal", "spread": 0.3}, ss.LogNormal(mean=1.0, spread=0.3)),
+        ({"law": "weibull", "shape": 3.0}, ss.Weibull(scale=1.0, shape=3.0)),
+        (
+            {"law": "empirical", "edges": [0.5, 1.0, 1.5], "weights": [1.0, 2.0]},
+            ss.Empirical(edges=(0.5, 1.0, 1.5), weights=(1.0, 2.0)),
+        ),
+        ({"law": "empirical", "samples": [0.9, 1.0, 1.3]}, ss.Empirical.from_samples([0.9, 1.0, 1.3])),
+    ],
+)
+def test_every_law_can_be_written(document, law, expected):
+    assert rigs.from_document(with_value(document, "interface.thresholds", law)).interface.thresholds == expected
+
+
+def test_delays_random_and_never(document):
+    random = {"mean": "2 ms", "spread": "1 ms", "negative": "fold"}
+    delay = rigs.from_document(with_value(document, "interface.delay", random)).interface.delay
+    assert (delay.mean, delay.spread, delay.negative) == (pytest.approx(0.4), pytest.approx(0.2), "fold")
+    never = rigs.from_document(with_value(document, "interface.delay", "never")).interface.delay
+    assert math.isinf(never.time)
+
+
+def test_natural_units_take_plain_numbers():
+    rig = rigs.from_document(
+        {
+            "units": "natural",
+            "slider": {"stiffness": 2, "mass": 1e-4, "damping": 200},
+            "interface": {"thresholds": {"law": "gaussian", "spread": 0.1}, "delay": 0.2},
+            "drive": {"pieces": [{"start": 0.1, "end": 3, "duration": 10}, {"start": 3, "end": 0.1, "duration": 10}]},
+        }
+    )
+    assert rig.scales is None
+    assert rig.slider == ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0)
+    assert rig.drive == ss.ramp(0.1, 3.0, 10).then(ss.ramp(3.0, 0.1, 10))
+
+
+MISTAKES = [
+    ("slider.stifness", "4 MN/m", "slider.stifness", "did you mean 'stiffness'"),
+    ("slider.mass", None, "slider.mass", "is missing"),
+    ("slider.mass", "-75 g", "slider.mass = '-75 g'", "at least 0"),
+    ("slider.mass", "75 mm", "slider.mass = '75 mm'", "not in a unit of 'kg'"),
+    ("slider.mass", 75, "slider.mass = 75", "has no unit"),
+    ("slider.mass", "75", "slider.mass = '75'", "has no unit"),
+    ("slider.mass", "heavy", "slider.mass = 'heavy'", "cannot be read"),
+    ("slider.mass", "", "slider.mass = ''", "cannot be read"),
+    ("slider.mass", "nan g", "slider.mass = 'nan g'", "finite"),
+    ("slider.mass", "inf g", "slider.mass = 'inf g'", "finite"),
+    ("slider.mass", True, "slider.mass = True", "quantity"),
+    ("slider.stiffness", "0 N/m", "slider.stiffness = '0 N/m'", "above 0"),
+    ("slider.damping", "3 1/s", "slider", "one of damping"),
+    ("slider.relative_damping", -0.3, "damping", "at least 0"),
+    ("interface.thresholds", {"law": "gausian", "spread": 0.1}, "interface.thresholds", "known laws"),
+    ("interface.thresholds", {"law": "gaussian", "spred": 0.1}, "interface.thresholds.spred", "did you mean 'spread'"),
+    ("interface.thresholds", {"law": "gaussian", "spread": -0.1}, "Gaussian.spread", "at least 0"),
+    ("interface.thresholds", {"law": "uniform", "low": 2.0, "high": 1.0}, "Uniform.high", "above 2"),
+    ("interface.thresholds", {"law": "empirical"}, "interface.thresholds", "samples, or edges and weights"),
+    ("interface.thresholds", 0.1, "interface.thresholds = 0.1", "table"),
+    ("interface.initial", {"law": "gaussian", "mean": 9.0, "spread": 0.1}, "Interface.initial", "nearer to 0"),
+    ("interface.normal_load", "1920 kg", "interface.normal_load", "unit of 'N'"),
+    ("interface.friction_coefficient", None, "interface", "total_threshold"),
+    ("interface.threshold_stretching", None, "interface.threshold_stretching", "missing"),
+    ("interface.delay", "-2 ms", "interface.delay = '-2 ms'", "at least 0"),
+    ("interface.delay", {"mean": "2 ms"}, "interface.delay.spread", "missing"),
+    ("interface.delay", {"mean": "2 ms", "spread": "1 ms", "negative": "drop"}, "interface.delay.negative", "'clip'"),
+    ("interface.ageing", {"law": "langevin", "time": "0 s"}, "interface.ageing.time", "above 0"),
+    ("drive.velocity", "0 m/s", "drive.velocity", "above 0"),
+    ("drive.distance", "-1 mm", "drive.distance", "above 0"),
+    ("drive.pieces", [], "drive", "either velocity, or pieces"),
+    ("drive", 3, "drive = 3", "table"),
+    ("simulation.contacts", 0, "Contacts.count = 0", "at least 1"),
+    ("simulation.contacts", 1.5, "simulation.contacts = 1.5", "whole number"),
+    ("simulation.contacts", 10**12, "Contacts.count", "at most"),
+    ("simulation.method", "monte carlo", "simulation.method", "'contacts' or 'master equation'"),
+    ("simulation.seed", -1, "Contacts.seed", "at least 0"),
+    ("units", "imperial", "units = 'imperial'", "'SI' or 'natural'"),
+    ("assumed", {"slider.colour": "look"}, "slider.colour", "names no key"),
+]
+
+
+@pytest.mark.parametrize(("path", "value", "place", "remedy"), MISTAKES)
+def test_a_mistake_names_its_place_and_its_remedy(document, path, value, place, remedy):
+    with pytest.raises(ss.InputError) as caught:
+        rigs.from_document(with_value(document, path, value), "rig.toml")
+    message = str(caught.value)
+    assert message.startswith("rig.toml: ")
+    assert place in message
+    assert remedy in message
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "empty"),
+        (b"  \n", "empty"),
+        (b"\x89HDF\r\n\x1a\n\x00\xff", "binary"),
+        (b"a = 1\x00", "binary"),
+        (b"mass = ", "not valid TOML"),
+        (b"# " + b"x" * rigs.LARGEST_FILE, "larger than"),
+    ],
+)
+def test_a_file_that_is_no_rig(tmp_path, content, words):
+    file = tmp_path / "rig.toml"
+    file.write_bytes(content)
+    with pytest.raises(ss.InputError, match=words):
+        rigs.read(file)
+
+
+def test_no_file_and_a_directory(tmp_path):
+    with pytest.raises(ss.InputError, match="no such file"):
+        rigs.read(tmp_path / "none.toml")
+    with pytest.raises(ss.InputError, match="directory"):
+        rigs.read(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "words"),
+    [(4e6, "N/m", "4 MN/m"), (0.0756, "kg", "75.6 g"), (4e-4, "m/s", "400 um/s"), (1.5, "kg", "1.5 kg"), (0.0, "N", "0 N")],
+)
+def test_values_in_words(value, unit, words):
+    assert rigs.engineering(value, unit) == words
