@@ -269,31 +269,14 @@ class _Scan(NamedTuple):
 
 def _scan(response: Response, rig: Impedance, velocity: float, softest: float | None = None) -> _Scan:
     """Sample ``Im(Z + kappa) |denominator|^2`` up to where nothing can happen any more."""
-    scale = float(response.scale(velocity))
-    count = 1 << max(8, math.ceil(math.log2(8.0 / response.law.standard_deviation() / STEP * response.reach(velocity))))
-    held = 0.0 if softest is None else softest - float(rig(np.zeros(1, dtype=complex))[0].real)
-    while True:
-        if count > SCAN_LIMIT:
-            raise UndecidedError(
-                f"smooth sliding at velocity {velocity:g}: after {SCAN_LIMIT} frequencies the interface may still "
-                "outweigh the rig; give the rig some damping, or the thresholds more spread"
-            )
-        axis = response.axis(velocity, count)
-        omega = velocity * axis.y
-        z = rig(1j * omega)
-        clear = _clear(z, axis.centre, scale, held, softest is not None)
-        tail = axis.centre[-(count // 4) :]
-        if clear[-(count // 4) :].all() and _clear_beyond(
-            rig, float(omega[-1]), tail, scale, held, softest is not None
-        ):
-            break
-        count *= 2
-    doubtful = np.flatnonzero(~clear)
-    if doubtful.size == 0:
+    top = _doubtful_below(response, rig, velocity, softest)
+    if top == 0:
         return _Scan(np.empty(0), np.empty(0))
-    stop = doubtful[-1] + 2
+    axis = response.axis(velocity, top)
+    stop = int(np.searchsorted(velocity * axis.y, top)) + 2
     part = Axis(y=axis.y[:stop], complement=axis.complement[:stop], shape=axis.shape[:stop], centre=axis.centre[:stop])
-    omega, z = omega[:stop], z[:stop]
+    omega = velocity * part.y
+    z = rig(1j * omega)
     numerator, denominator = response.axis_parts(velocity, part)
     value = z.imag * np.abs(denominator) ** 2 + (numerator * np.conj(denominator)).imag
     if not is_plain(rig):
@@ -304,27 +287,47 @@ def _scan(response: Response, rig: Impedance, velocity: float, softest: float | 
     return _Scan(omega, value)
 
 
-def _clear(z: ComplexArray, centre: ComplexArray, scale: float, held: float, all_springs: bool) -> NDArray[np.bool_]:
-    """Whether no delay law at all could make the mode at this frequency neutral, from the disc that holds kappa."""
+def _doubtful_below(response: Response, rig: Impedance, velocity: float, softest: float | None) -> float:
+    """Frequency above which the disc that holds kappa, whatever the delay, rules out a neutral mode; 0 if everywhere."""
+    scale = float(response.scale(velocity))
+    held = None if softest is None else softest - float(rig(np.zeros(1, dtype=complex))[0].real)
+    special = np.concatenate([resonances(rig), np.abs(natural_frequencies(rig))]) / velocity
+    top = 8.0 / response.law.standard_deviation()
+    while True:
+        axis = response.coarse_axis(top)
+        last = axis.y.size // 4
+        tail, end = axis.centre[-last:], float(axis.y[-1])
+        own = special[special < end]
+        y = np.concatenate([axis.y, own])
+        order = np.argsort(y, kind="stable")
+        y = y[order]
+        centre = np.concatenate([axis.centre, np.interp(own, axis.y, axis.centre)])[order]
+        clear = _clear(rig(1j * velocity * y), centre, scale, held)
+        beyond = np.concatenate([end * np.geomspace(1, 1e6, 400), special[special >= end]])
+        z = rig(1j * velocity * np.sort(beyond))
+        # Beyond the table the response only shrinks: a disc about a centre as far from the upper axis as any.
+        worst = float(np.max(np.abs(tail)))
+        deficit = float(np.max(np.abs(tail) - tail.imag))
+        disc = complex(math.sqrt(max(deficit * (2 * worst - deficit), 0.0)), worst - deficit)
+        if clear[y > axis.y[-last]].all() and _clear(z, np.full(z.shape, disc), scale, held).all():
+            break
+        top *= 2
+    doubtful = np.flatnonzero(~clear)
+    return float(velocity * y[min(doubtful[-1] + 2, y.size - 1)]) if doubtful.size else 0.0
+
+
+def _clear(z: ComplexArray, centre: ComplexArray, scale: float, held: float | None) -> NDArray[np.bool_]:
+    """Whether no delay law could make the mode at each frequency neutral (with `held`: nor on any stiffer spring)."""
     radius = np.abs(centre)
     lossy = z.imag * scale >= radius - centre.imag - 1e-14 * radius
-    real = z.real + held
-    distance = np.where(real > 0, np.hypot(real, z.imag), np.abs(z.imag)) if all_springs else np.abs(z)
-    return np.asarray(lossy | (distance * scale > 2 * (1 + 1e-9) * radius))
-
-
-def _clear_beyond(
-    rig: Impedance, omega: float, tail: ComplexArray, scale: float, held: float, all_springs: bool
-) -> bool:
-    """Whether it stays so above the scan: the response only shrinks there, the rig may have features."""
-    worst = float(np.max(np.abs(tail)))
-    deficit = float(np.max(np.abs(tail) * (1 - 1e-14) - tail.imag))
-    if is_plain(rig) and rig(np.array([1j * omega]))[0].imag * scale >= deficit:
-        return True
-    beyond = np.concatenate([omega * np.geomspace(1, 1e6, 400), np.abs(natural_frequencies(rig)), resonances(rig)])
-    z = rig(1j * beyond[beyond >= omega])
-    centre = np.full(z.shape, complex(math.sqrt(max(worst**2 - (worst - max(deficit, 0)) ** 2, 0)), worst - deficit))
-    return bool(_clear(z, centre, scale, held, all_springs).all())
+    real = z.real + (held or 0.0)
+    distance = np.abs(z) if held is None else np.where(real > 0, np.hypot(real, z.imag), np.abs(z.imag))
+    strong = distance * scale > 2 * (1 + 1e-9) * radius
+    # Between two frequencies on either side of a resonance |Z| may be small.
+    turning = real[1:] * real[:-1] <= 0
+    strong[1:] &= ~turning
+    strong[:-1] &= ~turning
+    return np.asarray(lossy | strong)
 
 
 def _features(rig: Impedance, omega: Array, z: ComplexArray) -> Array:
@@ -521,7 +524,7 @@ def _starts_from_line(response: Response, rig: Impedance, velocity: float, line:
         top = 1e4 * top
     omega = np.arange(0.5, min(top * cycle / STEP, 20_000)) * STEP / cycle
     if line == 0.0 and not response.inert:
-        axis = response.axis(velocity, omega.size)
+        axis = response.axis(velocity, top)
         omega = velocity * axis.y
         numerator, denominator = response.axis_parts(velocity, axis)
         value: ComplexArray = rig(1j * omega) * denominator + numerator

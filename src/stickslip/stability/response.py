@@ -143,10 +143,24 @@ class Response:
         denominator: ComplexArray = missing + (1.0 - missing) * axis.complement
         return numerator, denominator
 
-    def axis(self, velocity: float, count: int) -> Axis:
-        """Table of the law with at least `count` points, fine enough for this speed and delay."""
-        # Steps are powers of 2, so that neighbouring speeds share a table.
-        step = 2.0 ** math.floor(math.log2(STEP / self.reach(velocity)))
+    def axis(self, velocity: float, top: float) -> Axis:
+        """Table of the law up to the frequency `top` or beyond, fine enough for this speed and delay."""
+        return self._table(self.reach(velocity), top / velocity)
+
+    def coarse_axis(self, top: float) -> Axis:
+        """Table of the law up to ``y = top`` or beyond, fine enough for all that does not depend on the delay."""
+        return self._table(_largest(_key(self.law)), top)
+
+    def _table(self, reach: float, top: float) -> Axis:
+        # Steps and counts are powers of 2, so that neighbouring speeds share a table.
+        step = 2.0 ** math.floor(math.log2(STEP / reach))
+        count = 1 << max(6, math.ceil(math.log2(top / step + 2)))
+        if count > SCAN_LIMIT:
+            raise UndecidedError(
+                f"the response has to be followed over more than {SCAN_LIMIT} frequencies: the contacts remember "
+                f"{reach:g} x_s, and may outweigh the rig up to wavelengths of {2 * math.pi / top:g} x_s; "
+                "give the rig some damping, or the thresholds more spread"
+            )
         return _axis(_key(self.law), step, count)
 
 
@@ -319,7 +333,7 @@ def _longest(delay: DelayLaw) -> float:
     return float(np.max(tau[beyond > 1e-5], initial=delay.moment(1)))
 
 
-@lru_cache(maxsize=48)
+@lru_cache(maxsize=32)
 def _axis(law: Law, step: float, count: int) -> Axis:
     # Below the first step frequencies are spaced in proportion: slow modes of soft springs.
     slow = step * np.geomspace(1e-4, 1.0, 40, endpoint=False)

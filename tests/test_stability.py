@@ -1,0 +1,639 @@
+"""Linear stability of smooth sliding: known numbers, limits, and counts against searches that know nothing of the code."""
+
+import math
+import subprocess
+import sys
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from stickslip.errors import InputError, UndecidedError
+from stickslip.model import FIG7, Delay, Interface, Langevin, RandomDelay, Slider
+from stickslip.stability import (
+    KNOBS,
+    STIFFNESS,
+    VELOCITY,
+    Knob,
+    Modes,
+    RadiationDamping,
+    Setting,
+    SpringMassDamper,
+    boundary,
+    critical,
+    critical_damping,
+    critical_delay,
+    critical_mass,
+    critical_spread,
+    critical_spring,
+    critical_velocities,
+    dynamic_stiffness,
+    growth_rate,
+    stability_map,
+    unstable_modes,
+)
+from stickslip.stability.modes import neutral_frequencies
+from stickslip.stability.response import _laplace, respond, transforms
+from stickslip.stability.rigs import impedance, natural_frequencies, poles
+from stickslip.theory import kinetic_friction
+from stickslip.thresholds import Empirical, Exponential, Gamma, Gaussian, LogNormal, SteadyState, Uniform, Weibull
+
+INTERFACE, SLIDER = FIG7.interface, FIG7.slider
+NARROW = Gaussian(mean=0.0, spread=0.001)
+
+LAWS = [
+    Gaussian(mean=1.0, spread=0.1),
+    Gaussian(mean=1.0, spread=0.3),
+    Gaussian(mean=1.0, spread=0.01),
+    Uniform(low=0.6, high=1.5),
+    Exponential(mean=1.0),
+    Gamma(mean=1.0, spread=0.25),
+    LogNormal(mean=1.0, spread=0.2),
+    LogNormal(mean=1.0, spread=0.6),
+    Weibull(scale=1.0, shape=4.0),
+    Weibull(scale=1.0, shape=0.8),
+    Empirical.from_samples(np.random.default_rng(0).normal(1.0, 0.15, 500)),
+    SteadyState(thresholds=Gaussian(mean=1.5, spread=0.2)),
+]
+DELAYS = [
+    Delay(0.1),
+    Delay(1.3),
+    RandomDelay(mean=0.2, spread=0.12),
+    RandomDelay(mean=0.2, spread=0.12, negative="redraw"),
+    RandomDelay(mean=0.2, spread=0.12, negative="fold"),
+    RandomDelay(mean=0.2, spread=0.02),
+]
+
+
+def case(law, delay):
+    return Interface(thresholds=law, initial=NARROW, delay=delay)
+
+
+# ---------------------------------------------------------------- an independent model: formulas of a plain Gaussian
+
+
+def by_hand(s, *, velocity, delay, stiffness, mass, damping, spread=0.1):
+    """Z + kappa for a Gaussian law so narrow that its cut at zero does not matter, as PHYSICS prints it."""
+    q = s / velocity
+    transform = np.exp(-q + 0.5 * (q * spread) ** 2)
+    slope = (-1 + q * spread**2) * transform
+    h = (1 - transform) / q**2 + slope / q
+    kappa = -q * h * (1 - np.exp(-s * delay))
+    kappa /= (1 + velocity * delay) * (1 - np.exp(-s * delay) * transform)
+    return mass * s * s + mass * damping * s + stiffness + kappa
+
+
+def roots_by_hand(left, **parameters):
+    """Roots with Re s > left and Im s > 0, by Newton's method from every point of a fine grid."""
+
+    def function(s):
+        return by_hand(s, **parameters)
+
+    # Far to the right the plain Gaussian's tail below zero, absent from the model, has roots of its own.
+    rate, frequency = np.meshgrid(np.arange(left, 6, 0.25), np.arange(0.1, 250, 0.25))
+    s = (rate + 1j * frequency).ravel()
+    with np.errstate(all="ignore"):
+        for _ in range(40):
+            slope = (function(s + 1e-6) - function(s - 1e-6)) / 2e-6
+            step = function(s) / slope
+            s = s - step
+        s = s[np.isfinite(s) & (np.abs(step) < 1e-9) & (s.real > left) & (s.real < 30) & (s.imag > 1e-3)]
+    distinct = []
+    for root in s[np.argsort(-s.real)]:
+        if not any(abs(root - other) < 1e-6 for other in distinct):
+            distinct.append(root)
+    return np.array(distinct)
+
+
+# ---------------------------------------------------------------- numbers
+
+
+def test_first_critical_velocity_of_fig_7a():
+    found = critical_velocities(INTERFACE, SLIDER, between=(0.1, 1.9))
+    assert len(found) == 1
+    assert found[0].value == pytest.approx(1.388221, abs=1e-6)
+    assert found[0].frequency == pytest.approx(7.265139, abs=1e-6)
+    assert found[0].loses_stability
+    assert not found[0].regains_stability
+    assert "loses stability at 1.388221" in str(found)
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "damping", "expected", "tolerance"),
+    [
+        (2.0, SLIDER.damping, 0.138218, 5e-7),
+        (2.0, 200.0, 0.1455, 5e-5),
+        # PHYSICS prints .2696. Four digits of the same formula by hand (below) are .2695; .2696 needs eta = 205.
+        (5.0, 200.0, 0.2696, 2e-4),
+    ],
+)
+def test_linear_critical_delays(stiffness, damping, expected, tolerance):
+    slider = Slider(stiffness=stiffness, mass=1e-4, damping=damping)
+    delay = critical_delay(INTERFACE, slider, 1.0)
+    assert delay == pytest.approx(expected, abs=tolerance)
+    frequency = critical("delay", INTERFACE, slider, 1.0, between=(0.9 * delay, 1.1 * delay))[0].frequency
+    rest = by_hand(1j * frequency, velocity=1.0, delay=delay, stiffness=stiffness, mass=1e-4, damping=damping)
+    assert abs(rest) < 1e-12
+
+
+def test_critical_delay_times_velocity_depends_on_mass_times_velocity_squared_only():
+    products = [
+        v * critical_delay(INTERFACE, Slider(stiffness=2.0, mass=1e-4 / v**2, damping=SLIDER.damping * v), v)
+        for v in (0.3, 1.0, 4.0)
+    ]
+    assert products == pytest.approx([products[1]] * 3, rel=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("spread", "stick_slip", "smooth"), [(0.06, (1.0, 3.0), (0.25, 8.0)), (0.08, (1.2, 2.0), (0.36, 4.0, 6.0))]
+)
+def test_windows_of_random_delays(spread, stick_slip, smooth):
+    # Fig. 7b: the same speeds that runs of the contacts find on either side.
+    interface = case(Gaussian(mean=1.0, spread=0.1), RandomDelay(mean=0.2, spread=spread))
+    loses, regains = critical_velocities(interface, SLIDER, between=(0.1, 20)).edges
+    assert loses.loses_stability
+    assert regains.regains_stability
+    assert all(loses.value < v < regains.value for v in stick_slip)
+    assert not any(loses.value < v < regains.value for v in smooth)
+
+
+def test_wide_random_delays_leave_no_window():
+    interface = case(Gaussian(mean=1.0, spread=0.1), RandomDelay(mean=0.2, spread=0.12))
+    found = critical_velocities(interface, SLIDER, between=(0.2, 5))
+    assert len(found) == 0
+    assert found.searched == (0.2, 5)
+    assert "stable all the way for velocity from 0.2 to 5" in str(found)
+
+
+# ---------------------------------------------------------------- the dynamic stiffness
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+@pytest.mark.parametrize("delay", DELAYS, ids=str)
+def test_slow_shaking_sees_the_slope_of_kinetic_friction(law, delay):
+    interface, v, d = case(law, delay), 0.7, 1e-4
+    slope = (kinetic_friction(interface, v * (1 + d)) - kinetic_friction(interface, v * (1 - d))) / (2 * d * v)
+    s = 1e-8 * np.array([1.0, 1j, 0.6 + 0.8j])
+    assert dynamic_stiffness(interface, v, s) / s == pytest.approx(np.full(3, slope), rel=1e-6)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_without_delay_smooth_sliding_is_neutral(law):
+    interface = case(law, Delay(0.0))
+    assert np.all(dynamic_stiffness(interface, 1.0, np.array([1j, 3.0, 0.5 + 20j])) == 0)
+    assert unstable_modes(interface, SLIDER, 1.0) == 0
+    assert critical_spring(interface, SLIDER, 1.0) == 0
+    assert len(critical_velocities(interface, SLIDER, between=(0.1, 10))) == 0
+    assert growth_rate(interface, SLIDER, 1.0).real == pytest.approx(-0.5 * SLIDER.damping, rel=1e-12)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_shape_function_is_the_integral_it_stands_for(law):
+    # H = q Int x J_c(x) exp(-q x) dx, on both sides of the change from series to closed form
+    law = law.positive()
+    node, weight = np.polynomial.legendre.leggauss(20)
+    # in x = y^5: laws may rise steeply at zero
+    edges = np.unique(
+        np.concatenate([np.linspace(0, law.support[1] ** 0.2, 300), [k**0.2 for k in law.knots if k > 0]])
+    )
+    y = (edges[:-1, None] + 0.5 * np.diff(edges)[:, None] * (1 + node)).ravel()
+    dx = (0.5 * np.diff(edges)[:, None] * weight).ravel() * 5 * y**4
+    x = y**5
+    survival = law.survival(x)
+    for q in np.array([1e-4, 0.01j, 0.1, 0.3 + 0.2j, 0.49j, 0.51j, 1.0, 2 + 3j, 12j, 40j]):
+        complement, shape = transforms(law, np.array([q]))
+        assert shape[0] == pytest.approx(q * np.sum(dx * x * survival * np.exp(-q * x)), rel=2e-7, abs=1e-13)
+        assert complement[0] == pytest.approx(q * np.sum(dx * survival * np.exp(-q * x)), rel=2e-7, abs=1e-13)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        LogNormal(mean=1.0, spread=0.2),
+        LogNormal(mean=1.0, spread=1.0),
+        Weibull(scale=1.0, shape=0.7),
+        Weibull(scale=1.0, shape=5.0),
+    ],
+    ids=str,
+)
+def test_transforms_on_a_turned_path(law):
+    q = np.array([0.3, 2.0, 1j, -3j, 1 + 10j, 0.2 - 40j, 200j])
+    mean, slope = _laplace(law, q)
+    assert mean == pytest.approx(law.laplace(q), abs=1e-12)
+    assert slope == pytest.approx(law.laplace(q, 1), abs=1e-11)
+
+
+def test_dynamic_stiffness_is_real_on_the_real_axis_and_symmetric_about_it():
+    s = np.array([[0.4 + 2j, -0.3 + 5j], [1j, 30j]])
+    kappa = dynamic_stiffness(INTERFACE, 1.0, s)
+    assert kappa.shape == s.shape
+    assert dynamic_stiffness(INTERFACE, 1.0, np.conj(s)) == pytest.approx(np.conj(kappa), rel=1e-13)
+    assert dynamic_stiffness(INTERFACE, 1.0, 0.7).imag == 0
+    assert dynamic_stiffness(INTERFACE, 1.0, 0) == 0
+    by = [by_hand(each, velocity=1.0, delay=0.1, stiffness=0, mass=0, damping=0) for each in s.ravel()]
+    assert kappa.ravel() == pytest.approx(np.array(by), rel=1e-12)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_whatever_the_delay_the_response_lies_in_one_disc(law):
+    for delay in DELAYS:
+        response = respond(case(law, delay))
+        axis = response.axis(0.8, 60.0)
+        kappa = response.stiffness(0.8, 0.8j * axis.y) * response.scale(0.8)
+        assert np.all(np.abs(kappa - axis.centre) <= np.abs(axis.centre) * (1 + 1e-6))
+
+
+def test_no_answer_where_there_is_no_steady_sliding():
+    gaussian = Gaussian(mean=1.0, spread=0.1)
+    with pytest.raises(InputError, match="never come back"):
+        dynamic_stiffness(case(gaussian, Delay(math.inf)), 1.0, 1j)
+    with pytest.raises(InputError, match="share one threshold"):
+        growth_rate(case(Gaussian(mean=1.0, spread=0.0), Delay(0.1)), SLIDER, 1.0)
+    with pytest.raises(InputError, match="ageing"):
+        unstable_modes(Interface(thresholds=gaussian, ageing=Langevin(rate=1.0)), SLIDER, 1.0)
+    with pytest.raises(InputError, match="velocity = 0"):
+        dynamic_stiffness(INTERFACE, 0.0, 1j)
+
+
+def test_no_answer_where_the_transform_does_not_exist():
+    heavy = case(LogNormal(mean=1.0, spread=0.3), Delay(0.1))
+    with pytest.raises(InputError, match="no transform"):
+        dynamic_stiffness(heavy, 1.0, -0.1 + 1j)
+    with pytest.raises(InputError, match="no transform"):
+        dynamic_stiffness(case(Exponential(mean=1.0), Delay(0.1)), 2.0, -2.5)
+    with pytest.raises(InputError, match="overflows"):
+        dynamic_stiffness(INTERFACE, 1.0, -1e6)
+
+
+# ---------------------------------------------------------------- counts and growth rates
+
+
+@pytest.mark.parametrize(
+    ("velocity", "delay", "stiffness", "mass", "damping"),
+    [
+        (1.0, 0.1, 2.0, 1e-4, 42.4),
+        (1.0, 0.2, 2.0, 1e-4, 200.0),
+        (3.0, 0.1, 2.0, 1e-4, 42.4),
+        (2.0, 0.3, 0.3, 1e-3, 5.0),
+        (0.5, 0.6, 4.0, 1e-2, 1.0),
+    ],
+)
+def test_counts_and_growth_rates_against_a_search_by_hand(velocity, delay, stiffness, mass, damping):
+    parameters = {"velocity": velocity, "delay": delay, "stiffness": stiffness, "mass": mass, "damping": damping}
+    known = roots_by_hand(-0.3, **parameters)
+    interface = case(Gaussian(mean=1.0, spread=0.1), Delay(delay))
+    slider = Slider(stiffness=stiffness, mass=mass, damping=damping)
+    assert unstable_modes(interface, slider, velocity) == 2 * np.sum(known.real > 0)
+    root = growth_rate(interface, slider, velocity)
+    assert root == pytest.approx(known[0], rel=1e-9)
+    assert abs(by_hand(root, **parameters)) < 1e-11
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+@pytest.mark.parametrize("seed", range(4))
+def test_two_counts_and_the_growth_rate_agree(law, seed):
+    rng = np.random.default_rng([seed, LAWS.index(law)])
+    delay = DELAYS[rng.integers(len(DELAYS))]
+    interface, v = case(law, delay), 10 ** rng.uniform(-1, 1.3)
+    stiffness, mass = 10 ** rng.uniform(-1.5, 1), 10 ** rng.uniform(-5, 0)
+    slider = Slider(stiffness=stiffness, mass=mass, damping=math.sqrt(stiffness / mass) * 10 ** rng.uniform(-2, 0.5))
+    count = unstable_modes(interface, slider, v)
+    (neutral,) = neutral_frequencies(respond(interface), impedance(slider), [v])
+    assert neutral.unstable() == count
+    try:
+        root = growth_rate(interface, slider, v)
+    except UndecidedError:
+        # Only a stable rig may have no slowest mode, and only with a law whose tail decays more slowly.
+        assert count == 0
+        assert math.isfinite(respond(interface).leftmost)
+    else:
+        assert (root.real > 0) == (count > 0)
+        assert root.imag >= 0
+        rest = impedance(slider)(np.array([root])) + dynamic_stiffness(interface, v, [root])
+        assert abs(rest[0]) < 1e-8 * stiffness
+
+
+def test_unstable_without_oscillation():
+    # A spring so soft that a growing mode does not even oscillate
+    interface = case(Gaussian(mean=1.0, spread=0.034), RandomDelay(mean=0.24, spread=0.36, negative="redraw"))
+    slider = Slider(stiffness=0.032, mass=1.37e-5, damping=36.8)
+    root = growth_rate(interface, slider, 0.48)
+    assert root.imag == 0
+    assert root.real > 0
+    assert unstable_modes(interface, slider, 0.48) == 24
+
+
+def test_undecided_on_the_boundary_itself():
+    (crossing,) = critical_velocities(INTERFACE, SLIDER, between=(1.0, 1.9))
+    with pytest.raises(UndecidedError, match="neutral to within rounding, at angular frequency 7.26513"):
+        unstable_modes(INTERFACE, SLIDER, crossing.value)
+
+
+def test_very_close_pairs_of_neutral_frequencies_are_seen():
+    # At high speed a mode is unstable only within 1e-4 of a multiple of 2 pi/tau.
+    for v in (313.2, 313.45, 314.0, 400.0):
+        (neutral,) = neutral_frequencies(respond(INTERFACE), impedance(SLIDER), [v])
+        assert neutral.unstable() == unstable_modes(INTERFACE, SLIDER, v) == 4
+
+
+# ---------------------------------------------------------------- critical values
+
+
+@pytest.mark.parametrize("velocity", [0.3, 1.0, 1.4, 3.0, 30.0])
+def test_critical_spring_divides_stable_from_unstable(velocity):
+    spring = critical_spring(INTERFACE, SLIDER, velocity)
+    for factor, stable in ((1 - 1e-6, False), (1 + 1e-6, True), (3, True)):
+        count = unstable_modes(INTERFACE, replace(SLIDER, stiffness=factor * spring), velocity)
+        assert (count == 0) == stable
+
+
+@pytest.mark.parametrize(
+    ("knob", "between"),
+    [
+        ("stiffness", (0.1, 50)),
+        ("velocity", (0.1, 30)),
+        ("mass", (1e-6, 10)),
+        ("damping", (0.1, 1e5)),
+        ("delay", (0.01, 0.5)),
+        ("spread", (0.05, 0.4)),
+    ],
+)
+def test_each_knob_changes_the_count_where_it_says_so(knob, between):
+    found = critical(knob, INTERFACE, SLIDER, 3.0, between=between)
+    assert found.edges
+    turned = next(known for known in KNOBS if known.name == knob)
+    start = Setting(interface=INTERFACE, rig=SLIDER, velocity=3.0)
+    for crossing in found:
+        below, above = (
+            unstable_modes(here.interface, here.rig, here.velocity)
+            for here in (turned.set(start, crossing.value * factor) for factor in (1 - 1e-7, 1 + 1e-7))
+        )
+        assert (below, above) == (crossing.unstable_below, crossing.unstable_above)
+
+
+def test_named_functions_are_the_general_one():
+    between = (1e-5, 1e-1)
+    assert critical_mass(INTERFACE, SLIDER, 3.0, between) == critical("mass", INTERFACE, SLIDER, 3.0, between=between)
+    between = (100.0, 1e4)
+    assert critical_damping(INTERFACE, SLIDER, 3.0, between).edges[0].regains_stability
+    assert critical_spread(INTERFACE, SLIDER, 3.0, (0.1, 0.3)).edges[0].regains_stability
+
+
+def test_smooth_sliding_may_be_lost_and_regained_more_than_once():
+    found = critical_velocities(INTERFACE, replace(SLIDER, stiffness=12.0), between=(0.05, 1000))
+    assert [c.loses_stability for c in found.edges] == [True, False, True, False]
+
+
+def test_no_critical_delay_says_so_with_the_range():
+    wide = case(Gaussian(mean=1.0, spread=0.4), Delay(0.1))
+    stiff = Slider(stiffness=50.0, mass=1e-4, damping=200.0)
+    with pytest.raises(UndecidedError, match=r"stable all the way for delay from 0.01 to 5"):
+        critical_delay(wide, stiff, 1.0, between=(0.01, 5.0))
+    with pytest.raises(UndecidedError, match=r"no critical delay.*unstable"):
+        critical_delay(INTERFACE, SLIDER, 1.0, between=(0.2, 0.21))
+
+
+def test_bad_questions():
+    with pytest.raises(InputError, match="must be one of stiffness"):
+        critical("speed", INTERFACE, SLIDER, 1.0, between=(1, 2))
+    with pytest.raises(InputError, match=r"between\[1\] = 1"):
+        critical_velocities(INTERFACE, SLIDER, between=(2, 1))
+    with pytest.raises(InputError, match="no mass"):
+        critical_mass(INTERFACE, lambda s: 2.0 + 0 * s, 1.0, (1e-3, 1))
+    with pytest.raises(InputError, match="no spread"):
+        critical_spread(case(Exponential(mean=1.0), Delay(0.1)), SLIDER, 1.0, (0.1, 1))
+    with pytest.raises(InputError, match="two different knobs"):
+        boundary(INTERFACE, SLIDER, 1.0, over=("mass", "mass"), within=((1, 2), (1, 2)))
+    with pytest.raises(InputError, match="values of stiffness = -1"):
+        stability_map(INTERFACE, SLIDER, 1.0, values=([-1.0, 2.0], [1.0]))
+    with pytest.raises(InputError, match="Z\\(0\\)"):
+        unstable_modes(INTERFACE, lambda s: 1e-4 * s * s, 1.0)
+
+
+# ---------------------------------------------------------------- impedances
+
+
+@pytest.mark.parametrize("velocity", [0.5, 1.4, 3.0])
+def test_every_way_to_write_the_same_slider(velocity):
+    k, m, eta = SLIDER.stiffness, SLIDER.mass, SLIDER.damping
+    same = [
+        SLIDER,
+        SpringMassDamper(stiffness=k, mass=m, damping=eta),
+        RadiationDamping(stiffness=k, radiation=m * eta, mass=m),
+        Modes(masses=(m,), stiffnesses=(k,), dampings=(eta,)),
+        # two equal modes in series, each twice as heavy and stiff
+        Modes(masses=(2 * m, 2 * m), stiffnesses=(2 * k, 2 * k), dampings=(eta, eta)),
+        # the free body, pulled by the driving spring
+        Modes(masses=(m,), stiffnesses=(0.0,), dampings=(eta,), stiffness=k),
+        lambda s: k + m * eta * s + m * s * s,
+    ]
+    roots = [growth_rate(INTERFACE, rig, velocity) for rig in same]
+    assert roots == pytest.approx([roots[0]] * len(same), rel=1e-9)
+    counts = {unstable_modes(INTERFACE, rig, velocity) for rig in same}
+    assert len(counts) == 1
+    springs = [critical_spring(INTERFACE, rig, velocity) for rig in same[:3]]
+    assert springs == pytest.approx([springs[0]] * 3, rel=1e-10)
+
+
+def test_receptances_of_modes_add():
+    rig = Modes(masses=(1e-3, 2e-3, 5e-4), stiffnesses=(3.0, 40.0, 90.0), dampings=(2.0, 0.5, 11.0), stiffness=0.4)
+    s = np.array([0.3 + 4j, 60j, -5 + 100j, 2.0])
+    own = [m * s * (s + e) + k for m, k, e in zip(rig.masses, rig.stiffnesses, rig.dampings, strict=True)]
+    assert rig(s) == pytest.approx(0.4 + 1 / sum(1 / each for each in own), rel=1e-12)
+    assert np.abs(rig(natural_frequencies(rig))) == pytest.approx(np.zeros(6), abs=1e-9)
+    assert np.all(np.abs(rig(poles(rig))) > 1e8)
+
+
+def test_more_modes_against_a_polynomial_by_hand():
+    rig = Modes(masses=(2e-3, 1e-3), stiffnesses=(3.0, 30.0), dampings=(1.0, 2.0))
+    v = 2.0
+    root = growth_rate(INTERFACE, rig, v)
+    assert abs(rig(np.array([root]))[0] + dynamic_stiffness(INTERFACE, v, root)) < 1e-10
+    # The same rig as a function, of which nothing is known beforehand
+    unknown = rig.__call__
+    assert unstable_modes(INTERFACE, unknown, v) == unstable_modes(INTERFACE, rig, v) > 0
+    assert growth_rate(INTERFACE, unknown, v) == pytest.approx(root, rel=1e-9)
+
+
+def test_massless_slider():
+    rig = SpringMassDamper(stiffness=2.0, mass=0.0, damping=0.0)
+    parameters = {"delay": 0.1, "stiffness": 2.0, "mass": 0.0, "damping": 0.0}
+    (crossing, *_) = critical_velocities(INTERFACE, rig, between=(0.1, 10)).edges
+    assert abs(by_hand(1j * crossing.frequency, velocity=crossing.value, **parameters)) < 1e-12
+    for v in (0.8, 2.5):
+        known = roots_by_hand(-0.3, velocity=v, **parameters)
+        assert unstable_modes(INTERFACE, rig, v) == 2 * np.sum(known.real > 0)
+        assert growth_rate(INTERFACE, rig, v) == pytest.approx(known[0], rel=1e-9)
+    # It is the limit of a light slider.
+    light = Slider(stiffness=2.0, mass=1e-9, damping=1.0)
+    (limit, *_) = critical_velocities(INTERFACE, light, between=(0.1, 10)).edges
+    assert limit.value == pytest.approx(crossing.value, rel=1e-6)
+
+
+def test_rigs_are_checked_at_birth():
+    with pytest.raises(InputError, match=r"Modes.dampings\[1\] = 0"):
+        Modes(masses=(1.0, 1.0), stiffnesses=(1.0, 1.0), dampings=(1.0, 0.0))
+    with pytest.raises(InputError, match="Modes.stiffnesses: 1 values"):
+        Modes(masses=(1.0, 1.0), stiffnesses=(1.0,), dampings=(1.0, 1.0))
+    with pytest.raises(InputError, match="nothing holds the slider"):
+        Modes(masses=(1.0,), stiffnesses=(0.0,), dampings=(1.0,))
+    with pytest.raises(InputError, match="radiation = -1"):
+        RadiationDamping(stiffness=1.0, radiation=-1.0)
+    with pytest.raises(InputError, match="rig = 3"):
+        impedance(3)  # type: ignore[arg-type]
+
+
+# ---------------------------------------------------------------- boundaries and maps
+
+
+def curves(dataset):
+    return [dataset.isel(point=dataset.curve == k) for k in np.unique(dataset.curve)]
+
+
+def test_boundary_over_stiffness_and_velocity_against_the_pointwise_answer():
+    found = boundary(INTERFACE, SLIDER, 1.0, within=((0.2, 10.0), (0.2, 10.0)))
+    edge = found.isel(point=found.other_unstable == 0)
+    assert edge.sizes["point"] > 20
+    for k in range(0, edge.sizes["point"], 4):
+        here = edge.isel(point=k)
+        assert critical_spring(INTERFACE, SLIDER, float(here.velocity)) == pytest.approx(
+            float(here.stiffness), rel=1e-9
+        )
+    for here in (found.isel(point=k) for k in range(found.sizes["point"])):
+        rest = by_hand(
+            1j * float(here.frequency),
+            velocity=float(here.velocity),
+            stiffness=float(here.stiffness),
+            delay=0.1,
+            mass=SLIDER.mass,
+            damping=SLIDER.damping,
+        )
+        assert abs(rest) < 1e-9
+    assert set(found.data_vars) == {"stiffness", "velocity", "frequency", "curve", "other_unstable"}
+    assert all({"units", "long_name"} <= set(v.attrs) for v in found.data_vars.values())
+
+
+def test_boundary_goes_round_its_folds():
+    # K_c(v) rises and falls again, so over the stiffness the curve turns back; both branches are on one curve.
+    found = boundary(INTERFACE, SLIDER, 1.0, within=((4.0, 60.0), (0.5, 200.0)))
+    first = next(c for c in curves(found) if np.all(c.other_unstable[:3] == 0))
+    turns = np.sum(np.diff(np.sign(np.diff(np.log(first.stiffness.values)))) != 0)
+    assert turns >= 1
+    for stiffness in (8.0, 20.0):
+        rig = replace(SLIDER, stiffness=stiffness)
+        for crossing in critical_velocities(INTERFACE, rig, between=(0.5, 200)):
+            away = np.hypot(np.log(found.stiffness / stiffness), np.log(found.velocity / crossing.value)) + np.abs(
+                np.log(found.frequency / crossing.frequency)
+            )
+            assert float(away.min()) < 0.15
+
+
+@pytest.mark.parametrize(
+    ("over", "within"),
+    [
+        (("velocity", "delay"), ((0.3, 5.0), (0.03, 0.5))),
+        (("mass", "damping"), ((1e-5, 1e-2), (10.0, 1e4))),
+        (("spread", "delay"), ((0.06, 0.3), (0.05, 0.4))),
+    ],
+)
+def test_boundary_over_any_two_knobs_separates_the_counts(over, within):
+    found = boundary(INTERFACE, SLIDER, 3.0, over=over, within=within)
+    first, second = (next(k for k in KNOBS if k.name == name) for name in over)
+    assert found.sizes["point"] > 10
+    start = Setting(interface=INTERFACE, rig=SLIDER, velocity=3.0)
+    for curve in curves(found):
+        a, b = np.log(curve[over[0]].values), np.log(curve[over[1]].values)
+        for k in range(1, curve.sizes["point"] - 1, 5):
+            across = np.array([-(b[k + 1] - b[k - 1]), a[k + 1] - a[k - 1]])
+            across *= 1e-5 / np.hypot(*across)
+            counts = []
+            for sign in (1, -1):
+                here = first.set(start, math.exp(a[k] + sign * across[0]))
+                here = second.set(here, math.exp(b[k] + sign * across[1]))
+                counts.append(unstable_modes(here.interface, here.rig, here.velocity))
+            others = int(curve.other_unstable[k])
+            assert sorted(counts) == [others, others + 2]
+
+
+BOWL_RIM = critical_spring(INTERFACE, SLIDER, 1.0)
+
+
+@dataclass(frozen=True)
+class Bowl:
+    """A rig that is unstable inside a circle of (log a, log b), to give the boundary a closed curve."""
+
+    a: float = 1.0
+    b: float = 1.0
+
+    def __call__(self, s):
+        spring = BOWL_RIM * math.exp(math.log(self.a) ** 2 + math.log(self.b) ** 2 - 1)
+        return spring + SLIDER.mass * s * (s + SLIDER.damping)
+
+
+def test_boundary_that_closes_upon_itself():
+    knobs = [
+        Knob(
+            name=name,
+            unit="1",
+            get=lambda setting, name=name: getattr(setting.rig, name),
+            set=lambda setting, value, name=name: replace(setting, rig=replace(setting.rig, **{name: value})),
+        )
+        for name in "ab"
+    ]
+    window = (math.exp(-3), math.exp(3))
+    found = boundary(INTERFACE, Bowl(), 1.0, over=(knobs[0], knobs[1]), within=(window, window))
+    outer = curves(found.isel(point=found.other_unstable == 0))
+    assert len(outer) == 1
+    radius = np.hypot(np.log(outer[0].a), np.log(outer[0].b))
+    assert radius.values == pytest.approx(np.ones(radius.size), rel=1e-9)
+    assert np.isclose(outer[0].a[0], outer[0].a[-1])
+    angles = np.unwrap(np.arctan2(np.log(outer[0].b), np.log(outer[0].a)))
+    assert abs(angles[-1] - angles[0]) == pytest.approx(2 * math.pi, rel=1e-6)
+
+
+def test_boundary_where_there_is_none():
+    found = boundary(case(LAWS[0], Delay(0.0)), SLIDER, 1.0, within=((0.1, 10.0), (0.1, 10.0)))
+    assert found.sizes["point"] == 0
+    assert '"searched": {"stiffness": [0.1, 10.0], "velocity": [0.1, 10.0]}' in found.attrs["provenance"]
+
+
+@pytest.mark.parametrize(
+    "over", [("stiffness", "velocity"), ("velocity", "stiffness"), ("velocity", "delay"), ("mass", "damping")]
+)
+def test_map_is_the_count_at_each_point(over):
+    ranges = {
+        "stiffness": (0.1, 10),
+        "velocity": (0.1, 10),
+        "delay": (0.02, 0.5),
+        "mass": (1e-5, 1),
+        "damping": (1, 1e3),
+    }
+    values = [np.geomspace(*ranges[name], 7 + k) for k, name in enumerate(over)]
+    found = stability_map(INTERFACE, SLIDER, 2.0, over=over, values=(values[0], values[1]))
+    assert found.unstable_modes.dims == over
+    assert found.unstable_modes.shape == (7, 8)
+    first, second = (next(k for k in KNOBS if k.name == name) for name in over)
+    start = Setting(interface=INTERFACE, rig=SLIDER, velocity=2.0)
+    for i in range(0, 7, 2):
+        for j in range(0, 8, 3):
+            here = second.set(first.set(start, values[0][i]), values[1][j])
+            assert found.unstable_modes[i, j] == unstable_modes(here.interface, here.rig, here.velocity)
+
+
+def test_map_of_growth_rates():
+    stiffness, velocity = np.geomspace(0.3, 8, 6), np.geomspace(0.3, 8, 5)
+    found = stability_map(INTERFACE, SLIDER, 1.0, over=(STIFFNESS, VELOCITY), values=(stiffness, velocity), growth=True)
+    for i, k in enumerate(stiffness):
+        for j, v in enumerate(velocity):
+            root = growth_rate(INTERFACE, replace(SLIDER, stiffness=k), v)
+            assert complex(found.growth_rate[i, j], found.frequency[i, j]) == pytest.approx(root, rel=1e-8)
+    assert found.growth_rate.attrs["units"] == "1/time"
+    assert "Gaussian" in found.attrs["provenance"]
+
+
+def test_import_stays_quick():
+    code = (
+        "import sys, stickslip.stability, stickslip.theory; print({'numba', 'xarray', 'matplotlib'} & set(sys.modules))"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == "set()"
