@@ -870,3 +870,353 @@ def dynamic_stiffness_ageing(
     """
     coarse = _dynamic_stiffness(velocity, rate, spread, s, newborn, mean, delays, cells)
     return (4.0 * _dynamic_stiffness(velocity, rate, spread, s, newborn, mean, delays, 2 * cells) - coarse) / 3.0
+
+
+# ---------------------------------------------------------------- the kinetic equation, N to infinity
+
+
+@jit
+def threshold_edges(mean: float, spread: float, newborn: float, cells: float) -> Floats:
+    """Edges of the threshold cells of `advance_density`: `cells` per spread, eight times as many near zero.
+
+    Newborn contacts with ``newborn = 0`` spread from their boundary as the square root of time: the first cells must
+    be small. The last edge lies beyond all thresholds.
+    """
+    end = max(mean, newborn) + 8.0 * spread
+    widest = spread / cells
+    width = widest if newborn > 0.0 else widest / 8.0
+    edges = np.empty(int(end / widest) + 64)
+    edges[0] = 0.0
+    k = 0
+    while edges[k] < end and k + 1 < edges.size:
+        edges[k + 1] = edges[k] + width
+        width = min(1.12 * width, widest)
+        k += 1
+    return edges[: k + 1].copy()
+
+
+@jit
+def _absorb(
+    mass: Floats,
+    edges: Floats,
+    b: float,
+    speed: float,
+    dt: float,
+    drift: float,
+    mean: float,
+    D: float,
+    up: Floats,
+    down: Floats,
+    pivot: Floats,
+    carry: Floats,
+    known: Floats,
+) -> float:
+    """Implicit step of one cohort's thresholds above the moving absorbing boundary `b`; returns what has broken.
+
+    The cell that the boundary cuts shrinks with it (so uniform mass in it is swept out exactly), and its outward flux
+    is that of Scharfetter and Gummel between its middle and the empty boundary, in the frame of the boundary.
+    `pivot` and `carry` are the elimination from above, the same for all cohorts.
+    """
+    n = mass.size
+    i0 = min(max(np.searchsorted(edges, b, side="right") - 1, 0), n)
+    broken = 0.0
+    for i in range(min(i0, n)):
+        broken += mass[i]
+        mass[i] = 0.0
+    if i0 >= n - 2:
+        for i in range(i0, n):
+            broken += mass[i]
+            mass[i] = 0.0
+        return broken
+    known[n - 1] = mass[n - 1] / pivot[n - 1]
+    for i in range(n - 2, i0 + 1, -1):
+        known[i] = (mass[i] + dt * down[i + 1] * known[i + 1]) / pivot[i]
+    # The cut cell and its neighbour.
+    width = max(edges[i0 + 1] - b, 1e-9 * D / drift)
+    middle = edges[i0 + 1] - 0.5 * width
+    h = 0.5 * (edges[i0 + 2] + edges[i0 + 1]) - middle
+    d = drift * (mean - edges[i0 + 1]) * h / D
+    flow = D / h * _bernoulli(d)
+    rise = (flow + drift * (mean - edges[i0 + 1])) / width
+    fall = flow / (edges[i0 + 2] - edges[i0 + 1])
+    leave = _bernoulli((drift * (mean - b) - speed) * 0.5 * width / D) * 2.0 * D / (width * width)
+    i = i0 + 1
+    p1 = 1.0 + dt * (up[i] + fall) - dt * down[i + 1] * carry[i + 1]
+    c1 = dt * rise / p1
+    g1 = (mass[i] + dt * down[i + 1] * known[i + 1]) / p1
+    mass[i0] = (mass[i0] + dt * fall * g1) / (1.0 + dt * (rise + leave) - dt * fall * c1)
+    mass[i] = g1 + c1 * mass[i0]
+    for i in range(i0 + 2, n):
+        mass[i] = known[i] + carry[i] * mass[i - 1]
+    return broken + dt * leave * mass[i0]
+
+
+@jit
+def _reflect(
+    mass: Floats, edges: Floats, speed: float, dt: float, drift: float, mean: float, D: float, back: Floats
+) -> None:
+    """Implicit step of the gap of contacts that are reborn at once when they meet their boundary."""
+    n = mass.size
+    enter, below, known = 0.0, 0.0, 0.0  # rates between this cell and the one below it
+    for i in range(n):
+        leave, fall = 0.0, 0.0  # rates between this cell and the one above it
+        if i + 1 < n:
+            h = 0.5 * (edges[i + 2] - edges[i])
+            a = drift * (mean - edges[i + 1]) - speed
+            flow = D / h * _bernoulli(a * h / D)
+            leave = (flow + a) / (edges[i + 1] - edges[i])
+            fall = flow / (edges[i + 2] - edges[i + 1])
+        pivot = 1.0 + dt * (leave + below)
+        if i > 0:
+            pivot -= dt * enter * back[i - 1]
+        known = (mass[i] + dt * enter * known) / pivot
+        mass[i] = known
+        back[i] = dt * fall / pivot
+        enter, below = leave, fall
+    for i in range(n - 2, -1, -1):
+        mass[i] += back[i] * mass[i + 1]
+
+
+@jit
+def _shift_up(mass: Floats, edges: Floats, by: float) -> None:
+    """Move a density upwards, conserving mass; `by` at most the smallest cell."""
+    if by <= 0.0:
+        return
+    n = mass.size
+    for i in range(n - 2, -1, -1):
+        part = mass[i] * min(by / (edges[i + 1] - edges[i]), 1.0)
+        mass[i] -= part
+        mass[i + 1] += part
+
+
+@jit
+def density_from_samples(stretching: Floats, threshold: Floats, edges: Floats, width: float) -> tuple[Floats, Floats]:
+    """Cohorts for `advance_density` from a sample of contacts, such as `advance_contacts` leaves behind.
+
+    Parameters
+    ----------
+    stretching, threshold : ndarray, shape (N,)
+        Attached contacts.
+    edges : ndarray
+        Of `threshold_edges`.
+    width : float
+        Range of stretchings that makes one cohort.
+
+    Returns
+    -------
+    stretchings : ndarray, shape (c,)
+        Mean stretching of each cohort.
+    mass : ndarray, shape (c, cells)
+        Share of contacts in each cell.
+    """
+    low = np.min(stretching)
+    c = int((np.max(stretching) - low) / width) + 1
+    place, total, mass = np.zeros(c), np.zeros(c), np.zeros((c, edges.size - 1))
+    for i in range(stretching.size):
+        k = min(int((stretching[i] - low) / width), c - 1)
+        cell = min(max(np.searchsorted(edges, threshold[i], side="right") - 1, 0), edges.size - 2)
+        mass[k, cell] += 1.0 / stretching.size
+        place[k] += stretching[i]
+        total[k] += 1.0
+    full = total > 0.0
+    return place[full] / total[full], mass[full]
+
+
+@jit
+def advance_density(
+    state: Floats,
+    place: Floats,
+    mass: Floats,
+    edges: Floats,
+    drive: Floats,
+    slider: Floats,
+    law: Floats,
+    times: Floats,
+    step: float,
+    reach: float,
+) -> Floats:
+    """Advance the kinetic equation of ageing contacts and the slider to the last of `times`, Eqs. (11), (13)-(17).
+
+    The density over (place of birth, threshold): a cohort is what was born while the slider moved by `reach`; its
+    thresholds obey the Fokker-Planck equation of Eq. (17) above an absorbing boundary at ``|X - place|``, with
+    Chang-Cooper / Scharfetter-Gummel fluxes and implicit steps (positive, conserving, Gaussian when at rest). What
+    breaks goes to the open cohort. With ``newborn = 0`` that cohort holds gaps above a reflecting boundary: contacts
+    that return to it are reborn at once. First order in step, second order in the cells.
+
+    Parameters
+    ----------
+    state : ndarray, shape (7,)
+        Time, X, V, undone share (see `advance_contacts`), number of cohorts, place where the last one was opened,
+        time since then; the last three are 0, or those of an earlier call. Changed in place.
+    place : ndarray, shape (C,)
+        Slider positions at which the cohorts have stretching 0. C must have room for all cohorts: some
+        ``2.5/reach``, more for long slips; changed in place.
+    mass : ndarray, shape (C, cells)
+        Share of contacts by cohort and cell of threshold; rows from ``state[4]`` on are 0. Sum 1, kept to rounding.
+    edges : ndarray, shape (cells + 1,)
+        Of `threshold_edges`.
+    drive, slider, law, times
+        See `advance_contacts`.
+    step : float
+        Largest step in units of 1/rate^2.
+    reach : float
+        Largest way of the slider in a step, and the width of a cohort, in units of `mean`.
+
+    Returns
+    -------
+    ndarray, shape (m, 5)
+        X, V, F_d, F_c, sum of the mass.
+    """
+    rate, mean, spread, newborn = law[0], law[1], law[2], law[3]
+    K, slab, damping = slider[0], slider[1], slider[2]
+    rigid = np.isinf(K)
+    drift, D = rate * rate, (rate * spread) ** 2
+    n = edges.size - 1
+    now, X, V, undone = state[0], state[1], state[2], state[3]
+    count, opened, since = int(state[4]), state[5], state[6]
+    if rigid and times.size > 0:
+        X = drive_at(drive, now)[0]
+    up, down, pivot, carry = np.zeros(n + 1), np.zeros(n + 1), np.ones(n + 1), np.zeros(n + 1)
+    known, back = np.zeros(n + 1), np.zeros(n + 1)
+    for i in range(n - 1):
+        h = 0.5 * (edges[i + 2] - edges[i])
+        a = drift * (mean - edges[i + 1])
+        flow = D / h * _bernoulli(a * h / D)
+        up[i] = (flow + a) / (edges[i + 1] - edges[i])
+        down[i + 1] = flow / (edges[i + 2] - edges[i + 1])
+    birth = 0
+    if newborn > 0.0:
+        birth = min(np.searchsorted(edges, newborn, side="right") - 1, n - 2)
+    open_mass = np.zeros(n)
+    if count > 0 and since >= 0.0:
+        # The last row is the open cohort, kept as gaps (or thresholds, for newborns above 0).
+        count -= 1
+        open_mass[:] = mass[count]
+        mass[count] = 0.0
+    else:
+        opened, since = X, 0.0
+    total = 0.0
+    for c in range(count):
+        total += (X - place[c]) * np.sum(mass[c])
+    held = np.sum(open_mass)
+    x_open = 0.0
+    last_dt, amplitude = -1.0, 0.0
+    samples = np.empty((times.size, 5))
+    for j in range(times.size):
+        while now < times[j]:
+            P, v_d, a_d, knot = drive_at(drive, now)
+            F = total + held * x_open
+            dt = step / drift
+            fast = abs(v_d) + abs(a_d) * dt
+            if not rigid:
+                fast = max(fast, abs(V))
+                if amplitude > 0.05 * reach * mean:
+                    dt = min(dt, 0.35 / np.sqrt((K + 1.0) / slab))
+            dt = min(dt, reach * mean / max(fast, 1e-300))
+            target = min(times[j], knot)
+            if now + 1.0000001 * dt >= target:
+                dt = target - now
+            elif now + 2.0 * dt > target:
+                dt = 0.5 * (target - now)
+            before, v_0 = X, V
+            if rigid:
+                X, V = P + dt * (v_d + 0.5 * a_d * dt), v_d + a_d * dt
+            else:
+                grip = 1.0 - undone
+                k, F_0, F_1, F_2 = K + grip, K * P - F + grip * X, K * v_d, 0.5 * K * a_d
+                X, V, amplitude = _oscillator(before, v_0, k, slab, damping, F_0, F_1, F_2, dt)
+                if V * v_0 < 0.0:
+                    turn = dt * v_0 / (v_0 - V)
+                    if 0.05 * dt < turn < 0.95 * dt:
+                        dt = turn
+                        X, V, amplitude = _oscillator(before, v_0, k, slab, damping, F_0, F_1, F_2, dt)
+            dX = X - before
+            speed = abs(dX) / dt
+            if dt != last_dt:
+                for i in range(n - 1, -1, -1):
+                    pivot[i] = 1.0 + dt * (up[i] + down[i]) - dt * down[i + 1] * carry[i + 1]
+                    carry[i] = dt * up[i - 1] / pivot[i] if i > 0 else 0.0
+                last_dt = dt
+            total, broken = 0.0, 0.0
+            kept = 0
+            for c in range(count):
+                b = abs(X - place[c])
+                broken += _absorb(
+                    mass[c],
+                    edges,
+                    b,
+                    (b - abs(before - place[c])) / dt,
+                    dt,
+                    drift,
+                    mean,
+                    D,
+                    up,
+                    down,
+                    pivot,
+                    carry,
+                    known,
+                )
+                part = np.sum(mass[c])
+                if part < 1e-13:  # as good as empty: its rest breaks now
+                    broken += part
+                    mass[c] = 0.0
+                    continue
+                total += (X - place[c]) * part
+                if kept < c:
+                    place[kept] = place[c]
+                    mass[kept] = mass[c]
+                    mass[c] = 0.0
+                kept += 1
+            count = kept
+            since += dt
+            moved = X - opened
+            if newborn > 0.0:
+                x_open = 0.5 * moved
+                b = abs(x_open)
+                broken += _absorb(
+                    open_mass, edges, b, 0.5 * speed, dt, drift, mean, D, up, down, pivot, carry, known
+                )
+                # Two neighbouring cells that have the newborn's threshold as their mean.
+                here = 0.5 * (edges[birth] + edges[birth + 1])
+                other = birth + 1 if newborn > here or birth == 0 else birth - 1
+                there = 0.5 * (edges[other] + edges[other + 1])
+                w = min(max((newborn - here) / (there - here), 0.0), 1.0)
+                open_mass[birth] += (1.0 - w) * broken
+                open_mass[other] += w * broken
+            else:
+                open_mass[0] += broken
+                _reflect(open_mass, edges, speed, dt, drift, mean, D, back)
+                # Mean way since the last return to the boundary: a third of all where the drift is weak.
+                fall = max(speed - drift * mean, 0.0)
+                x_open = moved / (3.0 + fall * fall * since / D)
+            held = np.sum(open_mass)
+            turned = V * v_0 < 0.0
+            if abs(moved) >= 0.999 * reach * mean or (turned and moved != 0.0):
+                if newborn <= 0.0:
+                    rest = abs(x_open)
+                    while rest > 0.0:
+                        part = min(rest, edges[1])
+                        _shift_up(open_mass, edges, part)
+                        rest -= part
+                if count >= mass.shape[0] - 1:
+                    raise ValueError("no room for another cohort: hand in longer arrays")
+                place[count] = X - x_open
+                mass[count] = open_mass
+                total += held * x_open
+                count += 1
+                open_mass[:] = 0.0
+                held, x_open, opened, since = 0.0, 0.0, X, 0.0
+            F_new = total + held * x_open
+            if dX != 0.0:
+                undone = min(max(1.0 - (F_new - F) / dX, 0.0), 1.0)
+            now = target if dt == target - now else now + dt
+        P, v_d, a_d, knot = drive_at(drive, times[j])
+        samples[j, 0], samples[j, 1] = X, V
+        samples[j, 3] = total + held * x_open
+        samples[j, 4] = np.sum(mass) + held
+        samples[j, 2] = samples[j, 3] if rigid else K * (P - X)
+    mass[count] = open_mass
+    place[count] = X - x_open
+    state[0], state[1], state[2], state[3] = now, X, V, undone
+    state[4], state[5], state[6] = float(count + 1), opened, since
+    return samples
