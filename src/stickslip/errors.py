@@ -80,8 +80,8 @@ def whole(place: str, value: object, *, at_least: int, at_most: int | None = Non
 
 
 def instance(place: str, value: object, kind: type | UnionType | tuple[type, ...], hint: str) -> None:
-    """Raise `InputError` unless `value` is of the kind asked for."""
-    if not isinstance(value, kind):
+    """Raise `InputError` unless `value` is of the kind asked for; a class is no value (a Protocol would take it)."""
+    if isinstance(value, type) or not isinstance(value, kind):
         raise InputError(f"{place} = {value!r}: must be {hint}")
 
 

@@ -124,7 +124,7 @@ def save(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
         If the place cannot be written.
     """
     target = Path(path)
-    if target.is_dir():
+    if os.path.isdir(target):  # unlike Path.is_dir, it bears names too long for a file
         raise InputError(f"{target}: is a directory; give the name of a file, such as {target / 'run.nc'}")
     part = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
     try:
@@ -152,6 +152,7 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     InputError
         If there is no such file or it is not NetCDF.
     """
+    import h5py
     import xarray as xr
 
     source = Path(path)
@@ -167,9 +168,10 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     if not known:
         raise InputError(f"{source}: is not a NetCDF file; a run is made with `stickslip simulate RIG -o run.nc`")
     try:
+        h5py.File(source, mode="r").close()  # h5netcdf prints a traceback of its own over a file that is cut short
         with xr.open_dataset(source, engine="h5netcdf") as data:
             return data.load()
-    except (OSError, ValueError, KeyError) as error:
+    except Exception as error:  # a damaged file fails in many ways
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{source}: cannot be read as NetCDF ({reason}); the file may be damaged") from None
 
