@@ -419,7 +419,7 @@ def _fate(looks: list[_Look], floor: float, growing: bool | None, patience: int)
             return False, f"the swing of the force dies out; it is down to {now}"
     elif np.all(np.abs(step[-3:]) < STEADY) and len(looks) > 3:
         return True, f"the swing of the force, {now}, no longer changes"
-    elif len(looks) > 3 and _left_to_go(step) < REST:
+    elif _left_to_go(step) < REST:
         return True, f"the swing of the force settles at {size[-1]:.3g} f_s"
     elif len(looks) >= 10 and _wavers(size[-8:]):
         return True, f"the swing of the force wavers about {np.median(size[-8:]):.3g} f_s without a trend"
@@ -439,12 +439,12 @@ def _fate(looks: list[_Look], floor: float, growing: bool | None, patience: int)
 
 
 def _left_to_go(step: Array) -> float:
-    """Change of ln(amplitude) still ahead if the last three steps are geometric and shrink; else infinite."""
-    a, b, c = np.abs(step[-3:])
-    if step[-1] * step[-2] <= 0 or step[-2] * step[-3] <= 0 or not (0 < c < 0.7 * b and b < 0.7 * a):
+    """Change of ln(amplitude) still ahead if the last four steps shrink geometrically, all one way; else infinite."""
+    last = step[-4:] * np.sign(step[-1])
+    if last.size < 4 or last.min() <= 0:
         return math.inf
-    ratio = max(c / b, b / a)
-    return float(c * ratio / (1 - ratio))
+    ratio = float(np.max(last[1:] / last[:-1]))
+    return math.inf if ratio > 0.7 else float(last[-1]) * ratio / (1.0 - ratio)
 
 
 def _wavers(size: Array) -> bool:
