@@ -439,7 +439,7 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
     """
     target = Path(path)
     kind = target.suffix.lower().removeprefix(".")
-    if target.is_dir():
+    if os.path.isdir(target):  # a name that no file can have is no directory
         raise InputError(f"{target}: is a directory; give the name of a file, such as {target / 'run.png'}")
     if kind not in _FORMATS:
         raise InputError(f"{target}: a picture is written as {', '.join('.' + f for f in _FORMATS)}, chosen by suffix")

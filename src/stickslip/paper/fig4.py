@@ -39,7 +39,7 @@ _PERIODIC = 1e-4  # variation of the period left to a solver's steps; a thousand
 
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
-    end = 100.0 if quick else _END
+    end = 90.0 if quick else _END
     methods: tuple[Method, Method] = (
         Contacts(FIG4.contacts, seed=4),
         MasterEquation(cells=200 if quick else 400),

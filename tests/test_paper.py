@@ -1,0 +1,295 @@
+"""The figures of the paper: claims come out as settled, pictures have ink and labels, data make their way to a file.
+
+The quick versions here; the full ones are slow and run with the verification.
+"""
+
+import json
+import math
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+from stickslip import store
+from stickslip.errors import InputError, UndecidedError
+from stickslip.model import FIG2, FIG5, Slider
+from stickslip.paper import FIGURES, Claim, Figure
+from stickslip.paper.fig2 import first_instability
+from stickslip.paper.record import at_least, at_most, between, near, portions, verdict
+from stickslip.rigid import effective_stiffness
+from stickslip.theory import critical_stiffness_estimate, effective_potential, slip_displacement
+
+READ, PRINTED, NOT = "reproduced under the stated reading", "reproduced", "not reproduced"
+
+# The verdicts as settled, by number of the claim in the project's list; None: a statement outside it.
+SETTLED = {
+    "fig1": {1: PRINTED, 2: PRINTED, 3: PRINTED, 4: PRINTED},
+    "fig2": {None: PRINTED},
+    "fig3": {5: READ, 6: NOT, 18: READ},
+    "fig4": {7: READ, 11: READ},
+    "fig5": {8: READ},
+}
+
+
+@pytest.fixture(scope="session")
+def quick():
+    """Data of a figure, computed once."""
+    made = {}
+
+    def data(name):
+        if name not in made:
+            made[name] = FIGURES[name].compute(quick=True)
+        return made[name]
+
+    return data
+
+
+# ---------------------------------------------------------------- each figure
+
+
+@pytest.mark.parametrize("name", SETTLED)
+def test_claims_come_out_as_settled(quick, name):
+    claims = FIGURES[name].check(quick(name))
+    assert {claim.number: claim.verdict for claim in claims} == SETTLED[name]
+    failed = [str(claim) for claim in claims if not claim.ok]
+    assert not failed, "\n".join(failed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SETTLED)
+def test_claims_come_out_as_settled_in_full(name, tmp_path):
+    figure = FIGURES[name]
+    data = store.load(store.save(figure.compute(), tmp_path / "data.nc"))
+    claims = figure.check(data)
+    assert {claim.number: claim.verdict for claim in claims} == SETTLED[name]
+    failed = [str(claim) for claim in claims if not claim.ok]
+    assert not failed, "\n".join(failed)
+    assert figure.draw(data).axes
+
+
+@pytest.mark.parametrize("name", SETTLED)
+def test_picture_has_ink_and_every_panel_names_its_quantities(quick, name):
+    picture = FIGURES[name].draw(quick(name))
+    canvas = FigureCanvasAgg(picture)
+    canvas.draw()
+    image = np.asarray(canvas.buffer_rgba())[..., :3]
+    share = np.mean(np.any(image < 250, axis=-1))
+    assert 0.01 < share < 0.5
+    for panel in picture.axes:
+        assert panel.has_data() or not panel.axison
+    words = [text for ax in picture.axes for text in (ax.get_xlabel(), ax.get_ylabel())]
+    words += [sub.get_supylabel() for sub in picture.subfigs]
+    assert sum("(" in text for text in words if text) >= 2
+
+
+@pytest.mark.parametrize("name", SETTLED)
+def test_words_stay_within_the_picture(quick, name):
+    picture = FIGURES[name].draw(quick(name))
+    FigureCanvasAgg(picture).draw()
+    for ax in picture.axes:
+        for axis in (ax.xaxis, ax.yaxis):
+            box = axis.label.get_window_extent()
+            if axis.label.get_text() and axis.get_visible() and ax.axison:
+                assert picture.bbox.x0 <= box.x0
+                assert box.x1 <= picture.bbox.x1
+                assert picture.bbox.y0 - 1 <= box.y0
+                assert box.y1 <= picture.bbox.y1 + 1
+
+
+@pytest.mark.parametrize("name", SETTLED)
+def test_data_are_labelled_and_go_through_a_file(quick, name, tmp_path):
+    data = quick(name)
+    for variable in (*data.data_vars.values(), *data.coords.values()):
+        if variable.dtype.kind == "f":
+            assert "units" in variable.attrs, variable.name
+            assert "long_name" in variable.attrs, variable.name
+    loaded = store.load(store.save(data, tmp_path / "data.nc"))
+    xr.testing.assert_identical(loaded, data)
+    made_by = store.read_provenance(loaded)
+    assert made_by["call"] == "paper"
+    assert made_by["arguments"] == {"figure": name, "quick": True}
+    assert [c.plain() for c in FIGURES[name].check(loaded)] == [c.plain() for c in FIGURES[name].check(data)]
+
+
+def test_progress_rises_to_one():
+    seen = []
+    FIGURES["fig5"].compute(progress=seen.append, quick=True)
+    assert seen[-1] == 1.0
+    assert seen == sorted(seen)
+    assert seen[0] < 0.5
+
+
+def test_data_of_another_figure_are_refused(quick):
+    for use in (FIGURES["fig1"].check, FIGURES["fig1"].draw):
+        with pytest.raises(InputError, match="fig1: these are other data"):
+            use(quick("fig2"))
+
+
+def test_the_full_data_name_the_figure_alone():
+    empty = Figure(name="fig0", title="", data=lambda *_: xr.Dataset(), drawing=None, claims=lambda _: ())
+    assert store.read_provenance(empty.compute())["arguments"] == {"figure": "fig0"}
+
+
+# ---------------------------------------------------------------- a claim that fails shows it
+
+
+def test_a_wrong_number_fails_its_claim(quick):
+    data = quick("fig3").copy(deep=True)
+    data["K_critical"][0, 1, 2] = 3.59
+    claims = {claim.number: claim for claim in FIGURES["fig3"].check(data)}
+    assert claims[6].verdict == "reproduced"
+    assert not claims[6].ok
+    assert "settled: not reproduced" in str(claims[6])
+    assert "NOT MET" in str(claims[6])
+    assert claims[18].ok
+
+
+def test_a_wrong_regime_fails_its_claim(quick):
+    data = quick("fig4").copy(deep=True)
+    data["kind"].loc[{"solver": "contacts", "stiffness": 5.0, "delay": 0.1}] = "stick-slip"
+    claims = {claim.number: claim for claim in FIGURES["fig4"].check(data)}
+    assert claims[7].verdict == "not reproduced"
+    assert not claims[7].ok
+    assert claims[11].ok
+
+
+# ---------------------------------------------------------------- the physics that the figures bring along
+
+
+@pytest.mark.eq(1, 2, 3, 4)
+def test_fig_1_turning_points_and_kinetic_friction(quick):
+    data = quick("fig1")
+    assert data["F_k"].to_numpy() == pytest.approx([0.505, 0.54498], abs=1e-5)
+    narrow = data["F_c"].sel(initial_spread=0.01, threshold_spread=0.1)
+    assert float(narrow.max()) == pytest.approx(0.79560, abs=2e-4)
+    assert float(narrow["X"][narrow.argmax("X")]) == pytest.approx(0.8435, abs=0.005)
+
+
+def test_fig_1_wide_start_remembers_being_stretched_backwards(quick):
+    # Brute force, 2e6 contacts: .5688 with x_s > |x_0| and .5684 with x_s > x_0; noise 2e-4.
+    data = quick("fig1").sel(threshold_spread=0.3)
+    wide = data.sel(initial_spread=0.3)
+    assert float(wide["F_c_remembering"].max()) == pytest.approx(0.5688, abs=6e-4)
+    assert float(wide["F_c"].max()) == pytest.approx(0.5679, abs=1e-4)
+
+
+@pytest.mark.eq(5)
+def test_fig_2_slope_of_the_potential_is_the_force(quick):
+    data = quick("fig2")
+    X, force = data["X"].to_numpy(), data["F_c"].to_numpy()
+    for drive, V in zip(data["drive"].to_numpy(), data["V_eff"].to_numpy(), strict=True):
+        assert np.gradient(V, X)[1:-1] == pytest.approx((force - 2.0 * (drive - X))[1:-1], abs=1e-4)
+    relaxed = effective_potential(Slider(stiffness=2.0, mass=1.0, damping=0.0), X, force, 0.0)
+    assert relaxed[0] == 0.0
+
+
+@pytest.mark.eq(6, 7)
+@pytest.mark.parametrize(
+    ("interface", "slider", "drive"), [(FIG5.interface, 0.9247, 1.2820), (FIG2.interface, 0.9344, 1.2892)]
+)
+def test_instability_is_where_the_stiffness_of_the_interface_reaches_that_of_the_spring(interface, slider, drive):
+    found = first_instability(interface, 2.0)
+    assert (found.X, found.drive) == pytest.approx((slider, drive), abs=1e-4)
+    assert effective_stiffness(interface, [found.X]) == pytest.approx(2.0, abs=1e-6)
+
+
+def test_a_stiff_spring_has_no_instability():
+    with pytest.raises(UndecidedError, match="K_eff stays below K = 5"):
+        first_instability(FIG2.interface, 5.0)
+
+
+@pytest.mark.eq(8, 9)
+def test_fig_3_exact_values_beside_the_estimate(quick):
+    data = quick("fig3").sel(initial_spread=0.01, threshold_spread=0.1)
+    assert data["K_critical"].to_numpy() == pytest.approx([2.989, 3.548], abs=0.003)
+    assert float(data["K_estimate"]) == pytest.approx(1 / 0.11)
+    assert critical_stiffness_estimate(FIG2.interface) == pytest.approx(1 / 0.11)
+
+
+@pytest.mark.eq(11)
+def test_fig_4_smooth_sliding_carries_the_mean_force_of_the_closed_form(quick):
+    data = quick("fig4").sel(solver="master equation")
+    smooth = data["kind"] == "smooth sliding"
+    off = abs(data["mean_force"] - data["mean_force_smooth"])
+    assert float(off.where(smooth & (data["peak_to_peak"] < 0.01)).max()) < 1e-3
+    assert int(smooth.sum()) >= 7
+
+
+@pytest.mark.eq(12)
+def test_fig_5_eq_12_needs_the_actual_velocity(quick):
+    data = quick("fig5")
+    start = float(data["velocity_passed"][0])
+    assert start == pytest.approx(2.33, abs=0.05)
+    elapsed = data["phase"].to_numpy() / FIG5.slider.frequency
+    assert data["slip_actual"][0].to_numpy() == pytest.approx(slip_displacement(FIG5.slider, start, elapsed))
+    one = data.sel(phase=1.0, method="nearest").isel(damping=0)
+    assert float(one["slip"] / one["slip_actual"]) == pytest.approx(1.0, abs=0.1)
+    assert float(one["slip"] / one["slip_printed"]) > 2.0
+
+
+# ---------------------------------------------------------------- records
+
+
+def claim(**changes):
+    fields = {
+        "number": 6,
+        "statement": "K* = 3.59",
+        "verdict": NOT,
+        "settled": NOT,
+        "exact": "2.989",
+        "measured": (near("K*", 2.9891, 2.989, 0.003, "k"),),
+        "evidence": "computed",
+    }
+    return Claim(**(fields | changes))
+
+
+def test_not_reproduced_passes_when_the_exact_value_is_met():
+    assert claim().ok
+    assert not claim(measured=(near("K*", 3.59, 2.989, 0.003, "k"),)).ok
+    assert not claim(verdict=PRINTED).ok
+    assert not claim(measured=(near("K*", math.nan, 2.989, 0.003),)).ok
+
+
+def test_a_claim_must_say_what_its_verdict_needs():
+    with pytest.raises(InputError, match=r"Claim\.exact is empty"):
+        claim(exact="")
+    with pytest.raises(InputError, match=r"Claim\.reading is empty"):
+        claim(settled=READ)
+    with pytest.raises(InputError, match=r"Claim\.verdict = 'fine'"):
+        claim(verdict="fine")
+
+
+def test_a_claim_reads_well():
+    assert str(claim()).splitlines() == [
+        "ok  claim 6: K* = 3.59",
+        "    not reproduced",
+        "    exact: 2.989",
+        "    K* = 2.9891 k (2.989 ± 0.003)",
+        "    evidence: computed",
+    ]
+    assert str(at_most("p", 0.1, 0.05)) == "p = 0.1 (at most 0.05: NOT MET)"
+    assert str(at_least("p", 0.1, 0.05, "f_s")) == "p = 0.1 f_s (at least 0.05)"
+    assert between("p", 1.0, 1.0, 2.0).ok
+    assert claim(number=None).title == "K* = 3.59"
+
+
+def test_a_claim_as_json():
+    plain = json.loads(json.dumps(claim(measured=(at_most("p", math.nan, 0.05),)).plain(), allow_nan=False))
+    assert plain["number"] == 6
+    assert plain["ok"] is False
+    assert plain["measured"] == [{"name": "p", "value": None, "low": None, "high": 0.05, "unit": "", "ok": False}]
+
+
+def test_verdicts():
+    assert verdict(printed=True, read=False) == PRINTED
+    assert verdict(printed=False, read=True) == READ
+    assert verdict(printed=False) == NOT
+
+
+def test_portions_of_progress():
+    seen = []
+    for part in portions(seen.append, 2):
+        part(0.5)
+        part(1.0)
+    assert seen == [0.25, 0.5, 0.75, 1.0]

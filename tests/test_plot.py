@@ -1,0 +1,255 @@
+"""Pictures: labels with units, marks of slips, thinning, and files that are whole or not there."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from stickslip import plot
+from stickslip.drive import hold
+from stickslip.errors import InputError
+from stickslip.measure import events
+from stickslip.model import FIG4
+from stickslip.rigid import slide
+from stickslip.simulate import Contacts, Record, simulate
+from stickslip.units import Scales, in_si
+
+
+@pytest.fixture(scope="module")
+def run():
+    record = Record(interval=0.002, snapshots=(1.0, 1.3, 5.0))
+    return simulate(FIG4.interface, FIG4.slider, hold(1.0, 12.0), Contacts(1000, seed=1), record=record)
+
+
+@pytest.fixture(scope="module")
+def run_si(run):
+    return in_si(run, Scales(force=768.0, stretching=2e-6, time=5e-3))
+
+
+@pytest.fixture
+def trace():
+    """A sawtooth as a bench gives it: a force and nothing else."""
+    t = 0.25 * np.arange(800)
+    force = 8.0 + 4.0 * (t / 7.0 % 1.0) + 0.02 * np.sin(37.0 * t)
+    return xr.Dataset(
+        {"F_d": ("t", force, {"units": "N", "long_name": "driving force"}), "filled": ("t", t == 50.0)},
+        coords={"t": ("t", t, {"units": "s", "long_name": "time"})},
+    )
+
+
+def labels(ax):
+    return ax.get_xlabel(), ax.get_ylabel().replace("\n", " ")
+
+
+def pixels(figure):
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[..., :3]
+
+
+# ---------------------------------------------------------------- what is drawn
+
+
+def test_overview_of_a_run_marks_its_slips(run):
+    figure = plot.overview(run)
+    force, speed, attached = figure.axes
+    assert force.get_legend_handles_labels()[1] == [f"{events(run).sizes['event']} slips"]
+    assert labels(force)[1] == r"driving force per contact ($f_{\mathrm{s}}$)"
+    assert labels(speed)[1] == r"velocity of the slider ($x_{\mathrm{s}}$ per time unit)"
+    assert labels(attached) == ("time (time units)", "fraction of attached contacts")
+    assert len(np.unique(pixels(figure).reshape(-1, 3), axis=0)) > 50
+
+
+def test_overview_in_si_units_chooses_prefixes(run_si):
+    force, speed, attached = plot.overview(run_si).axes
+    assert labels(force)[1] == "driving force (N)"
+    assert labels(speed)[1] == "velocity of the slider (mm/s)"
+    assert labels(attached)[0] == "time (ms)"
+    # The axis holds metres per second; only what is printed has the prefix.
+    assert speed.lines[0].get_ydata().max() == pytest.approx(float(run_si["velocity"].max()))
+    assert speed.yaxis.get_major_formatter()(0.002, 0) == "2"
+
+
+def test_overview_of_a_measured_trace_has_the_force_alone(trace):
+    (ax,) = plot.overview(trace).axes
+    assert labels(ax) == ("time (s)", "driving force (N)")
+    marks = ax.get_legend_handles_labels()[1]
+    assert marks[0].endswith("slips")
+    assert marks[1] == "1 filled in"
+
+
+def test_overview_without_slips_has_no_mark(run):
+    calm = run.isel(t=slice(0, 200))
+    force = plot.overview(calm).axes[0]
+    assert force.get_legend() is None
+
+
+def test_labels_of_panels_do_not_overlap(run):
+    figure = plot.overview(run)
+    figure.canvas.draw()
+    boxes = [ax.yaxis.label.get_window_extent() for ax in figure.axes]
+    assert not any(a.overlaps(b) for a in boxes for b in boxes if a is not b)
+    whole = figure.bbox
+    assert all(whole.y0 <= box.y0 and box.y1 <= whole.y1 for box in boxes)
+
+
+@pytest.mark.parametrize(
+    ("draw", "wanted"),
+    [
+        (plot.force_trace, ("time (ms)", "driving force (N)")),
+        (plot.velocity, ("time (ms)", "velocity of the slider (mm/s)")),
+        (plot.attached, ("time (ms)", "fraction of attached contacts")),
+        (plot.phase_portrait, ("velocity of the slider (mm/s)", "driving force (N)")),
+        (plot.energy, ("time (ms)", "energy (mJ)")),
+    ],
+)
+def test_each_picture_has_labels_with_units(run_si, draw, wanted):
+    ax = draw(run_si)
+    assert labels(ax) == wanted
+    assert ax.has_data()
+
+
+def test_stretchings_and_rigid_curve(run):
+    ax = plot.stretchings(run)
+    assert len(ax.lines) == 3
+    assert labels(ax) == (r"stretching ($x_{\mathrm{s}}$)", r"density of stretchings, per contact (1/$x_{\mathrm{s}}$)")
+    ax = plot.rigid_curve(slide(FIG4.interface, 3.0), color=plot.GREEN)
+    assert ax.lines[0].get_color() == plot.GREEN
+    assert ax.get_ylabel()
+
+
+def test_energies_stack_up_to_the_work(run):
+    ax = plot.energy(run)
+    top = ax.collections[-1].get_paths()[0].vertices[:, 1].max()
+    # The contacts start with a little of their own.
+    assert top == pytest.approx(float(run["work"].max() + run["contact_energy"][0]), rel=1e-9)
+
+
+def test_axes_given_are_used(run):
+    ax = Figure().add_subplot()
+    assert plot.force_trace(run, ax) is ax
+    assert plot.velocity(run, ax) is ax
+
+
+def test_velocity_goes_logarithmic_for_violent_slips(run):
+    assert plot.velocity(run).get_yscale() == "linear"
+    assert plot.velocity(run, scale="log").get_yscale() == "symlog"
+    violent = run.assign(velocity=100.0 * run["velocity"])
+    assert plot.velocity(violent).get_yscale() == "symlog"
+
+
+def test_phase_portrait_after_a_time(run):
+    assert plot.phase_portrait(run, after=10.0).lines[0].get_xdata().size == np.count_nonzero(run["t"] >= 10.0)
+    with pytest.raises(InputError, match="after = 99"):
+        plot.phase_portrait(run, after=99.0)
+
+
+def test_a_long_line_is_drawn_by_its_envelope(trace):
+    t = np.arange(1_000_000)
+    force = np.sin(t / 5e4)
+    force[123_457] = 7.0
+    long = xr.Dataset({"F_d": ("t", force)}, coords={"t": t})
+    x, y = plot.force_trace(long).lines[0].get_data()
+    assert y.size < 10_000
+    assert y.max() == 7.0
+    assert x[y.argmax()] == 123_457
+    assert (x[0], x[-1]) == (0, 999_999)
+    assert np.all(np.diff(x) > 0)
+    assert plot.force_trace(trace).lines[0].get_ydata().size == 800
+
+
+def test_unit_text():
+    assert plot.unit_text("1") == plot.unit_text("") == ""
+    assert plot.unit_text("mm/s") == "mm/s"
+    assert plot.unit_text("x_s/v_d") == r"$x_{\mathrm{s}}$/$v_{\mathrm{d}}$"
+    assert plot.unit_text("k") == "$k$"
+    assert plot.unit_text("kN") == "kN"
+    assert plot.unit_text("1/time") == "1 per time unit"
+
+
+def test_what_is_not_there_is_named(run, trace):
+    with pytest.raises(InputError, match="no variable velocity; it has: F_d"):
+        plot.velocity(trace)
+    with pytest.raises(InputError, match="no variable broken_energy"):
+        plot.energy(trace)
+    with pytest.raises(InputError, match="no snapshots"):
+        plot.stretchings(trace)
+    with pytest.raises(InputError, match="no variable F_d"):
+        plot.overview(xr.Dataset())
+    with pytest.raises(InputError, match="along t alone"):
+        plot.force_trace(xr.concat([run, run], "case"))
+
+
+def test_style_does_not_leak(run):
+    before = dict(mpl.rcParams)
+    plot.overview(run)
+    assert dict(mpl.rcParams) == before
+
+
+# ---------------------------------------------------------------- files
+
+
+@pytest.mark.parametrize(
+    ("suffix", "head"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF"), ("PNG", b"\x89PNG")]
+)
+def test_save_by_suffix(run, tmp_path, suffix, head):
+    path = plot.save(plot.overview(run), tmp_path / f"run.{suffix}")
+    assert path.read_bytes().startswith(head)
+    assert [p.name for p in tmp_path.iterdir()] == [f"run.{suffix}"]
+
+
+def test_the_same_figure_gives_the_same_bytes(run, tmp_path):
+    for suffix in ("svg", "pdf"):
+        one, two = (plot.save(plot.force_trace(run).figure, tmp_path / f"{i}.{suffix}") for i in "ab")
+        assert one.read_bytes() == two.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("run.jpeg", r"run\.jpeg: a picture is written as \.png, \.svg, \.pdf"),
+        ("run", r"a picture is written as"),
+        ("no/where.png", r"cannot be written"),
+        (".", r"is a directory"),
+        ("zero\0.png", r"cannot be written|null"),
+        ("x" * 300 + ".png", r"cannot be written"),
+    ],
+)
+def test_a_bad_place_is_refused_in_one_line(trace, tmp_path, name, message):
+    figure = plot.force_trace(trace).figure
+    with pytest.raises(InputError, match=message) as error:
+        plot.save(figure, tmp_path / name)
+    assert "\n" not in str(error.value)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_failed_write_leaves_the_old_file(trace, tmp_path, monkeypatch):
+    path = plot.save(plot.force_trace(trace).figure, tmp_path / "run.png")
+    old = path.read_bytes()
+
+    def full(*_args, **_options):
+        raise OSError(28, "No space left on device")
+
+    figure = plot.overview(trace)
+    monkeypatch.setattr(figure, "savefig", full)
+    with pytest.raises(InputError, match="No space left on device"):
+        plot.save(figure, path)
+    assert path.read_bytes() == old
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_importing_the_package_does_not_load_matplotlib():
+    code = "import sys, stickslip; sys.exit('matplotlib' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_reversed_motion_draws():
+    slider = replace(FIG4.slider, damping=0.0)
+    back = simulate(FIG4.interface, slider, hold(-1.0, 3.0), Contacts(200, seed=1))
+    assert plot.overview(back).axes
