@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip import stability
+from stickslip.cycles import lasts
 from stickslip.drive import hold
 from stickslip.errors import InputError, UndecidedError, number, whole
 from stickslip.measure import Regime, regime
@@ -41,6 +42,12 @@ _EXTENSIONS = 2
 """How often a run that cannot be judged is made twice as long."""
 _CLEARANCE = 0.05
 """How far past a linear boundary a remedy goes."""
+_STEPS = (1.0, 1.1, 1.25, 1.6, 2.2, 3.5, 6.0, 10.0, 20.0)
+_HALVINGS = 2
+"""How a knob is turned in search of where stick-slip dies: by these factors, then by halving the last step."""
+_TRIES = 12
+_JUDGE = Contacts(10_000, seed=20)
+"""The contacts that a remedy must calm, and how often it is pushed on until it does."""
 _SHORTEST, _CYCLES = 120.0, 12.0
 """A run lasts at least this many ``x_s``, and about this many cycles of a spring that unloads by ``f_s``."""
 _RANGE = 30.0
@@ -100,7 +107,7 @@ class Remedy:
         Stick-slip dies even after a start at rest: the bistable band is left behind, as simulated. None if no value
         was found in the range tried.
     seen : Regime or None
-        Evidence at `stops`.
+        Evidence at `stops`: a run of many contacts from rest.
     checked : tuple of Regime
         With ``verify``: the rig's own method after each change, `keeps` from smooth sliding, `stops` from rest.
     """
@@ -362,7 +369,7 @@ def _remedies(setting: Setting, margins: tuple[Margin, ...], report: Progress) -
         for side in sides:
             edge = margin.lower if side < 0 else margin.upper
             keeps = edge * (1 + _CLEARANCE) ** side if unstable and edge else None
-            stops, seen = _where_it_dies(setting, knob, margin, keeps or margin.value, side)
+            stops, seen = _where_it_dies(setting, knob, margin, keeps or margin.value, side) or (None, None)
             if keeps is not None or stops is not None:
                 found.append(Remedy(knob=knob.name, value=margin.value, keeps=keeps, stops=stops, seen=seen))
     return tuple(sorted(found, key=lambda remedy: (remedy.stops is None, remedy.size)))
@@ -380,42 +387,57 @@ def _leads_out(margin: Margin, side: int, unstable: bool) -> bool:
 
 def _where_it_dies(
     setting: Setting, knob: Knob, margin: Margin, begin: float, side: int
-) -> tuple[float | None, Regime | None]:
-    """Turn the knob on, step by step, until a run from rest slides smoothly; then halve the last step."""
+) -> tuple[float, Regime] | None:
+    """Turn the knob on until stick-slip dies from rest, and then until a run with many contacts slides smoothly.
+
+    The first search is that of `lasts`, without noise. Near the boundary the noise of the contacts keeps a mode that
+    hardly decays alive for good; the second goes past that, and one step further.
+    """
     low, high = margin.searched
-    best: tuple[float, Regime] | None = None
-    last_ill = begin
-    for growth in (1.0, 1.1, 1.25, 1.6, 2.2, 3.5, 6.0, 10.0, 20.0):
+    ill = margin.value
+    for growth in _STEPS:
         value = begin * growth**side
         if not low <= value <= high:
+            return None
+        if value == margin.value:  # known to be ill
+            continue
+        if _dies(knob, setting, value):
             break
-        seen = _run_from(Relaxed(), knob.set(setting, value))
-        if seen.kind == "smooth sliding":
-            best = (value, seen)
-            break
-        last_ill = value
-    if best is None:
-        return None, None
-    for _ in range(2):
-        middle = math.sqrt(best[0] * last_ill)
-        seen = _run_from(Relaxed(), knob.set(setting, middle))
-        if seen.kind == "smooth sliding":
-            best = (middle, seen)
+        ill = value
+    else:
+        return None
+    for _ in range(_HALVINGS):
+        middle = math.sqrt(value * ill)
+        if _dies(knob, setting, middle):
+            value = middle
         else:
-            last_ill = middle
-    return best
+            ill = middle
+    calm = 0
+    for _ in range(_TRIES):
+        value *= (1.0 + _CLEARANCE) ** side
+        seen = _run_from(Relaxed(), knob.set(setting, value), _JUDGE, extensions=0)
+        calm = calm + 1 if seen.kind == "smooth sliding" else 0
+        if calm == 2:
+            return value, seen
+        value *= (1.0 + _CLEARANCE) ** side
+    return None
 
 
-def _run_from(start: Start, setting: Setting, method: Method = Contacts(4_000, seed=20)) -> Regime:
+def _dies(knob: Knob, setting: Setting, value: float) -> bool:
+    """Whether stick-slip is known to die from a start at rest."""
+    turned = knob.set(setting, value)
+    assert isinstance(turned.rig, Slider)
+    return lasts(turned.interface, turned.rig, turned.velocity).lasts is False
+
+
+def _run_from(start: Start, setting: Setting, method: Method, extensions: int = _EXTENSIONS) -> Regime:
     """The regime that a start leads to, from a run long enough for a soft spring's long cycles."""
     slider = setting.rig
     assert isinstance(slider, Slider)
     distance = max(_SHORTEST, _CYCLES / slider.stiffness)
-    for _ in range(_EXTENSIONS + 1):
-        run = simulate(
-            setting.interface, slider, hold(setting.velocity, distance / setting.velocity), method, start=start
-        )
-        seen = regime(run)
+    for _ in range(extensions + 1):
+        drive = hold(setting.velocity, distance / setting.velocity)
+        seen = regime(simulate(setting.interface, slider, drive, method, start=start))
         if seen.kind != "undecided":
             break
         distance *= 2.0

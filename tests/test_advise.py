@@ -1,0 +1,139 @@
+"""Predictions are true: verdicts against the settled cases, and every remedy against a simulation after the change."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip import advise
+from stickslip import rig as rigs
+from stickslip.stability import Setting
+from stickslip.stability.knobs import knob_named
+
+
+def make(*, stiffness, damping_ratio=0.3, mass=1e-4, spread=0.1, delay=0.1, velocity=1.0, contacts=3000, seed=1):
+    """A rig in natural units, its damping given relative to its frequency."""
+    return rigs.from_document(
+        {
+            "units": "natural",
+            "slider": {"stiffness": stiffness, "mass": mass, "relative_damping": damping_ratio},
+            "interface": {"thresholds": {"law": "gaussian", "spread": spread}, "delay": delay},
+            "drive": {"velocity": velocity, "distance": 80.0},
+            "simulation": {"contacts": contacts, "seed": seed},
+        }
+    )
+
+
+def at(rig, remedy_knob, value):
+    """The rig with one knob turned."""
+    return knob_named(remedy_knob).set(Setting(interface=rig.interface, rig=rig.slider, velocity=rig.velocity), value)
+
+
+def motion_from_rest(setting, seed):
+    """The regime from rest; a run that does not decide is made longer."""
+    distance = max(150.0, 15.0 / setting.rig.stiffness)
+    for longer in (1.0, 2.0, 4.0):
+        drive = ss.hold(setting.velocity, longer * distance / setting.velocity)
+        seen = ss.regime(ss.simulate(setting.interface, setting.rig, drive, method=ss.Contacts(10_000, seed=seed)))
+        if seen.kind != "undecided":
+            break
+    return seen
+
+
+@pytest.mark.eq(8)
+def test_the_paper_s_rig_is_bistable_with_its_margins():
+    found = advise.predict(make(stiffness=2.0))
+    assert found.regime.kind == "stick-slip"
+    assert found.unstable_modes == 0
+    assert found.bistable
+    assert found.smooth is False
+    assert found.critical_stiffness == pytest.approx(2.989, abs=3e-3)
+    assert found.stiffness_margin == pytest.approx(2.0 / 2.989, abs=1e-3)
+    margins = {margin.knob: margin for margin in found.margins}
+    assert margins["velocity"].upper == pytest.approx(1.388221, abs=1e-6)
+    assert margins["delay"].upper == pytest.approx(0.138218, abs=1e-6)
+    assert margins["velocity"].lower is None
+
+
+def test_a_remedy_leaves_the_bistable_band():
+    rig = make(stiffness=2.0)
+    found = advise.predict(rig)
+    assert found.remedies
+    # tau* = .0755 and v1' = .71 are where stick-slip dies from the narrow start.
+    stops = {remedy.knob: remedy.stops for remedy in found.remedies}
+    assert stops["delay"] < 0.0755 + 0.003
+    assert stops["delay"] > 0.8 * 0.0755
+    assert stops["velocity"] < 0.73
+    for remedy in found.remedies:
+        assert motion_from_rest(at(rig, remedy.knob, remedy.stops), seed=5).kind == "smooth sliding", remedy
+
+
+def test_verification_runs_the_rig_s_own_method():
+    found = advise.predict(make(stiffness=2.0, contacts=2000), verify=True)
+    assert all(seen.kind == "smooth sliding" for remedy in found.remedies for seen in remedy.checked)
+    assert all(remedy.checked for remedy in found.remedies)
+    assert all("checked with the rig's own method" in line for line in found.remedy_lines())
+
+
+def test_a_stable_rig_needs_no_remedy():
+    found = advise.predict(make(stiffness=5.0, delay=0.05))
+    assert found.smooth
+    assert not found.ill
+    assert found.remedies == ()
+
+
+def test_without_delay_nothing_can_grow():
+    found = advise.predict(make(stiffness=2.0, delay=0.0))
+    assert found.regime.kind == "smooth sliding"
+    assert found.unstable_modes == 0
+    assert "neutrally stable" in found.theory_note
+    assert found.margins == ()
+
+
+def test_contacts_that_never_come_back_have_no_theory():
+    rig = make(stiffness=2.0)
+    found = advise.predict(replace(rig, interface=replace(rig.interface, delay=ss.Delay(math.inf))))
+    assert found.unstable_modes is None
+    assert found.theory_note
+
+
+def test_a_prediction_needs_a_speed():
+    rig = make(stiffness=2.0)
+    with pytest.raises(ss.InputError, match="speed above 0"):
+        advise.predict(replace(rig, drive=ss.hold(-1.0, 10.0)))
+
+
+def test_the_map_holds_boundary_growth_and_the_rig_itself():
+    found = advise.chart(make(stiffness=2.0), ("stiffness", "velocity"), 5.0, 20)
+    assert float(found["here_stiffness"]) == 2.0
+    assert (found["growth_rate"] > 0).any()
+    assert (found["growth_rate"] < 0).any()
+    edge = found.where(found["other_unstable"] == 0, drop=True)
+    nearest = float(edge["edge_velocity"][int(np.argmin(abs(edge["edge_stiffness"].to_numpy() - 2.0)))])
+    assert nearest == pytest.approx(1.388, rel=0.25)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(20))
+def test_remedies_of_rigs_drawn_at_random_are_true(number):
+    rng = np.random.default_rng([7, number])
+    rig = make(
+        stiffness=float(np.exp(rng.uniform(np.log(0.7), np.log(6.0)))),
+        damping_ratio=float(rng.uniform(0.1, 1.2)),
+        mass=float(10 ** rng.uniform(-4.5, -3.0)),
+        spread=float(rng.uniform(0.06, 0.2)),
+        delay=float(rng.uniform(0.03, 0.3)),
+        velocity=float(np.exp(rng.uniform(np.log(0.4), np.log(2.5)))),
+    )
+    found = advise.predict(rig)
+    if not found.ill:
+        assert motion_from_rest(at(rig, "velocity", rig.velocity), seed=3).kind in ("smooth sliding", "undecided")
+    for remedy in found.remedies:
+        if remedy.keeps is not None:
+            kept = at(rig, remedy.knob, remedy.keeps)
+            assert ss.unstable_modes(kept.interface, kept.rig, kept.velocity) == 0
+        if remedy.stops is not None:
+            seen = motion_from_rest(at(rig, remedy.knob, remedy.stops), seed=number)
+            assert seen.kind == "smooth sliding", (remedy, seen)
