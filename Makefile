@@ -50,7 +50,8 @@ verify: $(VENV)/.dev
 	$(BIN)/python -m pytest -q -m slow || [ $$? -eq 5 ]  # 5: no test is marked slow
 
 bench: $(VENV)/.dev
-	$(BIN)/python -m pytest -q benchmarks --benchmark-only --benchmark-columns=min,median,rounds
+	$(BIN)/python -m pytest -q benchmarks --benchmark-only --benchmark-columns=min,median,rounds --benchmark-json=.benchmarks.json
+	$(BIN)/python tools/bench_table.py .benchmarks.json README.md
 
 docs: $(VENV)/.docs
 	$(BIN)/python -m sphinx -q -W -b html docs docs/_build/html

@@ -1,0 +1,61 @@
+"""The contacts engine and the renewal convolution beside the plain loop over contacts, in the same run."""
+
+import numpy as np
+import pytest
+from plain import plain_contacts
+
+import stickslip as ss
+from stickslip.model import FIG4
+
+DURATION = 10.0
+WARM = 0.01
+
+
+def plain(count, duration):
+    rng = np.random.default_rng(1)
+    slider = FIG4.slider
+    stretching, threshold = rng.normal(0.0, 0.01, count), rng.normal(1.0, 0.1, count)
+    delay = FIG4.interface.delay.time
+    return plain_contacts(
+        rng, stretching, threshold, slider.stiffness, slider.mass, slider.damping, delay, 1.0, duration, 1e-4
+    )
+
+
+def engine(count, duration):
+    return ss.simulate(
+        FIG4.interface, FIG4.slider, ss.hold(1.0, duration), ss.Contacts(count, seed=1), record=ss.Record(interval=1e-3)
+    )
+
+
+@pytest.mark.parametrize(("count", "share", "rounds"), [(10_000, 1.0, 5), (1_000_000, 0.05, 1)], ids=["1e4", "1e6"])
+def test_plain_loop(benchmark, count, share, rounds):
+    """The plain loop's cost grows in proportion to time: for 1e6 contacts a twentieth of the run is timed."""
+    plain(100, WARM)
+    benchmark.group = f"Fig. 4c, N = {count:.0e}, ten time units"
+    benchmark.extra_info.update(role="plain", scale=1.0 / share)
+    benchmark.pedantic(plain, (count, share * DURATION), rounds=rounds)
+
+
+@pytest.mark.parametrize(("count", "promised", "rounds"), [(10_000, 60, 10), (1_000_000, 30, 1)], ids=["1e4", "1e6"])
+def test_contacts_engine(benchmark, count, promised, rounds):
+    engine(100, WARM)
+    benchmark.group = f"Fig. 4c, N = {count:.0e}, ten time units"
+    benchmark.extra_info.update(role="fast", promised=promised, what="contacts engine")
+    run = benchmark.pedantic(engine, (count, DURATION), rounds=rounds)
+    assert float(run["F_d"].max() - run["F_d"].min()) > 0.5  # it did stick and slip
+
+
+def test_plain_loop_for_one_per_cent_of_a_run(benchmark):
+    plain(100, WARM)
+    benchmark.group = "F(X) over 0..20 x_s to 1e-8"
+    benchmark.extra_info.update(role="plain")
+    benchmark.pedantic(plain, (10_000, 0.01 * DURATION), rounds=10)
+
+
+def test_renewal_convolution(benchmark):
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, spread=0.1))
+    exact = ss.slide(interface, 20.0, method=ss.Renewal(4000))["F_c"].to_numpy()[::4]
+    benchmark.group = "F(X) over 0..20 x_s to 1e-8"
+    benchmark.extra_info.update(role="fast", promised=1, what="renewal convolution, beside 1 % of a plain run")
+    curve = benchmark.pedantic(ss.slide, (interface, 20.0), {"method": ss.Renewal(1000)}, rounds=20)
+    assert np.abs(curve["F_c"].to_numpy() - exact).max() < 1e-8
