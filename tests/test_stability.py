@@ -1,4 +1,4 @@
-"""Linear stability of smooth sliding: known numbers, limits, and counts against searches that know nothing of the code."""
+"""Linear stability of smooth sliding: known numbers, limits, and counts by searches that know nothing of the code."""
 
 import math
 import subprocess
@@ -238,9 +238,10 @@ def test_dynamic_stiffness_is_real_on_the_real_axis_and_symmetric_about_it():
 def test_whatever_the_delay_the_response_lies_in_one_disc(law):
     for delay in DELAYS:
         response = respond(case(law, delay))
-        axis = response.axis(0.8, 60.0)
-        kappa = response.stiffness(0.8, 0.8j * axis.y) * response.scale(0.8)
-        assert np.all(np.abs(kappa - axis.centre) <= np.abs(axis.centre) * (1 + 1e-6))
+        axis = response.axis(0.8, 20.0)
+        kappa = response.stiffness(0.8, 0.8j * axis.y[::8]) * response.scale(0.8)
+        centre = axis.centre[::8]
+        assert np.all(np.abs(kappa - centre) <= np.abs(centre) * (1 + 1e-6))
 
 
 def test_no_answer_where_there_is_no_steady_sliding():
@@ -325,7 +326,7 @@ def test_unstable_without_oscillation():
 
 def test_undecided_on_the_boundary_itself():
     (crossing,) = critical_velocities(INTERFACE, SLIDER, between=(1.0, 1.9))
-    with pytest.raises(UndecidedError, match="neutral to within rounding, at angular frequency 7.26513"):
+    with pytest.raises(UndecidedError, match=r"neutral to within rounding, at angular frequency 7\.26513"):
         unstable_modes(INTERFACE, SLIDER, crossing.value)
 
 
@@ -406,7 +407,7 @@ def test_bad_questions():
         boundary(INTERFACE, SLIDER, 1.0, over=("mass", "mass"), within=((1, 2), (1, 2)))
     with pytest.raises(InputError, match="values of stiffness = -1"):
         stability_map(INTERFACE, SLIDER, 1.0, values=([-1.0, 2.0], [1.0]))
-    with pytest.raises(InputError, match="Z\\(0\\)"):
+    with pytest.raises(InputError, match=r"Z\(0\)"):
         unstable_modes(INTERFACE, lambda s: 1e-4 * s * s, 1.0)
 
 
@@ -473,7 +474,7 @@ def test_massless_slider():
 def test_rigs_are_checked_at_birth():
     with pytest.raises(InputError, match=r"Modes.dampings\[1\] = 0"):
         Modes(masses=(1.0, 1.0), stiffnesses=(1.0, 1.0), dampings=(1.0, 0.0))
-    with pytest.raises(InputError, match="Modes.stiffnesses: 1 values"):
+    with pytest.raises(InputError, match=r"Modes\.stiffnesses: 1 values"):
         Modes(masses=(1.0, 1.0), stiffnesses=(1.0,), dampings=(1.0, 1.0))
     with pytest.raises(InputError, match="nothing holds the slider"):
         Modes(masses=(1.0,), stiffnesses=(0.0,), dampings=(1.0,))

@@ -258,7 +258,7 @@ def _on_lines(
     return [
         (line, crossing.value, crossing.frequency)
         for line in lines
-        for crossing in search(knob, other.set(setting, line), low, high, density=8)
+        for crossing in search(knob, other.set(setting, line), low, high, density=16 if knob is VELOCITY else 8)
         if math.isfinite(crossing.frequency)
     ]
 
@@ -446,5 +446,7 @@ def _others(knobs: tuple[Knob, Knob], setting: Setting, values: Array) -> NDArra
     counts = np.empty(len(neutrals), dtype=np.int64)
     for k, (neutral, omega) in enumerate(zip(neutrals, values[:, 2], strict=True)):
         own = np.abs(neutral.omega - omega) < 1e-6 * omega
-        counts[k] = np.sum(neutral.modes[~own & (neutral.extra > added[k])])
+        stiffer = int(np.sum(neutral.modes[~own & (neutral.extra > added[k])]))
+        # Just above the neutral spring and just below it: the neutral pair counts on one side only.
+        counts[k] = min(stiffer, stiffer + int(np.sum(neutral.modes[own])))
     return counts

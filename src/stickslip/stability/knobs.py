@@ -460,7 +460,7 @@ def search(
 
 
 def _between(knob: Knob, setting: Setting, left: _Point, right: _Point) -> list[Crossing]:
-    """Crossings between two points, by halving until each half holds at most one branch that changes sign."""
+    """Crossings between two points, by quartering until each part holds at most one branch that changes sign."""
     changing = [branch for branch in _matched(left.neutral, right.neutral) if (branch[1] > 0) != (branch[3] > 0)]
     if left.unstable == right.unstable and not changing:
         return []
@@ -482,8 +482,9 @@ def _between(knob: Knob, setting: Setting, left: _Point, right: _Point) -> list[
     if width <= 1e-12:
         at = left.value, float(next(iter(_nearest(left.neutral)), math.nan))
         return [] if left.unstable == right.unstable else [_crossing(at, left, right)]
-    (middle,) = _look(knob, setting, [math.sqrt(left.value * right.value)])
-    return [*_between(knob, setting, left, middle), *_between(knob, setting, middle, right)]
+    inner = (left.value * np.exp(width * np.array([0.25, 0.5, 0.75]))).tolist()
+    points = [left, *_look(knob, setting, inner), right]
+    return [c for pair in pairwise(points) for c in _between(knob, setting, *pair)]
 
 
 def _crossing(at: tuple[float, float], left: _Point, right: _Point) -> Crossing:

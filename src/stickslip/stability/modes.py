@@ -138,7 +138,7 @@ def growth_rate(interface: Interface, rig: Rig, velocity: float) -> complex:
     limit = -math.inf if response.inert else response.leftmost * speed
     (neutral,) = neutral_frequencies(response, z, [speed])
     growing = neutral.unstable()
-    cycle = response.reach(speed) / speed
+    cycle = float(response.scale(speed)) / speed
     # Steps to one side of the axis, in units of the inverse memory of the response.
     steps = (0.0, 0.3, 1.0, 3.0, 0.1) if growing else (0.0, -0.1, -0.4, -1.0, -3.0, -8.0) if limit < 0 else ()
     starts = np.concatenate(
@@ -288,11 +288,11 @@ def _scan(response: Response, rig: Impedance, velocity: float, softest: float | 
 
 
 def _doubtful_below(response: Response, rig: Impedance, velocity: float, softest: float | None) -> float:
-    """Frequency above which the disc that holds kappa, whatever the delay, rules out a neutral mode; 0 if everywhere."""
+    """Frequency above which the disc that holds kappa, whatever the delay, rules out neutral modes; 0 for all."""
     scale = float(response.scale(velocity))
     held = None if softest is None else softest - float(rig(np.zeros(1, dtype=complex))[0].real)
     special = np.concatenate([resonances(rig), np.abs(natural_frequencies(rig))]) / velocity
-    top = 8.0 / response.law.standard_deviation()
+    top = 8.0 / response.spread
     while True:
         axis = response.coarse_axis(top)
         last = axis.y.size // 4
@@ -303,17 +303,25 @@ def _doubtful_below(response: Response, rig: Impedance, velocity: float, softest
         y = y[order]
         centre = np.concatenate([axis.centre, np.interp(own, axis.y, axis.centre)])[order]
         clear = _clear(rig(1j * velocity * y), centre, scale, held)
-        beyond = np.concatenate([end * np.geomspace(1, 1e6, 400), special[special >= end]])
-        z = rig(1j * velocity * np.sort(beyond))
-        # Beyond the table the response only shrinks: a disc about a centre as far from the upper axis as any.
-        worst = float(np.max(np.abs(tail)))
-        deficit = float(np.max(np.abs(tail) - tail.imag))
-        disc = complex(math.sqrt(max(deficit * (2 * worst - deficit), 0.0)), worst - deficit)
-        if clear[y > axis.y[-last]].all() and _clear(z, np.full(z.shape, disc), scale, held).all():
+        if clear[y > axis.y[-last]].all() and _clear_beyond(rig, velocity, end, special, tail, scale, held):
             break
         top *= 2
     doubtful = np.flatnonzero(~clear)
     return float(velocity * y[min(doubtful[-1] + 2, y.size - 1)]) if doubtful.size else 0.0
+
+
+def _clear_beyond(
+    rig: Impedance, velocity: float, end: float, special: Array, tail: ComplexArray, scale: float, held: float | None
+) -> bool:
+    """Whether it stays so beyond the table: the response only shrinks there, but the rig may have features."""
+    worst = float(np.max(np.abs(tail)))
+    deficit = float(np.max(np.abs(tail) * (1 - 1e-14) - tail.imag))
+    if is_plain(rig) and rig(np.array([1j * velocity * end]))[0].imag * scale >= deficit:
+        return True
+    z = rig(1j * velocity * np.sort(np.concatenate([end * np.geomspace(1, 1e6, 200), special[special >= end]])))
+    # A disc as large as any in the tail, and as far below the upper axis
+    disc = complex(math.sqrt(max(deficit * (2 * worst - deficit), 0.0)), worst - deficit)
+    return bool(_clear(z, np.full(z.shape, disc), scale, held).all())
 
 
 def _clear(z: ComplexArray, centre: ComplexArray, scale: float, held: float | None) -> NDArray[np.bool_]:
@@ -450,7 +458,7 @@ def _slope_bound(response: Response, rig: Impedance, velocity: float, omega: Arr
 
 def _is_rightmost(response: Response, rig: Impedance, velocity: float, roots: ComplexArray, limit: float) -> bool:
     """Whether no root lies to the right of the first one, from a count to the right of a line just left of it."""
-    cycle = response.reach(velocity) / velocity
+    cycle = float(response.scale(velocity)) / velocity
     best = float(roots[0].real)
     after = roots.real[roots.real < best - 1e-6 / cycle]
     gap = best - max(float(after[0]) if after.size else -math.inf, limit, best - 0.2 / cycle)
@@ -465,12 +473,12 @@ def _count_right_of(response: Response, rig: Impedance, velocity: float, line: f
     own = natural_frequencies(rig)
     held = poles(rig)
     top = max(
-        8.0 * velocity / max(response.law.standard_deviation(), 1e-9),
+        8.0 * velocity / max(response.spread, 1e-9),
         2.0 * float(np.max(np.abs(own), initial=0.0)),
         2.0 * float(np.max(np.abs(held), initial=0.0)),
         10 / reach,
     )
-    fine_top = 8.0 * velocity / max(response.law.standard_deviation(), 1e-9)
+    fine_top = 8.0 * velocity / max(response.spread, 1e-9)
     near = [root.imag + max(abs(root.real - line), 1e-9 * abs(root)) * np.sinh(np.linspace(-6, 6, 121)) for root in own]
     for _ in range(30):
         fine = np.arange(0.0, min(top, fine_top), STEP / reach)
@@ -516,13 +524,14 @@ def _count_right_of(response: Response, rig: Impedance, velocity: float, line: f
 
 def _starts_from_line(response: Response, rig: Impedance, velocity: float, line: float) -> ComplexArray:
     """Where Newton's method would go in one step from points along a line: the roots near it, and some more."""
-    cycle = response.reach(velocity) / velocity
+    cycle = float(response.scale(velocity)) / velocity
+    memory = response.reach(velocity) / velocity
     top = 10.0 / cycle
     if not response.inert:
-        top += 5.0 * velocity / max(response.law.standard_deviation(), 1e-3)
+        top += 5.0 * velocity / max(response.spread, 1e-3)
     elif not natural_frequencies(rig).size:
         top = 1e4 * top
-    omega = np.arange(0.5, min(top * cycle / STEP, 20_000)) * STEP / cycle
+    omega = np.arange(0.5, min(top * memory / STEP, 20_000)) * STEP / memory
     if line == 0.0 and not response.inert:
         axis = response.axis(velocity, top)
         omega = velocity * axis.y
@@ -545,7 +554,7 @@ def _starts_from_line(response: Response, rig: Impedance, velocity: float, line:
 
 def _starts_on_real_axis(response: Response, rig: Impedance, velocity: float, limit: float) -> ComplexArray:
     """Where ``Z + kappa`` changes sign on the real axis, from the limit (or as far left as matters) on."""
-    cycle = response.reach(velocity) / velocity
+    cycle = float(response.scale(velocity)) / velocity
     # Far right kappa falls as v/(s (m1 + v <tau>)).
     soft = (
         0.0 if response.inert else velocity / float(response.scale(velocity) * rig(np.zeros(1, dtype=complex))[0].real)
@@ -567,7 +576,7 @@ def _roots_from(
     response: Response, rig: Impedance, velocity: float, starts: ComplexArray, limit: float
 ) -> ComplexArray:
     """Distinct roots to the right of a limit reached by Newton's method; one of each pair, rightmost first."""
-    cycle = response.reach(velocity) / velocity
+    cycle = float(response.scale(velocity)) / velocity
     radius = 1e-3 / cycle
     if isinstance(rig, Modes):
         radius = min(radius, 1e-2 * float(np.min(np.abs(natural_frequencies(rig).real))))

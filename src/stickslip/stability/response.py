@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError, UndecidedError, number
 from stickslip.model import Delay, DelayLaw, Interface
-from stickslip.thresholds import Exponential, Gamma, Law, LogNormal, Weibull
+from stickslip.thresholds import Exponential, Gamma, Gaussian, Law, LogNormal, Weibull
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
@@ -103,19 +103,34 @@ class Response:
     law: Law
     delay: DelayLaw
 
+    @cached_property
+    def mean_threshold(self) -> float:
+        """``m1``, in ``x_s``."""
+        return self.law.moment(1)
+
+    @cached_property
+    def spread(self) -> float:
+        """Standard deviation of the thresholds, in ``x_s``."""
+        return self.law.standard_deviation()
+
+    @cached_property
+    def mean_delay(self) -> float:
+        """``<tau>``, in the unit of time."""
+        return self.delay.moment(1)
+
     @property
     def inert(self) -> bool:
         """Whether ``kappa = 0`` at every `s`: contacts that come back at once."""
-        return self.delay.moment(1) == 0
+        return self.mean_delay == 0
 
-    @property
+    @cached_property
     def leftmost(self) -> float:
         """Abscissa of convergence of the transform of the law, in ``q = s/v``."""
         return _abscissa(self.law)
 
-    def scale(self, velocity: ArrayLike) -> Array:
+    def scale(self, velocity: float | Array) -> Array:
         """``m1 + v <tau>``: mean distance the slider goes between two births of a contact, in ``x_s``."""
-        return np.asarray(self.law.moment(1) + np.asarray(velocity, dtype=float) * self.delay.moment(1))
+        return np.asarray(self.mean_threshold + velocity * self.mean_delay)
 
     def reach(self, velocity: float) -> float:
         """Distance over which the response remembers, in ``x_s``: the largest threshold and the longest delay."""
@@ -129,9 +144,9 @@ class Response:
         numerator, denominator = self.parts(speed, s)
         return np.asarray(np.divide(numerator, denominator, out=np.zeros_like(numerator), where=denominator != 0))
 
-    def parts(self, velocity: ArrayLike, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    def parts(self, velocity: float | Array, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """Numerator and denominator of ``kappa``, both without poles where the transforms exist."""
-        complement, shape = transforms(self.law, s / np.asarray(velocity, dtype=float))
+        complement, shape = transforms(self.law, s / velocity)
         missing = absence(self.delay, s)
         numerator: ComplexArray = -shape * missing / self.scale(velocity)
         return numerator, missing + (1.0 - missing) * complement
@@ -235,6 +250,11 @@ def _laplace(law: Law, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
     match law:
         case LogNormal() | Weibull():
             x, weight = _turned_nodes(law)
+        case Gaussian() if law.spread > 0:
+            # By parts: one transform instead of two
+            mean = law.laplace(q)
+            cut = law.density(law.lower) * np.exp(-q * law.lower) if math.isfinite(law.lower) else 0.0
+            return mean, (law.mean - q * law.spread**2) * mean + law.spread**2 * cut
         case _:
             return law.laplace(q), law.laplace(q, 1)
     # The path is turned for Im q > 0; below the real axis the transform is the conjugate of its mirror image.
