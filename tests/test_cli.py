@@ -215,7 +215,7 @@ def test_a_failed_write_leaves_the_old_file(rig, tmp_path, capsys, monkeypatch):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["rig.toml", "run.nc"]
 
 
-def test_an_interrupt_leaves_nothing_half_written(rig, tmp_path):
+def test_an_interrupt_leaves_nothing_half_written(tmp_path):
     file = tmp_path / "big.toml"
     file.write_text(SMALL.replace("distance = 40.0", "distance = 1e6"))
     target = tmp_path / "run.nc"

@@ -189,7 +189,13 @@ def test_no_file_and_a_directory(tmp_path):
 
 @pytest.mark.parametrize(
     ("value", "unit", "words"),
-    [(4e6, "N/m", "4 MN/m"), (0.0756, "kg", "75.6 g"), (4e-4, "m/s", "400 um/s"), (1.5, "kg", "1.5 kg"), (0.0, "N", "0 N")],
+    [
+        (4e6, "N/m", "4 MN/m"),
+        (0.0756, "kg", "75.6 g"),
+        (4e-4, "m/s", "400 um/s"),
+        (1.5, "kg", "1.5 kg"),
+        (0.0, "N", "0 N"),
+    ],
 )
 def test_values_in_words(value, unit, words):
     assert rigs.engineering(value, unit) == words

@@ -13,9 +13,25 @@ from typing import TYPE_CHECKING
 from stickslip.simulate import Contacts, MasterEquation, Record, Relaxed, Sliding, repeat, simulate
 
 if TYPE_CHECKING:
+    from stickslip.cycles import (
+        bistable_band,
+        cycle_branch,
+        lasting,
+        lasting_delay,
+        lasting_velocities,
+        lasts,
+    )
     from stickslip.drive import Drive, ForceAbove, ForceBelow, Travel, hold, ramp
     from stickslip.errors import InputError, UndecidedError
-    from stickslip.measure import event_statistics, events, read_trace, regime, transitions
+    from stickslip.measure import (
+        amplitude,
+        event_statistics,
+        events,
+        hysteresis,
+        read_trace,
+        regime,
+        transitions,
+    )
     from stickslip.model import (
         Delay,
         ExponentialGrowth,
@@ -25,10 +41,20 @@ if TYPE_CHECKING:
         RandomDelay,
         Slider,
     )
-    from stickslip.rigid import Renewal, critical_stiffness, effective_stiffness, slide
+    from stickslip.rigid import (
+        Renewal,
+        critical_stiffness,
+        effective_stiffness,
+        slide,
+        static_friction,
+    )
     from stickslip.stability import (
         boundary,
+        critical,
+        critical_damping,
         critical_delay,
+        critical_mass,
+        critical_spread,
         critical_spring,
         critical_velocities,
         dynamic_stiffness,
@@ -37,7 +63,10 @@ if TYPE_CHECKING:
         unstable_modes,
     )
     from stickslip.store import load, save
-    from stickslip.theory import kinetic_friction
+    from stickslip.theory import (
+        effective_potential,
+        kinetic_friction,
+    )
     from stickslip.thresholds import (
         Empirical,
         Exponential,
@@ -53,14 +82,40 @@ if TYPE_CHECKING:
 __version__ = version("stickslip")
 
 _HOMES = {
+    "cycles": (
+        "bistable_band",
+        "cycle_branch",
+        "lasting",
+        "lasting_delay",
+        "lasting_velocities",
+        "lasts",
+    ),
     "drive": ("Drive", "ForceAbove", "ForceBelow", "Travel", "hold", "ramp"),
     "errors": ("InputError", "UndecidedError"),
-    "measure": ("event_statistics", "events", "read_trace", "regime", "transitions"),
+    "measure": (
+        "amplitude",
+        "event_statistics",
+        "events",
+        "hysteresis",
+        "read_trace",
+        "regime",
+        "transitions",
+    ),
     "model": ("Delay", "ExponentialGrowth", "Interface", "Langevin", "LogarithmicGrowth", "RandomDelay", "Slider"),
-    "rigid": ("Renewal", "critical_stiffness", "effective_stiffness", "slide"),
+    "rigid": (
+        "Renewal",
+        "critical_stiffness",
+        "effective_stiffness",
+        "slide",
+        "static_friction",
+    ),
     "stability": (
         "boundary",
+        "critical",
+        "critical_damping",
         "critical_delay",
+        "critical_mass",
+        "critical_spread",
         "critical_spring",
         "critical_velocities",
         "dynamic_stiffness",
@@ -69,7 +124,10 @@ _HOMES = {
         "unstable_modes",
     ),
     "store": ("load", "save"),
-    "theory": ("kinetic_friction",),
+    "theory": (
+        "effective_potential",
+        "kinetic_friction",
+    ),
     "thresholds": (
         "Empirical",
         "Exponential",
@@ -113,18 +171,31 @@ __all__ = [
     "UndecidedError",
     "Uniform",
     "Weibull",
+    "amplitude",
+    "bistable_band",
     "boundary",
+    "critical",
+    "critical_damping",
     "critical_delay",
+    "critical_mass",
+    "critical_spread",
     "critical_spring",
     "critical_stiffness",
     "critical_velocities",
+    "cycle_branch",
     "dynamic_stiffness",
+    "effective_potential",
     "effective_stiffness",
     "event_statistics",
     "events",
     "growth_rate",
     "hold",
+    "hysteresis",
     "kinetic_friction",
+    "lasting",
+    "lasting_delay",
+    "lasting_velocities",
+    "lasts",
     "load",
     "ramp",
     "read_trace",
@@ -134,6 +205,7 @@ __all__ = [
     "simulate",
     "slide",
     "stability_map",
+    "static_friction",
     "transitions",
     "unstable_modes",
 ]
