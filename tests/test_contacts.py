@@ -1,0 +1,409 @@
+"""The event engine by itself: its queue, its closed forms, and its events against an ODE solver's."""
+
+import heapq
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from stickslip.kernels import contacts as kernel
+
+# ------------------------------------------------------------------------------------------------ the bucket queue
+
+
+def entries_in(queue: kernel.Queue) -> int:
+    counts = queue.counts
+    return int(counts[kernel._CHAINED] + counts[kernel._LAST] - counts[kernel._FIRST])
+
+
+keys = st.one_of(
+    st.floats(-5, 5),
+    st.integers(-3, 3).map(float),  # many equal keys, and keys on the edges of bins
+    st.floats(-1e6, 1e6),  # many turns of the wheel ahead
+)
+steps = st.lists(st.one_of(keys, st.none()), max_size=60)  # a key to push, or a pop
+
+
+@settings(max_examples=60)
+@given(steps, st.sampled_from([16, 64]), st.sampled_from([0.01, 0.3, 1.0, 50.0]), st.floats(-3, 3))
+def test_the_queue_gives_what_a_heap_gives(steps, bins, width, start):
+    queue = kernel.make_queue(40, bins, width)
+    kernel._clear(queue, start)
+    heap: list[tuple[float, int]] = []
+    slots_of: dict[float, set[int]] = {}
+    for slot, key in enumerate(steps):
+        assert kernel._peek(queue) == (heap[0][0] if heap else math.inf)
+        assert entries_in(queue) == len(heap)
+        assert bool(kernel._is_full(queue)) == (len(heap) >= 40)
+        if key is not None and len(heap) < 40:
+            kernel._push(queue, key, slot)
+            heapq.heappush(heap, (key, slot))
+            slots_of.setdefault(key, set()).add(slot)
+        elif key is None and heap:
+            smallest, _ = heapq.heappop(heap)
+            # Among equal keys any order will do; each slot comes once.
+            slots_of[smallest].remove(int(queue.front_slot[queue.counts[kernel._FIRST]]))
+            kernel._pop(queue)
+    rest = []
+    while (key := kernel._peek(queue)) < math.inf:
+        slots_of[key].remove(int(queue.front_slot[queue.counts[kernel._FIRST]]))
+        rest.append(key)
+        kernel._pop(queue)
+    assert rest == sorted(key for key, _ in heap)
+    assert not any(slots_of.values())
+
+
+@given(st.lists(st.floats(0, 100), min_size=1, max_size=50), st.floats(0.01, 10))
+def test_the_queue_as_the_engine_uses_it(gaps, width):
+    """Keys that grow with the smallest one, as breaking positions do: hold many, pop one, push one."""
+    queue = kernel.make_queue(64, 32, width)
+    heap: list[float] = []
+    position = 0.0
+    for slot, gap in enumerate(gaps):
+        kernel._push(queue, position + gap, slot)
+        heapq.heappush(heap, position + gap)
+        if slot % 3 == 2:
+            assert kernel._peek(queue) == heap[0]
+            position = heapq.heappop(heap)
+            kernel._pop(queue)
+    rest = []
+    while (key := kernel._peek(queue)) < math.inf:
+        rest.append(key)
+        kernel._pop(queue)
+    assert rest == sorted(heap)
+
+
+@given(st.lists(st.floats(-100, 100), min_size=30, max_size=40))
+def test_a_cleared_queue_is_empty_and_can_be_filled_again(values):
+    queue = kernel.make_queue(40, 16, 0.5)
+    for round_ in range(3):
+        kernel._clear(queue, values[round_])
+        assert kernel._peek(queue) == math.inf
+        for slot, key in enumerate(values):
+            kernel._push(queue, key, slot)
+        order = []
+        while (key := kernel._peek(queue)) < math.inf:
+            order.append(key)
+            kernel._pop(queue)
+        assert order == sorted(values)
+
+
+# ------------------------------------------------------------------------------------------------ between events
+
+COEFFICIENTS = [
+    # eta, w2, v, f0, f1, f2: under, over, critically and not damped, and all terms of the force
+    (200.0, 3e4, 1.0, 50.0, 2e4, 0.0),
+    (200.0, 1e4, 1.0, -300.0, 2e4, 5e3),
+    (42.4, 3e4, -2.0, 1e3, -1e4, 1e3),
+    (0.0, 2e4, 0.5, 10.0, 0.0, 0.0),
+    (1e5, 3e4, 1.0, -8e4, 2e4, 0.0),
+    (1e3, 1.0, 3.0, 5.0, -1.0, 2.0),
+    (2.0, 1.0, 1.0, 0.0, 0.0, 0.0),
+    (2.0, 1.0000001, 1.0, 0.5, 0.0, 0.0),
+]
+
+
+def flight_of(eta, w2, v, f0, f1, f2):
+    return kernel._flight(eta, w2, kernel._NEAR / (eta + math.sqrt(w2)), v, f0, f1, f2)
+
+
+@pytest.mark.parametrize("numbers", COEFFICIENTS)
+@pytest.mark.eq(11)
+def test_a_flight_solves_the_equation_of_motion(numbers):
+    eta, w2, v, f0, f1, f2 = numbers
+    flight = flight_of(*numbers)
+    unit = 1.0 / (eta + math.sqrt(w2))
+    h = unit * np.array([0.01, 0.05, 0.07, 0.2, 0.299, 0.301, 1.0, 3.0, 12.0])
+
+    def slope(t, state):
+        y, u, _, _ = state
+        return [u, f0 + f1 * t + f2 * t * t - eta * u - w2 * y, y, u * u]
+
+    exact = solve_ivp(slope, (0, h[-1]), [0, v, 0, 0], "DOP853", h, rtol=1e-13, atol=1e-18, max_step=0.2 * unit).y
+    got = np.array([kernel._at(flight, float(t)) for t in h]).T
+    # The closed form carries how far the slider lags behind a slow drive, and rounds as it does.
+    lag = 1e-15 * (abs(flight.q0) + abs(flight.q1) * unit)
+    scale = np.maximum(np.abs(exact[:2]), [[abs(v) * unit], [abs(v)]])
+    assert np.all(np.abs(got - exact[:2]) < 1e-11 * scale + [[lag], [lag / unit]])
+    for order in range(3):
+        for t in h.tolist():
+            here, slope_here = kernel._derivative(flight, order, t)
+            step = 1e-4 * unit
+            before, after = (kernel._derivative(flight, order, t + side * step)[0] for side in (-1, 1))
+            size = (abs(v) + abs(f0) * unit + abs(f1) * unit**2) / unit ** (order - 1)
+            slack = 1e-6 * size / unit + lag / unit**order / step
+            assert (after - before) / (2 * step) == pytest.approx(slope_here, abs=slack)
+            if order < 2:
+                assert here == pytest.approx(kernel._at(flight, t)[order], abs=1e-10 * size)
+
+
+@pytest.mark.parametrize("numbers", COEFFICIENTS)
+def test_taylor_and_closed_form_meet(numbers):
+    flight = flight_of(*numbers)
+    eta, w2, v, *_ = numbers
+    unit = 1.0 / (eta + math.sqrt(w2))
+    for share in (kernel._NEAR * 0.999, kernel._NEAR * 1.001, kernel._MIDDLE):
+        near, far = kernel._taylor(flight, share * unit), kernel._far(flight, share * unit)
+        # The closed form subtracts the offset of the oscillation from itself.
+        slack = 1e-13 * abs(v) + 4e-15 * (abs(flight.q0) + abs(flight.y0)) / unit + 1e-13 * abs(flight.q1)
+        assert near[0] == pytest.approx(far[0], abs=slack * unit)
+        assert near[1] == pytest.approx(far[1], abs=slack)
+
+
+@pytest.mark.parametrize("numbers", COEFFICIENTS)
+@pytest.mark.parametrize("drive", [(1.0, 0.0), (-0.5, 3.0)])
+def test_energies_of_a_flight_balance(numbers, drive):
+    """Work of the drive and the integral of the squared velocity, against quadrature along the flight."""
+    eta, w2, v, f0, _, _ = numbers
+    drive_v, drive_a = drive
+    K, inverse_mass, force = 2.0, w2 / 2.6, 0.3  # six contacts in ten attached
+    # The drive sets the terms of the force that change with time.
+    flight = flight_of(eta, w2, v, f0, K * drive_v * inverse_mass, 0.5 * K * drive_a * inverse_mass)
+    node, weight = np.polynomial.legendre.leggauss(60)
+    for share in (0.01, 0.2, 2.0, 10.0):
+        h = share / (eta + math.sqrt(w2))
+        t = 0.5 * h * (1 + node)
+        y, u = np.array([kernel._at(flight, float(s)) for s in t]).T
+        pull = force + K * (drive_v * t + 0.5 * drive_a * t**2 - y)
+        work = 0.5 * h * np.sum(weight * pull * (drive_v + drive_a * t))
+        squares = 0.5 * h * np.sum(weight * u**2)
+        end = kernel._at(flight, h)
+        got = kernel._energies(flight, h, *end, force, K, drive_v, drive_a)
+        # Rounding: the closed form divides by w2 the changes of velocity and displacement of the free oscillation.
+        area = 4e-16 * (eta * (abs(flight.q0) + abs(flight.y0)) + abs(flight.v0) + abs(v)) / w2
+        moment = (eta * area + 4e-16 * abs(flight.y0)) / w2
+        size = 0.5 * h * np.sum(weight * np.abs(pull) * np.abs(drive_v + drive_a * t))
+        assert got[0] == pytest.approx(work, abs=1e-12 * size + 8 * K * (abs(drive_v) * area + abs(drive_a) * moment))
+        if eta > 0:
+            kinetic = 4e-16 * (np.max(u**2) + flight.v0**2 + w2 * (np.max(y**2) + flight.y0**2)) / eta
+            path = 4e-16 * abs(flight.q1) * (abs(flight.y0) + abs(flight.q0)) + abs(flight.q2) * eta * area
+            assert got[1] == pytest.approx(squares, abs=1e-12 * squares + 8 * (kinetic + path))
+
+
+@settings(max_examples=200)
+@given(
+    st.sampled_from(COEFFICIENTS),
+    st.floats(-3, 3),
+    st.floats(0.01, 3),
+    st.floats(0.01, 3),
+    st.floats(0.1, 20),
+)
+def test_the_first_crossing_is_the_first(numbers, v, ahead, behind, reach):
+    """No crossing hides: within the time returned, dense samples stay between the two walls."""
+    eta, w2, _, f0, f1, f2 = numbers
+    unit = 1.0 / (eta + math.sqrt(w2))
+    numbers = (eta, w2, v, f0, f1, f2)
+    flight = flight_of(*numbers)
+    to_ahead, to_behind, most = ahead * unit, behind * unit, reach * unit
+    h, side = kernel._first_crossing(flight, to_ahead, to_behind, most, np.zeros(16))
+    assert 0 < h <= most
+    assert side in (-1, 0, 1)
+    y = np.array([kernel._far(flight, float(t))[0] for t in np.linspace(0, h, 300)[:-1]])
+    slack = 1e-9 * unit + 4e-14 * (abs(flight.q0) + abs(flight.y0))
+    assert np.all(y <= to_ahead + slack)
+    assert np.all(y >= -to_behind - slack)
+    if side:
+        target = to_ahead if side == 1 else -to_behind
+        assert kernel._far(flight, h)[0] == pytest.approx(target, abs=slack)
+
+
+# ------------------------------------------------------------------------------------------------ event by event
+
+
+def pulled(rig, birth, threshold, pending, thresholds, delays, drive, times, X=0.0, velocity=0.0):
+    """Run the engine over one piece of a drive; samples, the state at the end, and why it stopped."""
+    state = kernel.make_state(
+        np.asarray(birth, float), np.asarray(threshold, float), np.asarray(pending, float), 0.1, X, velocity
+    )
+    D0, v0, a, end = drive
+    piece = kernel.Piece(t0=0.0, end=end, D0=D0, v0=v0, a=a, stop_kind=0, stop_value=0.0, X0=0.0, look=math.inf)
+    samples = np.full((times.size, 8), np.nan)
+    why = kernel.advance(state, rig, piece, times, samples, thresholds, delays, 10**9)
+    return samples, state, why
+
+
+def by_solver(rig, birth, threshold, pending, thresholds, delays, drive, times, X=0.0, velocity=0.0):
+    """The same by an ODE solver that finds each break: nothing in common with the engine but Eq. (11)."""
+    D0, v0, a, end = drive
+    N = len(birth)
+    birth, threshold = list(birth), list(threshold)
+    attached = [value > 0 for value in threshold]
+    next_threshold, next_delay = iter(thresholds), iter(delays)
+    waiting = sorted((time, N - len(pending) + i) for i, time in enumerate(pending))
+    t, state = 0.0, np.array([X, velocity])
+    rows, breaks = [], 0
+    fastest = rig.eta + math.sqrt((rig.K + 1) * rig.inverse_mass)
+    while t < end:
+        on = [i for i in range(N) if attached[i]]
+        births = np.array([birth[i] for i in on])
+        limits = np.array([threshold[i] for i in on])
+
+        def slope(s, y, births=births):
+            pull = rig.K * (D0 + v0 * s + 0.5 * a * s * s - y[0]) - np.sum(y[0] - births) / N
+            return [y[1], pull * rig.inverse_mass - rig.eta * y[1]]
+
+        def gap(_, y, births=births, limits=limits):
+            return float(np.min(limits - np.abs(y[0] - births))) if births.size else 1.0
+
+        gap.terminal, gap.direction = True, -1
+        until = min([end, *(time for time, _ in waiting[:1])])
+        inside = times[(times >= t) & (times <= until)]
+        done = solve_ivp(
+            slope, (t, until), state, "DOP853", events=gap, rtol=1e-12, atol=1e-14, max_step=0.5 / fastest,
+            dense_output=True,
+        )  # fmt: skip
+        stopped = done.t_events[0][0] if done.t_events[0].size else until
+        for time in inside[inside <= stopped]:
+            if len(rows) < times.size and time == times[len(rows)]:
+                x, u = done.sol(time) if time > t else state
+                rows.append([x, u, np.sum(x - births) / N, len(on) / N])
+        t = stopped
+        state = done.sol(t) if stopped < until else done.y[:, -1]
+        if done.t_events[0].size:
+            i = on[int(np.argmin(limits - np.abs(state[0] - births)))]
+            attached[i], breaks = False, breaks + 1
+            delay = next(next_delay) if math.isnan(rig.fixed_delay) else rig.fixed_delay
+            if delay == 0:
+                birth[i], threshold[i], attached[i] = state[0], next(next_threshold), True
+            elif delay < math.inf:
+                waiting = sorted([*waiting, (t + delay, i)])
+        elif waiting and t == waiting[0][0]:
+            i = waiting.pop(0)[1]
+            birth[i], threshold[i], attached[i] = state[0], next(next_threshold), True
+    return np.array(rows), breaks
+
+
+MOTIONS = {
+    # K, M, eta, fixed delay, (D0, v0, a, end)
+    "steady": (2.0, 1e-2, 20.0, 0.2, (0.0, 1.0, 0.0, 4.0)),
+    "no delay": (2.0, 1e-2, 20.0, 0.0, (0.0, 1.0, 0.0, 4.0)),
+    "never back": (2.0, 1e-2, 20.0, math.inf, (0.0, 1.0, 0.0, 3.0)),
+    "undamped": (2.0, 1e-2, 0.0, 0.1, (0.0, 1.0, 0.0, 3.0)),
+    "overdamped": (5.0, 1e-2, 400.0, 0.2, (0.0, 2.0, 0.0, 4.0)),
+    "heavy": (0.5, 1.0, 0.1, 0.5, (0.0, 1.0, 0.0, 8.0)),
+    "there and back": (3.0, 1e-2, 10.0, 0.15, (0.0, 2.0, -1.0, 5.0)),
+    "backwards": (2.0, 1e-2, 20.0, 0.2, (0.0, -1.0, 0.0, 4.0)),
+    "kicked from afar": (2.0, 1e-2, 5.0, 0.2, (2.0, 0.0, 0.0, 3.0)),
+    "random delays": (2.0, 1e-2, 20.0, math.nan, (0.0, 1.0, 0.0, 4.0)),
+}
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+@pytest.mark.parametrize("N", [1, 7])
+@pytest.mark.eq(11)
+def test_events_are_those_of_an_ode_solver(name, N):
+    K, M, eta, delay, drive = MOTIONS[name]
+    rng = np.random.default_rng([N, len(name)])
+    rig = kernel.Rig(K, 1 / M, eta, delay)
+    detached = N // 3 if 0 < delay < math.inf else 0
+    birth = np.append(rng.normal(0, 0.1, N - detached), np.zeros(detached))
+    threshold = np.append(rng.uniform(0.5, 1.5, N - detached), np.zeros(detached))
+    pending = rng.uniform(0, 0.2, detached)
+    thresholds = rng.uniform(0.5, 1.5, 500)
+    delays = rng.uniform(0.05, 0.4, 500) if math.isnan(delay) else np.empty(0)
+    times = np.linspace(0, drive[-1], 101)
+    samples, state, why = pulled(rig, birth, threshold, pending, thresholds, delays, drive, times)
+    exact, breaks = by_solver(rig, birth, threshold, pending, thresholds, delays, drive, times)
+    assert why == kernel.REACHED_END
+    assert int(state.counts[kernel.BREAKS]) == breaks
+    assert breaks > 0
+    # The solver's error of 1e-12 a step grows with the slope of the force at each break, K/k of 1, and the velocity.
+    np.testing.assert_allclose(samples[:, 0], exact[:, 0], atol=2e-7)
+    np.testing.assert_allclose(samples[:, 1], exact[:, 1], atol=2e-5)
+    np.testing.assert_allclose(samples[:, 2], exact[:, 2], atol=2e-7)
+    np.testing.assert_array_equal(samples[:, 3], exact[:, 3])
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_the_running_sums_are_those_of_the_contacts(name):
+    """After many events force, stored energy and counts agree with sums over the contacts."""
+    K, M, eta, delay, drive = MOTIONS[name]
+    N, rng = 200, np.random.default_rng(3)
+    rig = kernel.Rig(K, 1 / M, eta, delay)
+    thresholds, delays = rng.uniform(0.5, 1.5, 20_000), rng.uniform(0.0, 0.4, 20_000)
+    times = np.array([drive[-1]])
+    samples, state, why = pulled(
+        rig, rng.normal(0, 0.1, N), rng.uniform(0.5, 1.5, N), [], thresholds, delays, drive, times
+    )
+    assert why == kernel.REACHED_END
+    on = state.contacts["threshold"] > 0
+    x = state.motion[kernel.POSITION] - state.contacts["birth"][on]
+    assert int(state.counts[kernel.ATTACHED]) == np.count_nonzero(on)
+    assert samples[0, 2] == pytest.approx(np.sum(x) / N, abs=1e-13)
+    assert kernel.contact_force(state) == pytest.approx(np.sum(x) / N, abs=1e-13)
+    assert samples[0, 4] == pytest.approx(0.5 * np.sum(x * x) / N, abs=1e-13)
+    # No contact is stretched beyond its threshold.
+    assert np.all(np.abs(x) <= state.contacts["threshold"][on] * (1 + 1e-12))
+    # Each contact is attached or waits to be reborn, once.
+    waiting = []
+    while kernel._peek(state.rebirths) < math.inf:
+        waiting.append(int(state.rebirths.front_slot[state.rebirths.counts[kernel._FIRST]]))
+        kernel._pop(state.rebirths)
+    if delay == math.inf:
+        assert waiting == []
+    else:
+        assert sorted(waiting) == np.flatnonzero(~on).tolist()
+
+
+def test_the_engine_says_why_it_stops():
+    rng = np.random.default_rng(0)
+    N, times = 5, np.linspace(0, 4, 5)
+    rig = kernel.Rig(2.0, 100.0, 20.0, math.nan)
+    start = (rng.normal(0, 0.1, N), rng.uniform(0.5, 1.5, N), [])
+    drive = (0.0, 1.0, 0.0, 4.0)
+    many = rng.uniform(0.5, 1.5, 100)
+    for thresholds, delays, expected in (
+        (many[:3], 0.1 * many, kernel.THRESHOLDS_USED_UP),
+        (many, 0.1 * many[:3], kernel.DELAYS_USED_UP),
+        (many, 0.1 * many, kernel.REACHED_END),
+    ):
+        _, state, why = pulled(rig, *start, thresholds, delays, drive, times)
+        assert why == expected
+    assert float(state.motion[kernel.TIME]) == 4.0
+
+
+def test_blocks_of_random_numbers_and_budgets_change_nothing():
+    """Thresholds handed over in blocks, and returns in between, leave every number as it is."""
+    rng = np.random.default_rng(1)
+    N = 50
+    rig = kernel.Rig(2.0, 1e4, 200.0, 0.1)
+    birth, threshold = rng.normal(0, 0.01, N), rng.normal(1, 0.1, N)
+    all_thresholds = rng.normal(1, 0.1, 4_000)
+    drive, times = (0.0, 1.0, 0.0, 5.0), np.linspace(0, 5, 51)
+    whole, end_state, _ = pulled(rig, birth, threshold, [], all_thresholds, np.empty(0), drive, times)
+    state = kernel.make_state(birth, threshold, np.empty(0), 0.1)
+    piece = kernel.Piece(0.0, 5.0, 0.0, 1.0, 0.0, 0, 0.0, 0.0, math.inf)
+    samples = np.full((times.size, 8), np.nan)
+    blocks = iter(np.split(all_thresholds, range(7, 4_000, 7)))
+    block = next(blocks)
+    while (why := kernel.advance(state, rig, piece, times, samples, block, np.empty(0), 11)) != kernel.REACHED_END:
+        if why == kernel.THRESHOLDS_USED_UP:
+            block, state.counts[kernel.THRESHOLD] = next(blocks), 0
+    np.testing.assert_array_equal(samples, whole)
+    np.testing.assert_array_equal(state.motion, end_state.motion)
+
+
+@pytest.mark.parametrize("N", [1, 2, 13, 300])
+def test_sums_and_queues_survive_many_rebuilds(N):
+    """A slider shaken to and fro: entries go stale on both sides, and both queues are filled anew many times."""
+    rng = np.random.default_rng(5)
+    rig = kernel.Rig(4.0, 1e2, 3.0, 0.0)
+    thresholds = rng.uniform(0.01, 0.05, 400_000)
+    state = kernel.make_state(np.zeros(N), rng.uniform(0.01, 0.05, N), np.empty(0), 0.0)
+    t, D, velocity, used = 0.0, 0.0, 1.0, 0
+    for _ in range(20):
+        piece = kernel.Piece(t, t + 1.0, D, velocity, 0.0, 0, 0.0, 0.0, math.inf)
+        why = kernel.advance(state, rig, piece, np.empty(0), np.empty((0, 8)), thresholds[used:], np.empty(0), 10**9)
+        used += int(state.counts[kernel.THRESHOLD])
+        state.counts[kernel.THRESHOLD] = 0
+        assert why == kernel.REACHED_END
+        t, D, velocity = t + 1.0, D + velocity, -velocity
+    x = state.motion[kernel.POSITION] - state.contacts["birth"]
+    assert used == int(state.counts[kernel.BREAKS])
+    assert used > 20 * N * 5
+    assert int(state.counts[kernel.ATTACHED]) == N
+    assert np.all(np.abs(x) <= state.contacts["threshold"] * (1 + 1e-12))
+    assert kernel.contact_force(state) == pytest.approx(np.mean(x), abs=1e-12)
