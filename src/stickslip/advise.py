@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip import stability
-from stickslip.cycles import lasts
+from stickslip.cycles import bistable_band, lasts
 from stickslip.drive import hold
 from stickslip.errors import InputError, UndecidedError, number, whole
 from stickslip.measure import Regime, regime
@@ -45,6 +45,8 @@ _CLEARANCE = 0.05
 _STEPS = (1.0, 1.1, 1.25, 1.6, 2.2, 3.5, 6.0, 10.0, 20.0)
 _HALVINGS = 2
 """How a knob is turned in search of where stick-slip dies: by these factors, then by halving the last step."""
+_BAND_PLACES, _BAND_STEP, _BAND_TOLERANCE = 7, 0.15, 0.02
+"""Where and how finely a map looks for the bistable band."""
 _TRIES = 12
 _JUDGE = Contacts(10_000, seed=20)
 """The contacts that a remedy must calm, and how often it is pushed on until it does."""
@@ -454,7 +456,15 @@ def _verified(rig: Rig, remedy: Remedy) -> Remedy:
     )
 
 
-def chart(rig: Rig, over: tuple[str, str], around: float, points: int, progress: Progress | None = None) -> xr.Dataset:
+def chart(
+    rig: Rig,
+    over: tuple[str, str],
+    around: float,
+    points: int,
+    progress: Progress | None = None,
+    *,
+    bistable: bool = False,
+) -> xr.Dataset:
     """Map the linear stability of smooth sliding over two knobs around a rig's own point, in the rig's units.
 
     Parameters
@@ -465,13 +475,17 @@ def chart(rig: Rig, over: tuple[str, str], around: float, points: int, progress:
     around : float
         Factor on either side of the rig's own values.
     points : int
-        Points along each knob for the number of growing modes; the growth rate has a third as many.
+        Twice the points of the shading along each knob.
+    bistable : bool
+        Whether to follow stick-slip from the boundary to where it dies, along the second knob, at some values of the
+        first; takes seconds for each.
 
     Returns
     -------
     xarray.Dataset
         ``growth_rate`` over the two knobs; along ``point`` the boundary with ``curve`` and ``frequency``; scalars
-        ``here_<knob>``; the attribute ``summary`` in words.
+        ``here_<knob>``; with `bistable`, along ``band`` both ends of the bistable band; the attribute ``summary`` in
+        words.
     """
     around = number("map: around", around, above=1.0, at_most=1e4)
     points = whole("map: points", points, at_least=4, at_most=2_000)
@@ -493,8 +507,13 @@ def chart(rig: Rig, over: tuple[str, str], around: float, points: int, progress:
     edge = stability.boundary(
         rig.interface, rig.slider, rig.velocity, over=names, within=(window[0], window[1])
     ).rename({name: f"edge_{name}" for name in (*names, "frequency")})
-    report(1.0)
     found = found.merge(edge, combine_attrs="override")
+    if bistable:
+        found = found.merge(
+            _bistable_band(setting, (knobs[0], knobs[1]), edge, window[1], lambda share: report(0.7 + 0.3 * share)),
+            combine_attrs="override",
+        )
+    report(1.0)
     modes = stability.unstable_modes(rig.interface, rig.slider, rig.velocity)
     for name, value in zip(names, here, strict=True):
         found[f"here_{name}"] = ((), value, dict(found[name].attrs))
@@ -506,6 +525,38 @@ def chart(rig: Rig, over: tuple[str, str], around: float, points: int, progress:
         + f" within a factor {around:g} of it in {names[0]} and {names[1]}"
     )
     return found if rig.scales is None else in_si(found, rig.scales)
+
+
+def _bistable_band(
+    setting: Setting, knobs: tuple[Knob, Knob], edge: xr.Dataset, within: tuple[float, float], report: Progress
+) -> xr.Dataset:
+    """Ends of the bistable band along the second knob, at values of the first spread over the boundary."""
+    import xarray as xr
+
+    across, up = knobs
+    stable = edge["other_unstable"].to_numpy() == 0
+    reached = edge[f"edge_{across.name}"].to_numpy()[stable]
+    places = np.geomspace(reached.min(), reached.max(), _BAND_PLACES + 2)[1:-1] if reached.size else np.empty(0)
+    rows = []
+    for i, place in enumerate(places):
+        report(i / len(places))
+        here = across.set(setting, float(place))
+        assert isinstance(here.rig, Slider)
+        try:
+            bands = bistable_band(
+                here.interface, here.rig, here.velocity, up, between=within, step=_BAND_STEP, tolerance=_BAND_TOLERANCE
+            )
+        except (InputError, UndecidedError):
+            continue
+        rows += [(float(place), band.low.value, band.high.value) for band in bands]
+    table = np.array(rows).reshape(-1, 3)
+    return xr.Dataset(
+        {
+            f"band_{across.name}": ("band", table[:, 0], {"units": across.unit, "long_name": across.name}),
+            f"band_{up.name}_low": ("band", table[:, 1], {"units": up.unit, "long_name": f"{up.name}, lower end"}),
+            f"band_{up.name}_high": ("band", table[:, 2], {"units": up.unit, "long_name": f"{up.name}, upper end"}),
+        }
+    )
 
 
 def _widest(knob: Knob) -> float:

@@ -244,6 +244,7 @@ def map(
     over: Annotated[str, Parameter(help="Two knobs, such as stiffness,velocity.")] = "stiffness,velocity",
     around: Annotated[float, Parameter(help="Factor on either side of the rig's own point.")] = 30.0,
     points: Annotated[int, Parameter(help="Points of the map along each knob.")] = 80,
+    bistable: Annotated[bool, Parameter(help="Show where stick-slip lasts beside it, too.", negative="")] = False,
     output: Annotated[Path, Parameter(alias="-o", help="The picture.")] = Path("map.png"),
     json: Json = False,
 ) -> None:
@@ -264,7 +265,7 @@ def map(
         raise InputError(f"--over {over}: must name two knobs with a comma between, such as stiffness,velocity")
     described = rigs.read(rig)
     with _bar("mapping") as progress:
-        found = advise.chart(described, (names[0], names[1]), around, points, progress)
+        found = advise.chart(described, (names[0], names[1]), around, points, bistable=bistable, progress=progress)
     drawing.save(drawing.chart(found), output)
     if json:
         _print_json({str(name): _plain(found[name].to_numpy()) for name in found.variables} | _plain(dict(found.attrs)))
@@ -305,7 +306,14 @@ def paper(
     claims = chosen.check(data) if check else ()
     failed = [claim for claim in claims if not claim.ok]
     if json:
-        _print_json({"picture": str(picture), "data": str(file), "claims": _plain(claims), "ok": not failed})
+        _print_json(
+            {
+                "picture": str(picture),
+                "data": str(file),
+                "claims": [claim.plain() for claim in claims],
+                "ok": not failed,
+            }
+        )
         return 1 if failed else 0
     for claim in claims:
         print(claim)

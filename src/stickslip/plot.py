@@ -493,7 +493,13 @@ def chart(found: xr.Dataset) -> Figure:
             for i in np.linspace(0, mine.sum() - 1, 4).astype(int)[1:-1]:
                 if stable_edge[mine][i]:
                     omega = float(found["edge_frequency"].to_numpy()[mine][i])
-                    ax.annotate(f"{omega / (2 * np.pi):.3g}", (x[mine][i], y[mine][i]), fontsize="x-small")
+                    box = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85}
+                    place_of = (x[mine][i], y[mine][i])
+                    ax.annotate(f"{omega / (2 * np.pi):.3g}", place_of, fontsize="small", bbox=box, ha="center")
+        if "band" in found.dims and found.sizes["band"]:
+            low, high = (found[f"band_{up}_{end}"].to_numpy() for end in ("low", "high"))
+            place = found[f"band_{across}"].to_numpy()
+            ax.vlines(place, low, high, color="#0072B2", lw=3.0, alpha=0.7, label="stick-slip lasts, too (bistable)")
         here = float(found[f"here_{across}"]), float(found[f"here_{up}"])
         ax.plot(*here, "o", ms=8, mfc="white", mec="black", mew=1.5, label="this rig")
         ax.set(xscale="log", yscale="log", xlabel=label(found[across]), ylabel=label(found[up]))
