@@ -35,6 +35,7 @@ from stickslip.stability import (
 from stickslip.stability.modes import neutral_frequencies
 from stickslip.stability.response import _laplace, respond, transforms
 from stickslip.stability.rigs import impedance, natural_frequencies, poles
+from stickslip.store import read_provenance
 from stickslip.theory import kinetic_friction
 from stickslip.thresholds import Empirical, Exponential, Gamma, Gaussian, LogNormal, SteadyState, Uniform, Weibull
 
@@ -256,6 +257,12 @@ def test_no_answer_where_there_is_no_steady_sliding():
         dynamic_stiffness(INTERFACE, 0.0, 1j)
 
 
+def test_equal_thresholds_without_delay_are_neutral_too():
+    equal = case(Gaussian(mean=1.0, spread=0.0), Delay(0.0))
+    assert unstable_modes(equal, SLIDER, 1.0) == 0
+    assert growth_rate(equal, SLIDER, 1.0).real == pytest.approx(-0.5 * SLIDER.damping)
+
+
 def test_no_answer_where_the_transform_does_not_exist():
     heavy = case(LogNormal(mean=1.0, spread=0.3), Delay(0.1))
     with pytest.raises(InputError, match="no transform"):
@@ -380,6 +387,17 @@ def test_named_functions_are_the_general_one():
     assert critical_spread(INTERFACE, SLIDER, 3.0, (0.1, 0.3)).edges[0].regains_stability
 
 
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_critical_spring_with_every_law(law):
+    interface = case(law, Delay(0.3))
+    spring = critical_spring(interface, SLIDER, 1.0)
+    if spring == 0:
+        assert unstable_modes(interface, replace(SLIDER, stiffness=1e-3), 1.0) == 0
+    else:
+        counts = [unstable_modes(interface, replace(SLIDER, stiffness=f * spring), 1.0) for f in (0.9999, 1.0001)]
+        assert counts == [2, 0]
+
+
 def test_smooth_sliding_may_be_lost_and_regained_more_than_once():
     found = critical_velocities(INTERFACE, replace(SLIDER, stiffness=12.0), between=(0.05, 1000))
     assert [c.loses_stability for c in found.edges] == [True, False, True, False]
@@ -409,6 +427,8 @@ def test_bad_questions():
         stability_map(INTERFACE, SLIDER, 1.0, values=([-1.0, 2.0], [1.0]))
     with pytest.raises(InputError, match=r"Z\(0\)"):
         unstable_modes(INTERFACE, lambda s: 1e-4 * s * s, 1.0)
+    with pytest.raises(InputError, match="puts energy in"):
+        unstable_modes(INTERFACE, lambda s: 2.0 - 0.01 * s + 1e-4 * s * s, 1.0)
 
 
 # ---------------------------------------------------------------- impedances
@@ -465,6 +485,7 @@ def test_massless_slider():
         known = roots_by_hand(-0.3, velocity=v, **parameters)
         assert unstable_modes(INTERFACE, rig, v) == 2 * np.sum(known.real > 0)
         assert growth_rate(INTERFACE, rig, v) == pytest.approx(known[0], rel=1e-9)
+    assert critical_spring(INTERFACE, rig, crossing.value) == pytest.approx(2.0, rel=1e-9)
     # It is the limit of a light slider.
     light = Slider(stiffness=2.0, mass=1e-9, damping=1.0)
     (limit, *_) = critical_velocities(INTERFACE, light, between=(0.1, 10)).edges
@@ -595,7 +616,7 @@ def test_boundary_that_closes_upon_itself():
 def test_boundary_where_there_is_none():
     found = boundary(case(LAWS[0], Delay(0.0)), SLIDER, 1.0, within=((0.1, 10.0), (0.1, 10.0)))
     assert found.sizes["point"] == 0
-    assert '"searched": {"stiffness": [0.1, 10.0], "velocity": [0.1, 10.0]}' in found.attrs["provenance"]
+    assert read_provenance(found)["arguments"]["within"] == [[0.1, 10.0], [0.1, 10.0]]
 
 
 @pytest.mark.parametrize(
@@ -629,7 +650,7 @@ def test_map_of_growth_rates():
             root = growth_rate(INTERFACE, replace(SLIDER, stiffness=k), v)
             assert complex(found.growth_rate[i, j], found.frequency[i, j]) == pytest.approx(root, rel=1e-8)
     assert found.growth_rate.attrs["units"] == "1/time"
-    assert "Gaussian" in found.attrs["provenance"]
+    assert read_provenance(found)["arguments"]["interface"]["thresholds"]["class"] == "Gaussian"
 
 
 def test_import_stays_quick():

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
+from dataclasses import is_dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from stickslip import store
 from stickslip.errors import InputError, UndecidedError, number
 from stickslip.model import Interface
 from stickslip.stability.knobs import (
@@ -210,11 +211,21 @@ def _map_dataset(
         knob.name: (knob.name, grid, {"units": knob.unit, "long_name": knob.name})
         for knob, grid in zip(knobs, grids, strict=True)
     }
-    return xarray.Dataset(data, coords=coords, attrs={"provenance": _provenance(setting)})
+    values = [grid.tolist() for grid in grids]
+    made = _provenance("stability_map", knobs, setting, values=values, growth=roots is not None)
+    return xarray.Dataset(data, coords=coords, attrs={"provenance": made})
 
 
-def _provenance(setting: Setting, **more: object) -> str:
-    return json.dumps({"interface": repr(setting.interface), "rig": repr(setting.rig), **more})
+def _provenance(call: str, knobs: Sequence[Knob], setting: Setting, **more: object) -> str:
+    """What made the result; a rig that is a function is named, but cannot be made again from its name."""
+    arguments = {
+        "interface": setting.interface,
+        "rig": setting.rig if is_dataclass(setting.rig) else repr(setting.rig),
+        "velocity": setting.velocity,
+        "over": [knob.name for knob in knobs],
+        **more,
+    }
+    return store.provenance(call, arguments)
 
 
 # ---------------------------------------------------------------- starts of curves
@@ -425,8 +436,8 @@ def _boundary_dataset(
         _others(knobs, setting, values),
         {"units": "1", "long_name": "growing modes beside the neutral one"},
     )
-    searched = {knob.name: span for knob, span in zip(knobs, window.tolist(), strict=True)}
-    return xarray.Dataset(data, attrs={"provenance": _provenance(setting, searched=searched)})
+    made = _provenance("boundary", knobs, setting, within=window.tolist())
+    return xarray.Dataset(data, attrs={"provenance": made})
 
 
 def _others(knobs: tuple[Knob, Knob], setting: Setting, values: Array) -> NDArray[np.int64]:

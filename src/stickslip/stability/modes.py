@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.errors import UndecidedError, number
+from stickslip.errors import InputError, UndecidedError, number
 from stickslip.model import Interface
 from stickslip.stability.response import SCAN_LIMIT, STEP, Axis, Response, respond
 from stickslip.stability.rigs import (
@@ -302,7 +302,14 @@ def _doubtful_below(response: Response, rig: Impedance, velocity: float, softest
         order = np.argsort(y, kind="stable")
         y = y[order]
         centre = np.concatenate([axis.centre, np.interp(own, axis.y, axis.centre)])[order]
-        clear = _clear(rig(1j * velocity * y), centre, scale, held)
+        z = rig(1j * velocity * y)
+        if np.any(z.imag < -1e-9 * np.abs(z)):
+            at = float(velocity * y[np.argmin(z.imag / np.abs(z))])
+            raise InputError(
+                f"rig: Im Z(i w) < 0 at w = {at:.4g}: the rig puts energy in; "
+                "give one that only takes it out (damping of 0 or above)"
+            )
+        clear = _clear(z, centre, scale, held)
         if clear[y > axis.y[-last]].all() and _clear_beyond(rig, velocity, end, special, tail, scale, held):
             break
         top *= 2
@@ -472,13 +479,8 @@ def _count_right_of(response: Response, rig: Impedance, velocity: float, line: f
     reach = response.reach(velocity) / velocity
     own = natural_frequencies(rig)
     held = poles(rig)
-    top = max(
-        8.0 * velocity / max(response.spread, 1e-9),
-        2.0 * float(np.max(np.abs(own), initial=0.0)),
-        2.0 * float(np.max(np.abs(held), initial=0.0)),
-        10 / reach,
-    )
-    fine_top = 8.0 * velocity / max(response.spread, 1e-9)
+    fine_top = 10 / reach if response.inert else 8.0 * velocity / response.spread
+    top = max(fine_top, 2.0 * float(np.max(np.abs(np.concatenate([own, held])), initial=0.0)), 10 / reach)
     near = [root.imag + max(abs(root.real - line), 1e-9 * abs(root)) * np.sinh(np.linspace(-6, 6, 121)) for root in own]
     for _ in range(30):
         fine = np.arange(0.0, min(top, fine_top), STEP / reach)
@@ -528,7 +530,7 @@ def _starts_from_line(response: Response, rig: Impedance, velocity: float, line:
     memory = response.reach(velocity) / velocity
     top = 10.0 / cycle
     if not response.inert:
-        top += 5.0 * velocity / max(response.spread, 1e-3)
+        top += 5.0 * velocity / response.spread
     elif not natural_frequencies(rig).size:
         top = 1e4 * top
     omega = np.arange(0.5, min(top * memory / STEP, 20_000)) * STEP / memory

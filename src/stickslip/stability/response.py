@@ -187,10 +187,10 @@ def _respond(law: Law, delay: DelayLaw) -> Response:
             "Interface.delay: contacts never come back, so there is no smooth sliding to be stable or not; "
             "give a finite delay"
         )
-    if mean > 0 and isinstance(delay, Delay) and _one_valued(law):
+    if mean > 0 and _one_valued(law):
         raise InputError(
-            "Interface.thresholds: all contacts share one threshold and one delay, and never forget how they started: "
-            "no steady sliding; give the thresholds a spread above 0"
+            "Interface.thresholds: all contacts share one threshold and are slow to forget how they started; "
+            "stability is not computed for them: give the thresholds a spread above 0"
         )
     return Response(law=law, delay=delay)
 
