@@ -32,6 +32,9 @@ FORGOTTEN = 16.0
 
 NO_DELAY = np.zeros(1)
 
+# Stretching, in units of the mean threshold, below which the kinetic equation takes short steps.
+YOUNG = 0.06
+
 # ---------------------------------------------------------------- grids and exponentially fitted rates
 
 
@@ -885,12 +888,12 @@ def threshold_edges(mean: float, spread: float, newborn: float, cells: float) ->
     end = max(mean, newborn) + 8.0 * spread
     widest = spread / cells
     width = widest if newborn > 0.0 else widest / 8.0
-    edges = np.empty(int(end / widest) + 64)
+    edges = np.empty(int(end / widest) + 100)
     edges[0] = 0.0
     k = 0
     while edges[k] < end and k + 1 < edges.size:
         edges[k + 1] = edges[k] + width
-        width = min(1.12 * width, widest)
+        width = min(1.06 * width, widest)
         k += 1
     return edges[: k + 1].copy()
 
@@ -915,6 +918,7 @@ def _absorb(
 
     The cell that the boundary cuts shrinks with it (so uniform mass in it is swept out exactly), and its outward flux
     is that of Scharfetter and Gummel between its middle and the empty boundary, in the frame of the boundary.
+    Hand in the boundary of the middle of the step: sweeping and ageing then alternate symmetrically.
     `pivot` and `carry` are the elimination from above, the same for all cohorts.
     """
     n = mass.size
@@ -949,6 +953,14 @@ def _absorb(
     for i in range(i0 + 2, n):
         mass[i] = known[i] + carry[i] * mass[i - 1]
     return broken + dt * leave * mass[i0]
+
+
+@jit
+def _eliminate(up: Floats, down: Floats, dt: float, pivot: Floats, carry: Floats) -> None:
+    """Elimination from above of an implicit step of the thresholds, see `_absorb`."""
+    for i in range(up.size - 2, -1, -1):
+        pivot[i] = 1.0 + dt * (up[i] + down[i]) - dt * down[i + 1] * carry[i + 1]
+        carry[i] = dt * up[i - 1] / pivot[i] if i > 0 else 0.0
 
 
 @jit
@@ -1084,9 +1096,17 @@ def advance_density(
         flow = D / h * _bernoulli(a * h / D)
         up[i] = (flow + a) / (edges[i + 1] - edges[i])
         down[i + 1] = flow / (edges[i + 2] - edges[i + 1])
-    birth = 0
+    pivot_short, carry_short = np.ones(n + 1), np.zeros(n + 1)
+    pivot_mid, carry_mid = np.ones(n + 1), np.zeros(n + 1)
+    level = np.zeros(place.size, dtype=np.int64)
+    birth, birth_too, birth_share = 0, 0, 0.0
     if newborn > 0.0:
+        # Two neighbouring cells that have the newborn's threshold as their mean.
         birth = min(np.searchsorted(edges, newborn, side="right") - 1, n - 2)
+        here = 0.5 * (edges[birth] + edges[birth + 1])
+        birth_too = birth + 1 if newborn > here or birth == 0 else birth - 1
+        there = 0.5 * (edges[birth_too] + edges[birth_too + 1])
+        birth_share = min(max((newborn - here) / (there - here), 0.0), 1.0)
     open_mass = np.zeros(n)
     if count > 0 and since >= 0.0:
         # The last row is the open cohort, kept as gaps (or thresholds, for newborns above 0).
@@ -1132,63 +1152,125 @@ def advance_density(
                         X, V, amplitude = _oscillator(before, v_0, k, slab, damping, F_0, F_1, F_2, dt)
             dX = X - before
             speed = abs(dX) / dt
+            parts = 5 * min(int(np.ceil(dt * drift * 5.0 / step)), 12)
+            short = dt / parts
             if dt != last_dt:
-                for i in range(n - 1, -1, -1):
-                    pivot[i] = 1.0 + dt * (up[i] + down[i]) - dt * down[i + 1] * carry[i + 1]
-                    carry[i] = dt * up[i - 1] / pivot[i] if i > 0 else 0.0
+                _eliminate(up, down, dt, pivot, carry)
+                _eliminate(up, down, 5.0 * short, pivot_mid, carry_mid)
+                _eliminate(up, down, short, pivot_short, carry_short)
                 last_dt = dt
-            total, broken = 0.0, 0.0
+            broken = 0.0
+            since += dt
+            moved = X - opened
+            # Contacts leave the neighbourhood of their boundary or return to it within a time that grows with their
+            # age: the young take 25 steps where the old take one, those between 5.
+            for c in range(count):
+                b, b_0 = abs(X - place[c]), abs(before - place[c])
+                level[c] = 0
+                if min(b, b_0) < YOUNG * mean:
+                    level[c] = 2
+                elif min(b, b_0) < 5.0 * YOUNG * mean and parts > 5:
+                    level[c] = 1
+                if level[c] == 0:
+                    broken += _absorb(
+                        mass[c],
+                        edges,
+                        0.5 * (b + b_0),
+                        (b - b_0) / dt,
+                        dt,
+                        drift,
+                        mean,
+                        D,
+                        up,
+                        down,
+                        pivot,
+                        carry,
+                        known,
+                    )
+            for part in range(parts):
+                fresh = broken / parts
+                x, x_0 = before + dX * (part + 1.0) / parts, before + dX * part / parts
+                if part % 5 == 0:
+                    y, y_0 = before + dX * (part + 5.0) / parts, x_0
+                    for c in range(count):
+                        if level[c] == 1:
+                            b, b_0 = abs(y - place[c]), abs(y_0 - place[c])
+                            fresh += _absorb(
+                                mass[c],
+                                edges,
+                                0.5 * (b + b_0),
+                                (b - b_0) / (5.0 * short),
+                                5.0 * short,
+                                drift,
+                                mean,
+                                D,
+                                up,
+                                down,
+                                pivot_mid,
+                                carry_mid,
+                                known,
+                            )
+                for c in range(count):
+                    if level[c] == 2:
+                        b, b_0 = abs(x - place[c]), abs(x_0 - place[c])
+                        fresh += _absorb(
+                            mass[c],
+                            edges,
+                            0.5 * (b + b_0),
+                            (b - b_0) / short,
+                            short,
+                            drift,
+                            mean,
+                            D,
+                            up,
+                            down,
+                            pivot_short,
+                            carry_short,
+                            known,
+                        )
+                if newborn > 0.0:
+                    b = 0.5 * abs(x - opened)
+                    fresh += _absorb(
+                        open_mass,
+                        edges,
+                        b,
+                        0.5 * speed,
+                        short,
+                        drift,
+                        mean,
+                        D,
+                        up,
+                        down,
+                        pivot_short,
+                        carry_short,
+                        known,
+                    )
+                    open_mass[birth] += (1.0 - birth_share) * fresh
+                    open_mass[birth_too] += birth_share * fresh
+                else:
+                    open_mass[0] += fresh
+                    _reflect(open_mass, edges, speed, short, drift, mean, D, back)
+            if newborn > 0.0:
+                x_open = 0.5 * moved
+            else:
+                # Mean way since the last return to the boundary: a third of all where the drift is weak.
+                fall = max(speed - drift * mean, 0.0)
+                x_open = moved / (3.0 + fall * fall * since / D)
+            total = 0.0
             kept = 0
             for c in range(count):
-                b = abs(X - place[c])
-                broken += _absorb(
-                    mass[c],
-                    edges,
-                    b,
-                    (b - abs(before - place[c])) / dt,
-                    dt,
-                    drift,
-                    mean,
-                    D,
-                    up,
-                    down,
-                    pivot,
-                    carry,
-                    known,
-                )
-                part = np.sum(mass[c])
-                if part < 1e-13:  # as good as empty: its rest breaks now
-                    broken += part
+                rest = np.sum(mass[c])
+                if rest < 1e-13:  # as good as empty: what is left breaks now
+                    open_mass[birth] += rest
                     mass[c] = 0.0
                     continue
-                total += (X - place[c]) * part
+                total += (X - place[c]) * rest
                 if kept < c:
                     place[kept] = place[c]
                     mass[kept] = mass[c]
                     mass[c] = 0.0
                 kept += 1
             count = kept
-            since += dt
-            moved = X - opened
-            if newborn > 0.0:
-                x_open = 0.5 * moved
-                b = abs(x_open)
-                broken += _absorb(
-                    open_mass, edges, b, 0.5 * speed, dt, drift, mean, D, up, down, pivot, carry, known
-                )
-                # Two neighbouring cells that have the newborn's threshold as their mean.
-                here = 0.5 * (edges[birth] + edges[birth + 1])
-                other = birth + 1 if newborn > here or birth == 0 else birth - 1
-                there = 0.5 * (edges[other] + edges[other + 1])
-                w = min(max((newborn - here) / (there - here), 0.0), 1.0)
-                open_mass[birth] += (1.0 - w) * broken
-                open_mass[other] += w * broken
-            else:
-                open_mass[0] += broken
-                _reflect(open_mass, edges, speed, dt, drift, mean, D, back)
-                # Mean way since the last return to the boundary: a third of all where the drift is weak.
-                fall = max(speed - drift * mean, 0.0)
-                x_open = moved / (3.0 + fall * fall * since / D)
             held = np.sum(open_mass)
             turned = V * v_0 < 0.0
             if abs(moved) >= 0.999 * reach * mean or (turned and moved != 0.0):
