@@ -324,6 +324,32 @@ def paper(
     return 1 if failed else 0
 
 
+@app.command
+def explore(
+    rig: Path | None = None,
+    *,
+    port: Annotated[int | None, Parameter(help="Port on this machine; 0 for any free one.")] = None,
+    browser: Annotated[bool, Parameter(help="Open the page in the browser.")] = True,
+) -> None:
+    """Open the browser app: move a slider and see sliding turn into stick-slip.
+
+    Parameters
+    ----------
+    rig
+        A rig file in TOML to begin with.
+    """
+    from stickslip import explorer
+
+    def ready(address: str) -> None:
+        print(f"stickslip explorer: {address} (stop it with Ctrl-C)", flush=True)
+        if browser:
+            import webbrowser
+
+            webbrowser.open(address)
+
+    explorer.serve(rig, port=port, ready=ready)
+
+
 # ---------------------------------------------------------------------------------------------------------------------
 # What they share
 # ---------------------------------------------------------------------------------------------------------------------

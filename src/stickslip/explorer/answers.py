@@ -1,0 +1,455 @@
+"""What the page asks for: a document in, plain data out. No state.
+
+An answer is a generator: what it yields is sent at once, so that the force trace does not wait for what takes longer.
+It takes a `Watch`, which it calls now and then with the share of the work done, and which ends work that nobody waits
+for any more by raising.
+"""
+
+from __future__ import annotations
+
+import base64
+import math
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from stickslip import advise, cycles, measure, plot, rigid, store, theory, units
+from stickslip import rig as rigs
+from stickslip.errors import InputError, UndecidedError
+from stickslip.explorer import documents
+from stickslip.model import Interface
+from stickslip.rig import Rig
+from stickslip.simulate import simulate
+from stickslip.stability import KNOBS, Setting
+from stickslip.thresholds import Law
+
+Array = NDArray[np.float64]
+Plain = dict[str, Any]
+Watch = Callable[[float], None]
+
+LARGEST_TRACE = 50_000_000
+"""Bytes of a measured trace that the page may send."""
+_MOST_MARKED = 2_000  # slips; more cannot be told apart on a screen
+_COLUMNS = 9  # of the map, for the bistable band
+_PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Page 1
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def run(request: Plain, watch: Watch) -> Iterator[Plain]:
+    """Force trace, phase portrait, stretchings at the cursor's time and regime; then the friction forces."""
+    begun = time.perf_counter()
+    rig = documents.rig_of(request.get("document"))
+    at = _look(request, rig)
+    made = _run(rig, watch, snapshots=(at,))
+    shown = _shown(made, rig)
+    watch(1.0)
+    yield {
+        **_trace(shown, _width(request)),
+        "phase": _phase(shown),
+        "stretchings": _stretchings(shown),
+        "name": rig.name,
+        "knobs": _knobs(rig),
+        "took": time.perf_counter() - begun,
+    }
+    yield {"friction": _friction(rig)}
+
+
+def stretchings(request: Plain, watch: Watch) -> Iterator[Plain]:
+    """The law of stretchings at another time of the same run."""
+    rig = documents.rig_of(request.get("document"))
+    yield {"stretchings": _stretchings(_shown(_run(rig, watch, snapshots=(_look(request, rig),)), rig))}
+
+
+def edit(request: Plain, watch: Watch) -> Iterator[Plain]:
+    """A document with knobs turned, in other units, or with the damping given in the other way."""
+    del watch
+    rig = documents.rig_of(request.get("document"))
+    if isinstance(values := request.get("turn"), dict):
+        yield {"document": documents.turned(rig, values)}
+    elif "units" in request:
+        yield {"document": documents.in_units(rig, str(request["units"]))}
+    else:
+        yield {"document": documents.with_damping(rig, bool(request.get("relative_damping")))}
+
+
+def _knobs(rig: Rig) -> dict[str, float]:
+    """Where each knob of the map stands, in the unit of its axis."""
+    if rig.velocity <= 0:
+        return {}
+    setting = Setting(interface=rig.interface, rig=rig.slider, velocity=rig.velocity)
+    found = {}
+    for knob in KNOBS:
+        with suppress(InputError):  # the rig has no such knob
+            value = knob.get(setting)
+            if math.isfinite(value):
+                found[knob.name] = value * _unit(rig, knob.name)
+    return found
+
+
+def _unit(rig: Rig, knob: str) -> float:
+    """Size of a knob's natural unit on the axes of the map."""
+    return 1.0 if rig.scales is None else rig.scales.unit(documents.QUANTITIES[knob])
+
+
+def _run(rig: Rig, watch: Watch, snapshots: tuple[float, ...] = ()) -> xr.Dataset:
+    documents.check_size(rig)
+    return simulate(
+        rig.interface,
+        rig.slider,
+        rig.drive,
+        rig.method,
+        record=replace(rig.record, snapshots=snapshots),
+        start=rig.start,
+        progress=watch,
+    )
+
+
+def _shown(run: xr.Dataset, rig: Rig) -> xr.Dataset:
+    return run if rig.scales is None else units.in_si(run, rig.scales)
+
+
+def _trace(data: xr.Dataset, width: int) -> Plain:
+    """Force against time, thinned to the width of the screen, with slips and regime in words."""
+    catalogue, seen = measure.events(data), measure.regime(data)
+    times, force = _axis(data["t"]), _axis(data["F_d"])
+    t, f = envelope(data["t"].to_numpy() / times["factor"], data["F_d"].to_numpy() / force["factor"], width)
+    start, end, before = (catalogue[name].to_numpy()[:_MOST_MARKED] for name in ("start", "end", "force_before"))
+    return {
+        "time": {**times, "values": packed(t)},
+        "force": {**force, "values": packed(f)},
+        "span": [float(data["t"][0]) / times["factor"], float(data["t"][-1]) / times["factor"]],
+        "slips": {
+            "count": int(catalogue.sizes.get("event", 0)),
+            "start": _list(start / times["factor"]),
+            "end": _list(end / times["factor"]),
+            "before": _list(before / force["factor"]),
+        },
+        "regime": {"kind": seen.kind, "reason": seen.reason, "evidence": str(seen).splitlines()[1:]},
+        "window": [edge / times["factor"] for edge in seen.window],
+    }
+
+
+def _phase(data: xr.Dataset) -> Plain:
+    """Force against velocity in the last two fifths of the run."""
+    late = data.isel(t=slice(int(0.6 * data.sizes["t"]), None))
+    velocity, force = _axis(late["velocity"]), _axis(data["F_d"])
+    v, f = along_path(late["velocity"].to_numpy() / velocity["factor"], late["F_d"].to_numpy() / force["factor"])
+    return {
+        "velocity": {**velocity, "values": packed(v)},
+        "force": {**force, "values": packed(f)},
+        "drive": float(late["drive_velocity"][-1]) / velocity["factor"],
+    }
+
+
+def _stretchings(data: xr.Dataset) -> Plain:
+    x, density = _axis(data["x"]), _axis(data["Q"])
+    return {
+        "x": {**x, "values": packed(data["x"].to_numpy() / x["factor"])},
+        "Q": {**density, "values": packed(data["Q"].to_numpy()[0] / density["factor"])},
+        "at": float(data["snapshot"][0]) / _axis(data["t"])["factor"],
+    }
+
+
+def _friction(rig: Rig) -> Plain:
+    """F_k at the drive's speed and F_s of slow rigid motion, in the unit of the force axis; and K*, in words."""
+    interface = replace(rig.interface, ageing=None)
+    found: Plain = {"kinetic": None, "static": None, "words": []}
+    if rig.interface.ageing is not None:
+        found["words"].append("F_k, F_s and K* are those without ageing")
+    unit = 1.0 if rig.scales is None else rig.scales.unit("force")
+    try:
+        static = _static_friction(interface.thresholds, interface.initial)
+        found["static"] = static * unit
+        found["words"].append(f"F_s = {rig.in_units(static, 'force')}")
+    except (InputError, UndecidedError):
+        pass
+    if rig.velocity > 0:
+        kinetic = float(theory.kinetic_friction(interface, rig.velocity))
+        found["kinetic"] = kinetic * unit
+        found["words"].append(f"F_k = {rig.in_units(kinetic, 'force')}")
+    try:
+        critical = _critical_stiffness(interface)
+        ratio = rig.slider.stiffness / critical if critical > 0 else math.inf
+        softer = "softer" if ratio < 1 else "stiffer"
+        found["words"].append(f"K* = {rig.in_units(critical, 'stiffness')}: the spring is {softer}")
+    except (InputError, UndecidedError):
+        pass
+    return found
+
+
+@lru_cache(maxsize=64)
+def _static_friction(thresholds: Law, initial: Law) -> float:
+    return rigid.static_friction(Interface(thresholds=thresholds, initial=initial))[0]
+
+
+@lru_cache(maxsize=64)
+def _critical_stiffness(interface: Interface) -> float:
+    return rigid.critical_stiffness(interface)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Pages 2 and 3
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
+    """The stability map over two knobs, in the rig's units."""
+    rig = documents.rig_of(request.get("document"))
+    over = _over(request)
+    found = advise.chart(rig, over, float(request.get("around", 20.0)), 56, watch)
+    rate = found["growth_rate"].transpose(over[1], over[0])
+    values = rate.to_numpy()
+    largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 1.0
+    shade = _shade(values / largest)
+    levels = np.array([-1.0, -0.1, -0.01, 0.0, 0.01, 0.1, 1.0])
+    edge = found["other_unstable"].to_numpy() == 0
+    yield {
+        "x": _map_axis(found[over[0]]),
+        "y": _map_axis(found[over[1]]),
+        "over": over,
+        "shade": [_list(row) for row in shade],
+        "rate": [[f"{value:.3g}" for value in row] for row in values],
+        "rate_unit": str(rate.attrs.get("units", "")),
+        "levels": {"at": _list(_shade(levels)), "text": [f"{level * largest:.2g}" for level in levels]},
+        "curves": [
+            {
+                "x": _list(np.where(edge[mine], found[f"edge_{over[0]}"].to_numpy()[mine], np.nan)),
+                "y": _list(np.where(edge[mine], found[f"edge_{over[1]}"].to_numpy()[mine], np.nan)),
+            }
+            for mine in (found["curve"].to_numpy() == curve for curve in np.unique(found["curve"].to_numpy()))
+        ],
+        "here": [float(found[f"here_{name}"]) for name in over],
+        "summary": found.attrs["summary"],
+    }
+
+
+def _map_axis(knob: xr.DataArray) -> Plain:
+    values = knob.to_numpy()
+    return {**_label(knob), "values": packed(values), "ends": [float(values[0]), float(values[-1])]}
+
+
+def _shade(share: Array) -> Array:
+    """Growth rates, as shares of the largest, spread out about zero."""
+    return np.asarray(np.arcsinh(share / 1e-3) / np.arcsinh(1e3))
+
+
+def band(request: Plain, watch: Watch) -> Iterator[Plain]:
+    """The bistable band of the map, column by column."""
+    rig = documents.rig_of(request.get("document"))
+    over = _over(request)
+    across, up = (next(knob for knob in KNOBS if knob.name == name) for name in over)
+    (left, right), (low, high) = ((float(edge) for edge in request[key]) for key in ("x", "y"))
+    scale = {name: _unit(rig, name) for name in over}
+    setting = Setting(interface=rig.interface, rig=rig.slider, velocity=rig.velocity)
+    done = 0
+    watch(0.0)
+    # From the middle outwards: the rig stands there.
+    places = np.geomspace(left, right, _COLUMNS)
+    for i in sorted(range(_COLUMNS), key=lambda i: abs(i - _COLUMNS // 2)):
+        turned = across.set(setting, places[i] / scale[across.name])
+        bands: list[list[float]] = []
+        note = ""
+        try:
+            found = cycles.bistable_band(
+                turned.interface,
+                turned.rig,  # type: ignore[arg-type]  # a Slider stays one
+                turned.velocity,
+                up,
+                between=(low / scale[up.name], high / scale[up.name]),
+                step=0.2,
+                tolerance=0.02,
+            )
+            bands = [[b.low.value * scale[up.name], b.high.value * scale[up.name]] for b in found.bands]
+        except (InputError, UndecidedError) as error:
+            note = str(error)
+        done += 1
+        watch(done / _COLUMNS)
+        yield {"column": float(places[i]), "bands": bands, "note": note, "columns": done, "of": _COLUMNS}
+
+
+def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
+    """Verdict, numbers, margins and remedies."""
+    rig = documents.rig_of(request.get("document"))
+    documents.check_size(rig)
+    found = advise.predict(rig, progress=watch)
+    remedies = []
+    for remedy, words in zip(found.remedies, found.remedy_lines(), strict=True):
+        targets = (("smooth sliding stays", remedy.keeps), ("stick-slip dies", remedy.stops))
+        steps = [
+            {"title": f"{_amount(rig, remedy.knob, value)}: {title}", "value": value * _unit(rig, remedy.knob)}
+            for title, value in targets
+            if value is not None
+        ]
+        remedies.append({"knob": remedy.knob, "words": words, "steps": steps})
+    yield {
+        "name": rig.name,
+        "verdict": found.verdict,
+        "ill": found.ill,
+        "evidence": str(found.regime).splitlines(),
+        "numbers": [list(pair) for pair in found.numbers()],
+        "margins": [list(row) for row in found.margin_rows()],
+        "remedies": remedies,
+        "assumed": dict(rig.assumed),
+    }
+
+
+def _amount(rig: Rig, knob: str, value: float) -> str:
+    return f"{value:.3g}" if knob == "spread" else rig.in_units(value, documents.QUANTITIES[knob])
+
+
+def _over(request: Plain) -> tuple[str, str]:
+    over = request.get("over")
+    known = [knob.name for knob in KNOBS]
+    if not isinstance(over, list) or len(over) != 2 or over[0] == over[1] or not set(over) <= set(known):
+        raise InputError(f"map: over = {over!r}: must be two different knobs of {', '.join(known)}")
+    return (str(over[0]), str(over[1]))
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Page 4 and downloads
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def trace(content: bytes, name: str, options: Mapping[str, str], width: int) -> Plain:
+    """Analyse a measured trace; `options` may name its columns (force, time) and the time from row to row (step)."""
+    if len(content) > LARGEST_TRACE:
+        raise InputError(too_large(len(content)))
+    step = None
+    if text := options.get("step", "").strip():
+        try:
+            step = float(text)
+        except ValueError:
+            raise InputError(f"step = {text!r}: must be a number (s from one row to the next)") from None
+    columns = {
+        key: int(text) if text.isdigit() else text for key in ("force", "time") if (text := options.get(key, "").strip())
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "trace"
+        file.write_bytes(content)
+        try:
+            data = measure.read_trace(
+                file, force=columns.get("force"), time=None if step else columns.get("time"), step=step
+            )
+        except InputError as error:
+            raise InputError(str(error).replace(str(file), name)) from None
+    statistics = measure.event_statistics(measure.events(data))
+    return {
+        **_trace(data, width),
+        "name": name,
+        "rows": int(data.attrs["rows"]),
+        "note": str(data.attrs.get("note", "")),
+        "statistics": [line.partition(": ")[::2] for line in str(statistics).splitlines()[1:]],
+    }
+
+
+def too_large(size: float) -> str:
+    """Say that a file is too large."""
+    return (
+        f"this file has {size / 1e6:.0f} MB, more than {LARGEST_TRACE / 1e6:.0f}; keep every n-th row or a part of it, "
+        "or use `stickslip measure`"
+    )
+
+
+FORMATS = {
+    "nc": "application/x-netcdf",
+    "png": "image/png",
+    "svg": "image/svg+xml",
+    "toml": "application/toml",
+}
+
+
+def download(document: object, form: str) -> bytes:
+    """Return the rig as TOML, its run as NetCDF, or a picture of that."""
+    rig = documents.rig_of(document)
+    if form == "toml":
+        return rigs.to_toml(rig).encode()
+    made = _run(rig, lambda _share: None)
+    made.attrs["rig"] = rigs.to_toml(rig)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / f"run.{form}"
+        if form == "nc":
+            store.save(made, file)
+        else:
+            shown = _shown(made, rig)
+            plot.save(plot.overview(shown, events=measure.events(shown)), file)
+        return file.read_bytes()
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Arrays for a screen
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def packed(values: Array) -> Plain:
+    """An array as plotly.js takes it without parsing numbers."""
+    return {"dtype": "f4", "bdata": base64.b64encode(values.astype("<f4").tobytes()).decode()}
+
+
+def envelope(x: Array, y: Array, width: int) -> tuple[Array, Array]:
+    """Thin out a line to a screen's width: smallest and largest value of each pixel, in their order."""
+    group = y.size // width
+    if group < 3:
+        return x, y
+    whole = y.size // group * group
+    blocks = y[:whole].reshape(-1, group)
+    first = np.arange(0, whole, group)
+    ends = np.stack([first + blocks.argmin(axis=1), first + blocks.argmax(axis=1)], axis=1)
+    kept = np.unique(np.concatenate([[0], ends.ravel(), np.arange(whole, y.size), [y.size - 1]]))
+    return x[kept], y[kept]
+
+
+def along_path(x: Array, y: Array, count: int = 2_000) -> tuple[Array, Array]:
+    """Thin out a curve in the plane: about as many points, evenly along its path, so that fast parts keep theirs."""
+    if x.size <= count:
+        return x, y
+    scales = [float(np.ptp(values)) or 1.0 for values in (x, y)]
+    way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x) / scales[0], np.diff(y) / scales[1]))])
+    kept = np.unique(np.searchsorted(way, np.linspace(0.0, way[-1], count)).clip(0, x.size - 1))
+    return x[kept], y[kept]
+
+
+def _axis(variable: xr.DataArray) -> Plain:
+    """Name and unit of an axis; SI units get the prefix that suits the values, which `factor` divides out."""
+    name = _label(variable)
+    values = variable.to_numpy()
+    largest = float(np.nanmax(np.abs(values), initial=0.0))
+    if name["unit"] in ("N", "m", "s", "m/s") and largest > 0 and not 0.5 <= largest < 5e3:
+        factor, prefix = next((p for p in _PREFIXES if largest >= 0.5 * p[0]), _PREFIXES[-1])
+        return {**name, "unit": prefix + name["unit"], "factor": factor}
+    return {**name, "factor": 1.0}
+
+
+def _label(variable: xr.DataArray) -> Plain:
+    return {
+        "title": str(variable.attrs.get("long_name", variable.name)),
+        "unit": str(variable.attrs.get("units", "")),
+    }
+
+
+def _list(values: Array) -> list[float | None]:
+    return [float(value) if math.isfinite(value) else None for value in values]
+
+
+def _look(request: Plain, rig: Rig) -> float:
+    """Time of the cursor; just before the end at the latest, where rounding could take it beyond."""
+    share = request.get("cursor")
+    known = isinstance(share, (int, float)) and math.isfinite(share)
+    return min(max(share if known else 1.0, 0.0), 0.9999) * rig.drive.duration
+
+
+def _width(request: Plain) -> int:
+    width = request.get("width")
+    return int(min(max(width, 100), 4_000)) if isinstance(width, (int, float)) and math.isfinite(width) else 1_000

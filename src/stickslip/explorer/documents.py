@@ -1,0 +1,362 @@
+"""Rigs as the page holds them: the content of a rig file, as a plain mapping.
+
+What the page shows in a field is what stands in the document; every check is made here, by `stickslip.rig`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from collections.abc import Mapping
+from copy import deepcopy
+from pathlib import Path
+from typing import Any
+
+from stickslip import model
+from stickslip import rig as rigs
+from stickslip.errors import InputError
+from stickslip.model import PaperCase, RandomDelay
+from stickslip.rig import Rig
+from stickslip.simulate import Contacts
+from stickslip.units import Quantity, Scales
+
+Document = dict[str, Any]
+
+MOST_BREAKS = 2e7
+"""Contacts times distance in ``x_s``: about as many breaks; a few seconds of work."""
+MOST_COHORTS = 1e5
+"""The same for the master equation: cells times distance."""
+MOST_RADIANS = 2e6
+"""Angle that the held slider's oscillation turns through in a run."""
+
+QUANTITIES: Mapping[str, Quantity] = {
+    "stiffness": "stiffness",
+    "velocity": "velocity",
+    "mass": "mass",
+    "damping": "rate",
+    "delay": "time",
+    "spread": "length",
+}
+"""Knobs of the theory of stability, and what they are."""
+
+_UNITS: Mapping[Quantity, str] = {
+    "force": "N",
+    "length": "m",
+    "time": "s",
+    "velocity": "m/s",
+    "stiffness": "N/m",
+    "mass": "kg",
+    "rate": "1/s",
+}
+_BENCH = Scales(force=768.0, stretching=2e-6, time=5e-3)
+"""Scales for a rig in natural units that is to be shown in SI: those of examples/pmma_slider.toml."""
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# In
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def rig_of(document: object) -> Rig:
+    """Make the rig that a document describes.
+
+    Raises
+    ------
+    InputError
+        As `stickslip.rig.from_document`, and if a run of it would keep the page waiting.
+    """
+    if not isinstance(document, Mapping):
+        raise InputError("rig: must be a table with slider, interface and drive")
+    return rigs.from_document(document)
+
+
+def check_size(rig: Rig) -> None:
+    """Raise `InputError` if a run would keep the page waiting."""
+    pieces = rig.drive.pieces
+    distance = sum(0.5 * (abs(piece.start) + abs(piece.end)) * piece.duration for piece in pieces)
+    elsewhere = "for longer ones use `stickslip simulate`"
+    if isinstance(rig.method, Contacts):
+        most = MOST_BREAKS / max(distance, 1.0)
+        if rig.method.count > most:
+            raise InputError(
+                f"simulation.contacts = {rig.method.count:g}: must be at most {most:.3g} over a distance of "
+                f"{distance:.4g} x_s, to stay live; {elsewhere}"
+            )
+    elif rig.method.cells * distance > MOST_COHORTS:
+        raise InputError(
+            f"simulation.cells = {rig.method.cells:g}: must be at most {MOST_COHORTS / distance:.3g} over a distance "
+            f"of {distance:.4g} x_s, to stay live; {elsewhere}"
+        )
+    if rig.slider.mass > 0:
+        turns = math.sqrt((rig.slider.stiffness + 1.0) / rig.slider.mass) * rig.drive.duration
+        if turns > MOST_RADIANS:
+            least = rig.slider.mass * (turns / MOST_RADIANS) ** 2
+            raise InputError(
+                f"slider.mass = {rig.in_units(rig.slider.mass, 'mass')}: must be at least "
+                f"{rig.in_units(least, 'mass')} in a run of this length, to stay live; {elsewhere}"
+            )
+
+
+_KEY = re.compile(r"\b(?:slider|interface|drive|simulation|units|name|assumed)(?:\.[a-z_0-9]+)+")
+_OF_RECORDS = {
+    "Slider.": "slider.",
+    "Contacts.count": "simulation.contacts",
+    "Contacts.seed": "simulation.seed",
+    "MasterEquation.cells": "simulation.cells",
+    "Record.interval": "simulation.interval",
+    "Sliding": "simulation.start",
+    "Langevin.rate": "interface.ageing.time",
+    "Interface.initial": "interface.initial",
+    "Interface.ageing": "interface.ageing",
+    "Interface.delay": "interface.delay",
+    "Delay.time": "interface.delay",
+    "RandomDelay.": "interface.delay.",
+    "Scales.force": "interface.total_threshold",
+    "Scales.stretching": "interface.threshold_stretching",
+    "Piece.duration": "drive.distance",
+    "Piece.": "drive.velocity",
+    "drive:": "drive.velocity",
+    "velocity": "drive.velocity",
+}
+_KEY_OF_RECORD = re.compile("|".join(rf"(?<![\w.]){re.escape(name)}(\w*)" for name in _OF_RECORDS))
+
+
+def complaints(error: Exception, document: object = None) -> list[dict[str, str]]:
+    """Return what is wrong, each with the key of the document that it is about (empty if there is none)."""
+    text = str(error).removeprefix("rig: ")
+    return [
+        {"key": _key(part, document), "message": part.strip()}
+        for part in re.split(r"; (?=[a-z]+\.[a-z_.]+(?: = |: ))", text)
+    ]
+
+
+def _key(text: str, document: object) -> str:
+    if found := _KEY.search(text):
+        return found[0]
+    if found := _KEY_OF_RECORD.search(text):
+        name = next(name for name in _OF_RECORDS if found[0].startswith(name))
+        return _OF_RECORDS[name] + (found[0].removeprefix(name) if _OF_RECORDS[name].endswith(".") else "")
+    if re.match(r"(Gaussian|Uniform|Exponential|Gamma|LogNormal|Weibull|Empirical)\b", text):
+        return "interface." + _faulty_law(document)
+    return ""
+
+
+def _faulty_law(document: object) -> str:
+    """Which of the two laws of a document cannot be made; errors of a law do not say whose it is."""
+    plain = deepcopy(document)
+    if not isinstance(plain, dict) or not isinstance(plain.get("interface"), dict):
+        return "thresholds"
+    plain["interface"].pop("initial", None)
+    try:
+        rigs.from_document(plain)
+    except InputError:
+        return "thresholds"
+    return "initial"
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Changed
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def turned(rig: Rig, values: Mapping[str, float]) -> Document:
+    """Return the document of a rig with some knobs turned.
+
+    Parameters
+    ----------
+    rig : Rig
+    values : mapping of str to float
+        Knob and value, in the basic unit of the rig's own system (N/m, m/s, kg, 1/s, s, m; or natural).
+
+    Raises
+    ------
+    InputError
+        If the rig has no such knob.
+    """
+    document = deepcopy(dict(rig.document))
+    slider, interface, drive = (_table(document, name) for name in ("slider", "interface", "drive"))
+    for name, value in values.items():
+        if name not in QUANTITIES:
+            raise InputError(f"{name!r}: is no knob; there are {', '.join(QUANTITIES)}")
+        if not isinstance(value, (int, float)) or not math.isfinite(value) or value <= 0:
+            raise InputError(f"{name} = {value!r}: must be a number above 0")
+        natural = value if rig.scales is None else rig.scales.natural(value, QUANTITIES[name])
+        if name in ("stiffness", "mass", "damping"):
+            # A knob is turned at constant eta, as on the map.
+            if slider.pop("relative_damping", None) is not None:
+                slider["damping"] = _written(rig.slider.damping, "rate", rig.scales)
+            slider[name] = _written(natural, QUANTITIES[name], rig.scales)
+        elif name == "velocity":
+            if "velocity" not in drive:
+                raise InputError("drive.pieces: this drive is a ramp; its velocity is not one number to turn")
+            drive["velocity"] = _written(natural, "velocity", rig.scales)
+        elif name == "delay":
+            delay = rig.interface.delay
+            if isinstance(delay, RandomDelay) and delay.mean > 0:
+                spread = delay.spread * natural / delay.mean
+                interface["delay"] = {
+                    "mean": _written(natural, "time", rig.scales),
+                    "spread": _written(spread, "time", rig.scales),
+                    "negative": delay.negative,
+                }
+            else:
+                interface["delay"] = _written(natural, "time", rig.scales)
+        else:
+            law = _table(interface, "thresholds")
+            if "spread" not in law:
+                raise InputError("interface.thresholds: this law has no spread of its own to turn")
+            law["spread"] = _short(natural)
+    return document
+
+
+def with_damping(rig: Rig, relative: bool) -> Document:
+    """Return the document with the damping given as ``eta/Omega``, or as ``eta`` itself."""
+    document = deepcopy(dict(rig.document))
+    slider = _table(document, "slider")
+    slider.pop("damping", None)
+    slider.pop("relative_damping", None)
+    if relative:
+        slider["relative_damping"] = _short(rig.slider.damping / rig.slider.frequency)
+    else:
+        slider["damping"] = _written(rig.slider.damping, "rate", rig.scales)
+    return document
+
+
+def in_units(rig: Rig, units: str) -> Document:
+    """Return the document of a rig in the other system of units.
+
+    A rig in natural units has no scales; it gets those of the PMMA bench among the examples.
+    """
+    if units not in ("SI", "natural"):
+        raise InputError(f"units = {units!r}: must be 'SI' or 'natural'")
+    document = deepcopy(dict(rig.document))
+    if (units == "natural") == (rig.scales is None):
+        return document
+    scales = _BENCH if units == "SI" else None
+    slider, interface, drive = (_table(document, name) for name in ("slider", "interface", "drive"))
+    document["units"] = units
+    slider["mass"] = _written(rig.slider.mass, "mass", scales)
+    slider["stiffness"] = _written(rig.slider.stiffness, "stiffness", scales)
+    if "damping" in slider:
+        slider["damping"] = _written(rig.slider.damping, "rate", scales)
+    for key in ("total_threshold", "normal_load", "friction_coefficient", "threshold_stretching"):
+        interface.pop(key, None)
+    if scales is not None:
+        interface["total_threshold"] = _written(1.0, "force", scales)
+        interface["threshold_stretching"] = _written(1.0, "length", scales)
+    delay = rig.interface.delay
+    if isinstance(delay, RandomDelay):
+        interface["delay"]["mean"] = _written(delay.mean, "time", scales)
+        interface["delay"]["spread"] = _written(delay.spread, "time", scales)
+    elif "delay" in interface and interface["delay"] != "never":
+        interface["delay"] = _written(delay.moment(1), "time", scales)
+    ageing = rig.interface.ageing
+    if isinstance(ageing, (model.Langevin, model.ExponentialGrowth)):
+        rate = ageing.rate**2 if isinstance(ageing, model.Langevin) else ageing.rate
+        interface["ageing"]["time"] = _written(1.0 / rate, "time", scales)
+    elif ageing is not None:
+        interface["ageing"]["time"] = _written(ageing.time, "time", scales)
+    if "pieces" in drive:
+        drive["pieces"] = [
+            {
+                "start": _written(piece.start, "velocity", scales),
+                "end": _written(piece.end, "velocity", scales),
+                "duration": _written(piece.duration, "time", scales),
+            }
+            for piece in rig.drive.pieces
+        ]
+    else:
+        velocity, duration = rig.velocity, rig.drive.duration
+        drive["velocity"] = _written(velocity, "velocity", scales)
+        if "duration" in drive:
+            drive["duration"] = _written(duration, "time", scales)
+        else:
+            drive["distance"] = _written(abs(velocity) * duration, "length", scales)
+    if rig.record.interval is not None:
+        _table(document, "simulation")["interval"] = _written(rig.record.interval, "time", scales)
+    document.pop("assumed", None)  # its sentences are about the numbers of the file
+    return document
+
+
+def _table(document: Document, name: str) -> Document:
+    part = document.setdefault(name, {})
+    document[name] = part = dict(part)
+    return part
+
+
+def _written(value: float, quantity: Quantity, scales: Scales | None) -> float | str:
+    """A natural value as it stands in a document."""
+    return _short(value) if scales is None else rigs.engineering(scales.si(value, quantity), _UNITS[quantity])
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.5g}")
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Presets
+# ---------------------------------------------------------------------------------------------------------------------
+
+_FIGURES = {
+    1: (model.FIG1, "no delay, narrow start"),
+    2: (model.FIG2, "elastic instability"),
+    3: (model.FIG3, "critical stiffness"),
+    4: (model.FIG4, "delay .2: stick-slip"),
+    5: (model.FIG5, "broken contacts never come back"),
+    6: (model.FIG6, "critical delay"),
+    7: (model.FIG7, "transitions in velocity"),
+    8: (model.FIG8, "ageing contacts"),
+    9: (model.FIG9, "ageing, against velocity"),
+    10: (model.FIG10, "ageing, against its rate"),
+    11: (model.FIG11, "ageing, slower"),
+}
+
+
+def presets() -> list[dict[str, Any]]:
+    """Return every preset: a group, a title and a document."""
+    found: list[dict[str, Any]] = [{"group": "Begin", "title": "Sliding or stick-slip?", "document": first()}]
+    for figure, (case, words) in _FIGURES.items():
+        title = f"Fig. {figure}: {words}"
+        found.append({"group": "The paper", "title": title, "document": paper(case, f"Fig. {figure}")})
+    for file in sorted((Path(__file__).parent / "examples").glob("*.toml")):
+        try:
+            document = tomllib.loads(file.read_text())
+            rig_of(document)
+        except (InputError, tomllib.TOMLDecodeError, UnicodeDecodeError):
+            continue  # sweeps and maps lie there, too
+        found.append({"group": "Rigs", "title": str(document.get("name", file.stem)), "document": document})
+    return found
+
+
+def first() -> Document:
+    """Return the rig that the app begins with: Fig. 4 of the paper, with fewer contacts."""
+    document = paper(model.FIG4, "Sliding or stick-slip")
+    document["simulation"]["contacts"] = 3_000
+    return document
+
+
+def paper(case: PaperCase, name: str) -> Document:
+    """Return a case of the paper as a document in natural units."""
+    interface, slider = case.interface, case.slider
+    thresholds, initial, delay = interface.thresholds, interface.initial, interface.delay
+    relative = round(slider.damping / slider.frequency, 6)
+    parts: Document = {
+        "thresholds": {"law": "gaussian", "mean": thresholds.moment(1), "spread": thresholds.standard_deviation()},
+        "initial": {"law": "gaussian", "mean": initial.moment(1), "spread": initial.standard_deviation()},
+    }
+    for law in parts.values():
+        law.update({key: _short(law[key]) for key in ("mean", "spread")})
+    if delay.moment(1) > 0:
+        parts["delay"] = "never" if math.isinf(delay.moment(1)) else delay.moment(1)
+    if isinstance(interface.ageing, model.Langevin):
+        parts["ageing"] = {"law": "langevin", "time": _short(interface.ageing.rate**-2)}
+    damping = {"relative_damping": relative} if relative in (0.1, 0.3) else {"damping": slider.damping}
+    return {
+        "name": name,
+        "units": "natural",
+        "slider": {"mass": slider.mass, "stiffness": slider.stiffness, **damping},
+        "interface": parts,
+        "drive": {"velocity": case.velocity, "distance": 60.0},
+        "simulation": {"method": "contacts", "contacts": case.contacts, "seed": 1, "cells": 100, "start": "relaxed"},
+    }

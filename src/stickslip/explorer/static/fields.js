@@ -1,0 +1,115 @@
+"use strict";
+/* The fields of page 1: where each stands in the document (the content of a rig file), its units and its slider. */
+
+const Fields = (() => {
+  const at = (tree, path) => path.split(".").reduce((node, key) => (node == null ? undefined : node[key]), tree);
+  const put = (tree, path, value) => {
+    const keys = path.split("."), last = keys.pop();
+    let node = tree;
+    for (const key of keys) node = node[key] !== null && typeof node[key] === "object" ? node[key] : (node[key] = {});
+    if (value === undefined) delete node[last];
+    else node[last] = value;
+  };
+  const simple = (path) => ({ read: (doc) => at(doc, path), write: (doc, value) => put(doc, path, value) });
+
+  // A delay is a number, "never", or a table with mean, spread and the fate of negative draws.
+  const random = (doc) => (at(doc, "interface.delay") !== null && typeof at(doc, "interface.delay") === "object");
+  const delay = {
+    read: (doc) => (random(doc) ? at(doc, "interface.delay.mean") : at(doc, "interface.delay")),
+    write: (doc, value) => put(doc, random(doc) ? "interface.delay.mean" : "interface.delay", value),
+  };
+  const delaySpread = {
+    read: (doc) => (random(doc) ? at(doc, "interface.delay.spread") : undefined),
+    write: (doc, value) => {
+      const mean = delay.read(doc), none = parseFloat(value) === 0;
+      if (none) put(doc, "interface.delay", mean);
+      else put(doc, "interface.delay", { negative: at(doc, "interface.delay.negative") ?? "clip",
+        mean: mean ?? (doc.units === "natural" ? 0 : "0 ms"), spread: value });
+    },
+  };
+
+  // A file gives the time 1/beta^2 in which thresholds age; the page shows the rate beta.
+  const seconds = { s: 1, ms: 1e-3, us: 1e-6, "µs": 1e-6, ns: 1e-9, min: 60, h: 3600 };
+  const ageing = {
+    read: (doc) => {
+      const time = at(doc, "interface.ageing.time");
+      if (time === undefined) return undefined;
+      const [number, unit] = split(time);
+      const rate = Math.pow(parseFloat(number) * (unit ? seconds[unit] ?? NaN : 1), -0.5);
+      if (!isFinite(rate)) return time;
+      return doc.units === "natural" ? short(rate) : `${short(rate)} 1/√s`;
+    },
+    write: (doc, value) => {
+      const [number] = split(value), rate = Number(number);
+      if (number !== "" && rate === 0) return put(doc, "interface.ageing", undefined);
+      const time = number === "" || !isFinite(rate) || rate < 0 ? value : short(Math.pow(rate, -2));
+      put(doc, "interface.ageing", { law: "langevin", ...at(doc, "interface.ageing"),
+        time: doc.units === "natural" || typeof time === "string" ? time : `${time} s` });
+    },
+  };
+
+  const isRelative = (doc) => at(doc, "slider.relative_damping") !== undefined;
+  const damping = {
+    read: (doc) => at(doc, isRelative(doc) ? "slider.relative_damping" : "slider.damping"),
+    write: (doc, value) => put(doc, isRelative(doc) ? "slider.relative_damping" : "slider.damping", value),
+  };
+  const contacts = (doc) => at(doc, "simulation.method") !== "master equation";
+  const load = (doc) => at(doc, "interface.normal_load") !== undefined;
+  const SI = (doc) => doc.units !== "natural";
+  const held = (doc) => at(doc, "drive.pieces") === undefined;
+
+  /* key: as the server's messages name it; unit: natural; si: SI; range: of the slider, natural; zero: may be 0;
+     plain: a number without a unit in either system; when: shown only then; choices: a menu. */
+  const ALL = [
+    { group: "Slider and drive" },
+    { key: "slider.stiffness", symbol: "K", title: "driving spring", unit: "k", si: "N/m", range: [0.05, 50] },
+    { key: "drive.velocity", symbol: "v", title: "speed", unit: "xₛ/time", si: "m/s", range: [0.01, 100], when: held },
+    { key: "slider.mass", symbol: "M", title: "mass", unit: "fₛ time²/xₛ", si: "kg", range: [1e-6, 1] },
+    { key: "slider.damping", symbol: "η", title: "damping", unit: "1/time", si: "1/s", range: [1, 3000], ...damping,
+      when: (doc) => !isRelative(doc), swap: "η/Ω" },
+    { key: "slider.relative_damping", symbol: "η/Ω", title: "damping", unit: "", plain: true, range: [0.01, 30],
+      ...damping, when: isRelative, swap: "η" },
+    { group: "Contacts" },
+    { key: "interface.delay", symbol: "τ", title: "delay", unit: "time", si: "s", range: [0.002, 5], zero: true, ...delay },
+    { key: "interface.delay.spread", symbol: "Δτ", title: "its spread", unit: "time", si: "s", range: [0.002, 1], zero: true,
+      ...delaySpread },
+    { key: "interface.delay.negative", title: "delays below 0", choices: { clip: "become 0", redraw: "are drawn again",
+      fold: "change sign" }, when: random },
+    { key: "interface.thresholds.spread", symbol: "Δf", title: "threshold spread", unit: "xₛ", plain: true,
+      range: [0.01, 0.5], when: (doc) => at(doc, "interface.thresholds.spread") !== undefined },
+    { key: "interface.initial.spread", symbol: "Δf₀", title: "initial spread", unit: "xₛ", plain: true,
+      range: [0.001, 0.5], when: (doc) => at(doc, "interface.initial.low") === undefined },
+    { key: "interface.ageing.time", symbol: "β", title: "ageing rate", unit: "1/√time", si: "1/√s", range: [0.05, 10],
+      zero: true, ...ageing },
+    { key: "interface.total_threshold", symbol: "N fₛ", title: "all thresholds", si: "N", when: (doc) => SI(doc) && !load(doc) },
+    { key: "interface.normal_load", title: "normal load", si: "N", when: (doc) => SI(doc) && load(doc) },
+    { key: "interface.friction_coefficient", symbol: "μ", title: "friction coeff.", plain: true, unit: "",
+      when: (doc) => SI(doc) && load(doc) },
+    { key: "interface.threshold_stretching", symbol: "xₛ", title: "stretching", si: "m", when: SI },
+    { group: "Simulation" },
+    { key: "simulation.method", title: "solver", choices: { contacts: "contacts, one by one",
+      "master equation": "master equation" }, missing: "contacts" },
+    { key: "simulation.contacts", symbol: "N", title: "contacts", unit: "", plain: true, whole: true, range: [10, 1e5],
+      when: contacts, missing: 10000 },
+    { key: "simulation.seed", title: "seed", unit: "", plain: true, whole: true, when: contacts, missing: 1 },
+    { key: "simulation.cells", title: "cells per xₛ", unit: "", plain: true, whole: true, range: [20, 1000],
+      when: (doc) => !contacts(doc), missing: 400 },
+    { key: "simulation.start", title: "start", choices: { relaxed: "at rest", sliding: "sliding smoothly" },
+      missing: "relaxed" },
+    { key: "drive.distance", title: "distance", unit: "xₛ", si: "m", range: [5, 500],
+      when: (doc) => held(doc) && at(doc, "drive.duration") === undefined },
+    { key: "drive.duration", title: "duration", unit: "time", si: "s",
+      when: (doc) => held(doc) && at(doc, "drive.duration") !== undefined },
+  ].map((field) => (field.key && !field.read ? { ...field, ...simple(field.key) } : field));
+
+  /* "4 MN/m" -> ["4", "MN/m"]; 4 -> ["4", ""]; what is no number stays whole. */
+  function split(value) {
+    if (value === undefined || value === null) return ["", ""];
+    if (typeof value === "number") return [String(value), ""];
+    const found = /^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(.*)$/i.exec(value);
+    return found ? [found[1], found[2].trim()] : [String(value), ""];
+  }
+  const short = (value, digits = 4) => Number(value.toPrecision(digits));
+
+  return { ALL, split, short, at, put };
+})();
