@@ -689,3 +689,23 @@ def test_the_real_trace():
     result = regime(data)
     assert result.kind == "stick-slip"
     assert "irregular" in result.reason
+
+
+def test_a_slip_that_overshoots_is_not_taken_for_ringing():
+    """A soft spring: each slip throws the slider past the drive, it swings back once, and is loaded again."""
+    stiffness, period, cycles = 0.01, 60.0, 12
+    t = np.arange(0.0, cycles * period, 0.05)
+    phase = t % period
+    force = np.where(phase < 59.0, 0.01 * phase, 0.59 - 1.04 * (phase - 59.0) / 0.5)
+    force = np.where(phase >= 59.5, -0.45 + 0.45 * (phase - 59.5) / 0.5, force)
+    run = xr.Dataset(
+        {
+            "F_d": ("t", force, {"units": "f_s"}),
+            "X": ("t", t - force / stiffness, {"units": "x_s"}),
+            "velocity": ("t", np.gradient(t - force / stiffness, t), {"units": "x_s/time"}),
+            "drive_velocity": ("t", np.ones_like(t), {"units": "x_s/time"}),
+        },
+        coords={"t": ("t", t, {"units": "time"})},
+    )
+    assert events(run).sizes["event"] == cycles
+    assert regime(run).kind == "stick-slip"

@@ -257,7 +257,10 @@ def _joined(trace: Trace, smallest: float, criterion: str, *, noise: float) -> S
             rebound = force[peak] - force[last]
             if rebound < LARGEST_REBOUND * (force[first] - force[lowest]):
                 if trace.X is not None:
-                    back = trace.X[peak] <= trace.X[last]
+                    # Ringing throws the slider back; loading moves the drive on. After a slip that overshot, one rise
+                    # holds both: it is ringing only if the slider gave way by more than the drive took up.
+                    speed = 0.0 if trace.drive is None else abs(float(trace.drive[peak]))
+                    back = trace.X[last] - trace.X[peak] >= speed * (t[peak] - t[last])
                 else:
                     back = rebound > RINGING_SPEED * usual * (t[peak] - t[last])
                 if back:
