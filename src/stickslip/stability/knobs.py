@@ -469,7 +469,7 @@ def search(
 
 def _between(knob: Knob, setting: Setting, left: _Point, right: _Point) -> list[Crossing]:
     """Crossings between two points, by quartering until each part holds at most one branch that changes sign."""
-    changing = [branch for branch in _matched(left.neutral, right.neutral) if (branch[1] > 0) != (branch[3] > 0)]
+    changing = [branch for branch in _matched(left, right) if (branch[1] > 0) != (branch[3] > 0)]
     if left.unstable == right.unstable and not changing:
         return []
     width = math.log(right.value / left.value)
@@ -506,15 +506,21 @@ def _nearest(neutral: Neutral) -> Array:
     return omega[np.isfinite(omega)][:4]
 
 
-def _matched(one: Neutral, two: Neutral) -> list[tuple[float, float, float, float]]:
-    """Branches present in both: frequency and lacking spring in one, then in the other."""
+def _matched(one: _Point, two: _Point) -> list[tuple[float, float, float, float]]:
+    """Branches present at both points, each the other's nearest: frequency and lacking spring at one, then at two."""
+    furthest = 0.02 + 2.5 * abs(math.log(two.value / one.value))
     pairs = []
-    for w, e, m in zip(*one, strict=True):
-        same = np.flatnonzero((two.modes == m) & np.isfinite(two.omega))
-        if same.size and math.isfinite(w):
-            k = same[np.argmin(np.abs(np.log(two.omega[same] / w)))]
-            if abs(math.log(two.omega[k] / w)) < 0.4:
-                pairs.append((float(w), float(e), float(two.omega[k]), float(two.extra[k])))
+    for sign in (2, -2):
+        here, there = (np.flatnonzero((p.neutral.modes == sign) & np.isfinite(p.neutral.omega)) for p in (one, two))
+        if here.size == 0 or there.size == 0:
+            continue
+        apart = np.abs(np.log(one.neutral.omega[here, None] / two.neutral.omega[there]))
+        nearest, back = np.argmin(apart, axis=1), np.argmin(apart, axis=0)
+        for i, j in enumerate(nearest.tolist()):
+            if back[j] == i and apart[i, j] < furthest:
+                k, m = here[i], there[j]
+                w, e = float(one.neutral.omega[k]), float(one.neutral.extra[k])
+                pairs.append((w, e, float(two.neutral.omega[m]), float(two.neutral.extra[m])))
     return pairs
 
 
@@ -522,8 +528,8 @@ def _hidden(knob: Knob, setting: Setting, before: _Point, here: _Point, after: _
     """Pairs of crossings about a point where a branch comes near to changing sign and turns back."""
     if not before.unstable == here.unstable == after.unstable or depth == 0:
         return []
-    earlier = {w: f for w, _, _, f in _matched(here.neutral, before.neutral)}
-    later = {w: f for w, _, _, f in _matched(here.neutral, after.neutral)}
+    earlier = {w: f for w, _, _, f in _matched(here, before)}
+    later = {w: f for w, _, _, f in _matched(here, after)}
     for w, e in zip(here.neutral.omega.tolist(), here.neutral.extra.tolist(), strict=True):
         if w not in earlier or w not in later:
             continue

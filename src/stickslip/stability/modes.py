@@ -499,7 +499,7 @@ def _count_right_of(response: Response, rig: Impedance, velocity: float, line: f
         top *= 2
         if top > fine_top * 2:
             fine_top *= 2
-        if fine.size > SCAN_LIMIT // 8:
+        if fine.size > 1 << 15:
             return None
     for _ in range(40):
         with np.errstate(all="ignore"):
@@ -533,7 +533,7 @@ def _starts_from_line(response: Response, rig: Impedance, velocity: float, line:
         top += 5.0 * velocity / response.spread
     elif not natural_frequencies(rig).size:
         top = 1e4 * top
-    omega = np.arange(0.5, min(top * memory / STEP, 20_000)) * STEP / memory
+    omega = np.arange(0.5, min(top * memory / STEP, 6_000)) * STEP / memory
     if line == 0.0 and not response.inert:
         axis = response.axis(velocity, top)
         omega = velocity * axis.y
