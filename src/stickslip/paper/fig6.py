@@ -134,9 +134,10 @@ def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
             "velocity, and grows with the damping",
             verdict=verdict(printed=False, read=bands and misfit < 0.03 and apart < 0.02 and rises > 0),
             settled="reproduced under the stated reading",
-            reading="tau* is the shortest delay with which stick-slip lasts from a narrow start, damping is a fixed share "
-            f"of Omega, and M v^2 is at most {_FITTED:g}. Then tau* v depends on M v^2 alone: A3 = A1, A4 = A2 M^(1/3). "
-            "The linear critical delay is another thing, nearly the same for all masses; tau* does not exceed it",
+            reading="tau* is the shortest delay with which stick-slip lasts from a narrow start, damping is a fixed "
+            f"share of Omega, and M v^2 is at most {_FITTED:g}. Then tau* v depends on M v^2 alone: A3 = A1 and "
+            "A4 = A2 M^(1/3). The linear critical delay is another thing, nearly the same for all masses; tau* does "
+            "not exceed it",
             measured=(
                 near("tau*, M 1e-4, v 1, eta .3 Omega", _at_paper(data), 0.0755, 0.003),
                 near("tau*, eta 200", float(data["lasting_eta_200"]), 0.098, 0.002),
