@@ -158,6 +158,12 @@ def _check(interface: Interface, slider: Slider, velocity: float, method: Master
     instance("cycles: method", method, MasterEquation, "MasterEquation(...)")
     if method.memoryless:
         raise InputError("MasterEquation.memoryless: without memory the oscillation is spurious; leave it False here")
+    if interface.ageing is not None:
+        raise InputError(f"Interface.ageing = {interface.ageing}: not available for cycles; use simulate()")
+    if interface.ageing is not None:
+        raise InputError(
+            f"Interface.ageing = {interface.ageing}: cycles are followed for contacts that do not age only"
+        )
     check_method(interface, method)
     if slider.mass == 0:
         raise InputError("Slider.mass = 0: a cycle needs a mass above 0; the massless limit is for `stability` only")
