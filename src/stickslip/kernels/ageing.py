@@ -1302,3 +1302,59 @@ def advance_density(
     state[0], state[1], state[2], state[3] = now, X, V, undone
     state[4], state[5], state[6] = float(count + 1), opened, since
     return samples
+
+
+@jit
+def pull_newborns(
+    velocity: float, rate: float, spread: float, mean: float, distance: float, points: int, cells: int = 160
+) -> tuple[Floats, Floats]:
+    """Force while contacts that were all newborn at the start are dragged at constant velocity, Eqs. (7), (13)-(17).
+
+    Lives at constant velocity are alike, so births (counted by local time) are a renewal process: ``births * S = 1``
+    and ``F = births * (v a S)``, with the survivors S by age of the stationary solution and ``*`` the convolution.
+    ``max(-dF/dX)`` is the effective stiffness of Fig. 11.
+
+    Parameters
+    ----------
+    velocity, rate, spread, mean : float
+        See `steady_friction`; newborn thresholds are 0.
+    distance : float
+        How far the slider goes.
+    points : int
+        Number of equal steps of the way.
+    cells : int
+        Cells of the gap.
+
+    Returns
+    -------
+    way, force : ndarray, shape (points,)
+    """
+    u, delta = velocity / (rate * rate * mean), spread / mean
+    z, age = _stability_nodes(u, delta, 0.0, cells)
+    mass = _density_by_age(u, delta, 0.0, z, age)
+    ages = np.arange(points + 1) * (distance / mean / u / points)
+    life, work = np.zeros(points + 1), np.zeros(points + 1)  # integrals of S and a S
+    i, lives, works, s0 = 1, 0.0, 0.0, 1.0
+    for j in range(age.size - 1):
+        h, a0, s1 = age[j + 1] - age[j], age[j], np.sum(mass[j + 1])
+        while i <= points and ages[i] <= age[j + 1]:
+            # Cubic between the nodes: the derivatives are known.
+            t = (ages[i] - a0) / h
+            rise = (0.5 * h * (s0 + s1), 0.5 * h * (s0 * a0 + s1 * age[j + 1]))
+            smooth, early, late = t * t * (3.0 - 2.0 * t), t * (1.0 - t) ** 2, t * t * (t - 1.0)
+            life[i] = lives + smooth * rise[0] + h * (early * s0 + late * s1)
+            work[i] = works + smooth * rise[1] + h * (early * s0 * a0 + late * s1 * age[j + 1])
+            i += 1
+        lives += 0.5 * h * (s0 + s1)
+        works += 0.5 * h * (s0 * a0 + s1 * age[j + 1])
+        s0 = s1
+    life[i:], work[i:] = lives, works
+    births, force = np.zeros(points), np.zeros(points)
+    for i in range(points):
+        known = 0.0
+        for j in range(i):
+            known += births[j] * (life[i - j + 1] - life[i - j])
+        births[i] = (1.0 - known) / life[1]
+        for j in range(i + 1):
+            force[i] += births[j] * (work[i - j + 1] - work[i - j])
+    return ages[1:] * u * mean, force * u * mean
