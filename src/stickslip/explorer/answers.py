@@ -26,11 +26,10 @@ from stickslip import advise, cycles, measure, plot, rigid, store, theory, units
 from stickslip import rig as rigs
 from stickslip.errors import InputError, UndecidedError
 from stickslip.explorer import documents
-from stickslip.model import Interface
+from stickslip.model import Delay, Interface
 from stickslip.rig import Rig
 from stickslip.simulate import simulate
 from stickslip.stability import KNOBS, Setting
-from stickslip.thresholds import Law
 
 Array = NDArray[np.float64]
 Plain = dict[str, Any]
@@ -155,7 +154,7 @@ def _phase(data: xr.Dataset) -> Plain:
 
 
 def _stretchings(data: xr.Dataset) -> Plain:
-    x, density = _axis(data["x"]), _axis(data["Q"])
+    x, density = _axis(data["x"]), {**_axis(data["Q"]), "title": "Q(x)"}
     return {
         "x": {**x, "values": packed(data["x"].to_numpy() / x["factor"])},
         "Q": {**density, "values": packed(data["Q"].to_numpy()[0] / density["factor"])},
@@ -164,14 +163,15 @@ def _stretchings(data: xr.Dataset) -> Plain:
 
 
 def _friction(rig: Rig) -> Plain:
-    """F_k at the drive's speed and F_s of slow rigid motion, in the unit of the force axis; and K*, in words."""
+    """F_k at the drive's speed and F_s of slow rigid motion, in the unit of the force; and K*, in words."""
     interface = replace(rig.interface, ageing=None)
     found: Plain = {"kinetic": None, "static": None, "words": []}
     if rig.interface.ageing is not None:
-        found["words"].append("F_k, F_s and K* are those without ageing")
+        found["words"].append("F_k and F_s are known for thresholds that do not age")
+        return found
     unit = 1.0 if rig.scales is None else rig.scales.unit("force")
     try:
-        static = _static_friction(interface.thresholds, interface.initial)
+        static = _static_friction(replace(interface, delay=Delay(0.0)))
         found["static"] = static * unit
         found["words"].append(f"F_s = {rig.in_units(static, 'force')}")
     except (InputError, UndecidedError):
@@ -191,8 +191,8 @@ def _friction(rig: Rig) -> Plain:
 
 
 @lru_cache(maxsize=64)
-def _static_friction(thresholds: Law, initial: Law) -> float:
-    return rigid.static_friction(Interface(thresholds=thresholds, initial=initial))[0]
+def _static_friction(interface: Interface) -> float:
+    return rigid.static_friction(interface)[0]
 
 
 @lru_cache(maxsize=64)
@@ -254,11 +254,10 @@ def band(request: Plain, watch: Watch) -> Iterator[Plain]:
     (left, right), (low, high) = ((float(edge) for edge in request[key]) for key in ("x", "y"))
     scale = {name: _unit(rig, name) for name in over}
     setting = Setting(interface=rig.interface, rig=rig.slider, velocity=rig.velocity)
-    done = 0
-    watch(0.0)
     # From the middle outwards: the rig stands there.
     places = np.geomspace(left, right, _COLUMNS)
-    for i in sorted(range(_COLUMNS), key=lambda i: abs(i - _COLUMNS // 2)):
+    order = sorted(range(_COLUMNS), key=lambda i: abs(i - _COLUMNS // 2))
+    for done, i in enumerate(order, start=1):
         turned = across.set(setting, places[i] / scale[across.name])
         bands: list[list[float]] = []
         note = ""
@@ -275,7 +274,6 @@ def band(request: Plain, watch: Watch) -> Iterator[Plain]:
             bands = [[b.low.value * scale[up.name], b.high.value * scale[up.name]] for b in found.bands]
         except (InputError, UndecidedError) as error:
             note = str(error)
-        done += 1
         watch(done / _COLUMNS)
         yield {"column": float(places[i]), "bands": bands, "note": note, "columns": done, "of": _COLUMNS}
 
@@ -334,7 +332,9 @@ def trace(content: bytes, name: str, options: Mapping[str, str], width: int) -> 
         except ValueError:
             raise InputError(f"step = {text!r}: must be a number (s from one row to the next)") from None
     columns = {
-        key: int(text) if text.isdigit() else text for key in ("force", "time") if (text := options.get(key, "").strip())
+        key: int(text) if text.isdigit() else text
+        for key in ("force", "time")
+        if (text := options.get(key, "").strip())
     }
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "trace"
@@ -446,8 +446,9 @@ def _list(values: Array) -> list[float | None]:
 def _look(request: Plain, rig: Rig) -> float:
     """Time of the cursor; just before the end at the latest, where rounding could take it beyond."""
     share = request.get("cursor")
-    known = isinstance(share, (int, float)) and math.isfinite(share)
-    return min(max(share if known else 1.0, 0.0), 0.9999) * rig.drive.duration
+    if not isinstance(share, (int, float)) or not math.isfinite(share):
+        share = 1.0
+    return min(max(float(share), 0.0), 0.9999) * rig.drive.duration
 
 
 def _width(request: Plain) -> int:

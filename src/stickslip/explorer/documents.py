@@ -27,6 +27,8 @@ MOST_BREAKS = 2e7
 """Contacts times distance in ``x_s``: about as many breaks; a few seconds of work."""
 MOST_COHORTS = 1e5
 """The same for the master equation: cells times distance."""
+AGEING_COSTS = 20.0
+"""A contact whose threshold ages takes about this many times the work."""
 MOST_RADIANS = 2e6
 """Angle that the held slider's oscillation turns through in a run."""
 
@@ -75,9 +77,10 @@ def check_size(rig: Rig) -> None:
     """Raise `InputError` if a run would keep the page waiting."""
     pieces = rig.drive.pieces
     distance = sum(0.5 * (abs(piece.start) + abs(piece.end)) * piece.duration for piece in pieces)
+    ageing = 1.0 if rig.interface.ageing is None else AGEING_COSTS
     elsewhere = "for longer ones use `stickslip simulate`"
     if isinstance(rig.method, Contacts):
-        most = MOST_BREAKS / max(distance, 1.0)
+        most = MOST_BREAKS / (ageing * max(distance, 1.0))
         if rig.method.count > most:
             raise InputError(
                 f"simulation.contacts = {rig.method.count:g}: must be at most {most:.3g} over a distance of "
@@ -132,6 +135,8 @@ def complaints(error: Exception, document: object = None) -> list[dict[str, str]
 
 
 def _key(text: str, document: object) -> str:
+    if "needs a mass above 0" in text:
+        return "slider.mass"
     if found := _KEY.search(text):
         return found[0]
     if found := _KEY_OF_RECORD.search(text):
@@ -160,7 +165,7 @@ def _faulty_law(document: object) -> str:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def turned(rig: Rig, values: Mapping[str, float]) -> Document:
+def turned(rig: Rig, values: Mapping[str, Any]) -> Document:
     """Return the document of a rig with some knobs turned.
 
     Parameters
@@ -350,13 +355,14 @@ def paper(case: PaperCase, name: str) -> Document:
     if delay.moment(1) > 0:
         parts["delay"] = "never" if math.isinf(delay.moment(1)) else delay.moment(1)
     if isinstance(interface.ageing, model.Langevin):
-        parts["ageing"] = {"law": "langevin", "time": _short(interface.ageing.rate**-2)}
+        parts["ageing"] = {"law": "langevin", "time": float(f"{interface.ageing.rate**-2:.12g}")}
     damping = {"relative_damping": relative} if relative in (0.1, 0.3) else {"damping": slider.damping}
+    distance = 60.0 if interface.ageing is None else 30.0
     return {
         "name": name,
         "units": "natural",
         "slider": {"mass": slider.mass, "stiffness": slider.stiffness, **damping},
         "interface": parts,
-        "drive": {"velocity": case.velocity, "distance": 60.0},
+        "drive": {"velocity": case.velocity, "distance": distance},
         "simulation": {"method": "contacts", "contacts": case.contacts, "seed": 1, "cells": 100, "start": "relaxed"},
     }

@@ -11,7 +11,7 @@ import json
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import asynccontextmanager, suppress
 from functools import partial
@@ -205,8 +205,9 @@ async def _trace(pool: Executor, request: Request) -> Response:
     try:
         content = await _body(request, answers.LARGEST_TRACE)
         name = Path(request.query_params.get("name", "trace")).name[:100] or "trace"
-        width = request.query_params.get("width", "")
-        work = partial(answers.trace, content, name, dict(request.query_params), int(width) if width.isdigit() else 1000)
+        asked = request.query_params.get("width", "")
+        width = min(max(int(asked), 100), 4_000) if asked.isdecimal() and len(asked) < 6 else 1_000
+        work = partial(answers.trace, content, name, dict(request.query_params), width)
         found = await asyncio.get_running_loop().run_in_executor(pool, work)
     except (InputError, UndecidedError, MemoryError) as error:
         return _refused(400, error)
@@ -296,7 +297,7 @@ class _Lane:
             raise
 
 
-async def _session(pools: dict[str, Executor], begin: documents.Document, websocket: WebSocket) -> None:
+async def _session(pools: Mapping[str, Executor], begin: documents.Document, websocket: WebSocket) -> None:
     """Serve one window from its first to its last question."""
     await websocket.accept()
     loop = asyncio.get_running_loop()
@@ -318,10 +319,9 @@ async def _session(pools: dict[str, Executor], begin: documents.Document, websoc
         async for text in websocket.iter_text():
             try:
                 request = json.loads(text)
-                kind = request["kind"]
-                lane = lanes[kind if not request.get("drop") else str(kind)]
-            except (ValueError, TypeError, KeyError, AttributeError):
-                send(json.dumps({"kind": "error", "errors": [{"key": "", "message": "no question that is known here"}]}))
+                lane = lanes[request["kind"]]
+            except (ValueError, TypeError, KeyError):
+                send(json.dumps({"kind": "error", "errors": [{"key": "", "message": "this question is not known"}]}))
                 continue
             if request.get("drop"):
                 lane.drop()

@@ -232,6 +232,7 @@
     if (kind === "advice") { $("advice-state").textContent = errors.map((e) => e.message).join("; "); return progress("advice", null); }
     if (kind === "band") { $("map-state").textContent = errors.map((e) => e.message).join("; "); return progress("map", null); }
     settle();
+    progress("run", null);
     const rest = [];
     for (const { key, message } of errors) {
       const made = key && rows.find((r) => key === r.field.key) || key && rows.find((r) => r.field.key.startsWith(`${key}.`) ||
@@ -304,8 +305,7 @@
     const ends = run.span, factor = run.force.factor;
     for (const [value, name, dash] of [[friction?.kinetic, "Fₖ", "dash"], [friction?.static, "Fₛ", "dot"]]) {
       if (value === null || value === undefined) continue;
-      traces.push({ x: ends, y: [value / factor, value / factor], mode: "lines+text", text: [`${name} `, ""],
-        textposition: "top right", textfont: { color: colour("green") }, line: { color: colour("green"), dash, width: 1.3 }, name });
+      traces.push({ x: ends, y: [value / factor, value / factor], mode: "lines", line: { color: colour("green"), dash, width: 1.3 }, name });
     }
     return traces;
   }
@@ -315,16 +315,19 @@
     return start.map((x0, i) => ({ type: "rect", xref: "x", yref: "paper", x0, x1: end[i], y0: 0, y1: 1, layer: "below",
       line: { width: 0 }, fillcolor: colour("orange"), opacity: 0.35 }));
   }
-  function forceLayout(run, more = {}) {
-    const count = run.slips.count;
+  function forceLayout(run, friction) {
+    const count = run.slips.count, factor = run.force.factor;
+    const names = [[friction?.kinetic, "Fₖ"], [friction?.static, "Fₛ"]].filter(([value]) => value !== null && value !== undefined);
     return { shapes: shading(run), xaxis: axis(label(run.time), { range: run.span }), yaxis: axis(label(run.force)),
-      annotations: [{ xref: "paper", yref: "paper", x: 1, y: 1, xanchor: "right", yanchor: "bottom", showarrow: false,
-        text: count === 1 ? "1 slip marked" : `${count} slips marked`, font: { color: colour("vermillion") } }], ...more };
+      margin: { l: 56, r: 28, t: 22, b: 44 },
+      annotations: [...names.map(([value, text]) => ({ xref: "paper", x: 1.004, xanchor: "left", y: value / factor, text,
+        showarrow: false, font: { color: colour("green") } })), { xref: "paper", yref: "paper", x: 1, y: 1, xanchor: "right", yanchor: "bottom", showarrow: false,
+        text: count === 1 ? "1 slip marked" : `${count} slips marked`, font: { color: colour("vermillion") } }] };
   }
   function drawForce() {
     const run = shown.run;
     const now = run.span[0] + cursor * (run.span[1] - run.span[0]);
-    const plan = forceLayout(run);
+    const plan = forceLayout(run, shown.friction);
     plan.shapes.push({ type: "line", xref: "x", yref: "paper", x0: now, x1: now, y0: 0, y1: 1,
       line: { color: colour("purple"), width: 1.5 } });
     return draw("plot-force", forceTraces(run, shown.friction), plan);
@@ -366,7 +369,9 @@
 
   const ANSWERS = {
     async run(reply) {
-      if (reply.progress !== undefined || reply.done) return;
+      if (reply.progress !== undefined) return progress("run", reply.progress);
+      progress("run", null);
+      if (reply.done) return;
       if (reply.friction) {
         shown.friction = reply.friction;
         $("friction").textContent = word2(reply.friction.words.join("; "));
@@ -492,20 +497,30 @@
     $("map-state").textContent = "bistable band …";
     ask("band", { over: chart.over, x: ends("xaxis"), y: ends("yaxis") });
   }
-  function bandShapes() {
-    const { chart } = shown, columns = [...shown.bands].sort((a, b) => a.column - b.column);
-    if (!columns.length) return [];
-    const half = Math.pow(chart.x.ends[1] / chart.x.ends[0], 1 / 16); // nine columns over the width of the map
-    return columns.flatMap(({ column, bands }) => bands.map(([low, high]) => ({ low, high, left: column / half, right: column * half })));
+  /* Columns computed so far, joined to their neighbours where these have as many bands. */
+  function bandOutline() {
+    const columns = [...shown.bands].sort((a, b) => a.column - b.column), x = [], y = [];
+    const width = Math.pow(shown.chart.x.ends[1] / shown.chart.x.ends[0], 1 / 8.5); // nine columns span the map
+    columns.forEach(({ column, bands }, i) => {
+      const next = columns[i + 1], before = columns[i - 1];
+      const joined = (one, two) => one && two && one.bands.length === two.bands.length && two.column / one.column < width;
+      bands.forEach(([low, high], j) => {
+        if (joined(columns[i], next)) {
+          x.push(column, next.column, next.column, column, column, null);
+          y.push(low, next.bands[j][0], next.bands[j][1], high, low, null);
+        } else if (!joined(before, columns[i])) {
+          const [left, right] = [column / 1.04, column * 1.04];
+          x.push(left, right, right, left, left, null);
+          y.push(low, low, high, high, low, null);
+        }
+      });
+    });
+    return { x, y };
   }
   function drawMap() {
     const { chart } = shown;
     if (!chart || page !== "map") return;
-    const bands = bandShapes(), px = [], py = [];
-    for (const { low, high, left, right } of bands) {
-      px.push(left, right, right, left, left, null);
-      py.push(low, low, high, high, low, null);
-    }
+    const bands = bandOutline();
     const dark = matchMedia("(prefers-color-scheme: dark)").matches;
     const middle = dark ? "#2b3138" : "#f7f7f7";
     const traces = [
@@ -514,17 +529,17 @@
         hovertemplate: `growth rate %{customdata} ${word(chart.rate_unit)}<extra></extra>`,
         colorbar: { title: { text: `growth rate (${word(chart.rate_unit)})`, side: "right" }, tickvals: chart.levels.at,
           ticktext: chart.levels.text, thickness: 12, outlinewidth: 0 } },
-      { x: px, y: py, mode: "lines", fill: "toself", fillpattern: { shape: "/", size: 7, fgcolor: colour("edge"), bgcolor: "rgba(0,0,0,0)" },
+      { ...bands, mode: "lines", fill: "toself", fillpattern: { shape: "/", size: 7, fgcolor: colour("edge"), bgcolor: "rgba(0,0,0,0)" },
         line: { width: 0 }, hoverinfo: "skip", name: "bistable" },
       ...chart.curves.map(({ x, y }) => ({ x, y, mode: "lines", line: { color: colour("edge"), width: 2.2 }, hoverinfo: "skip", name: "boundary" })),
       { x: [chart.here[0]], y: [chart.here[1]], mode: "markers", hoverinfo: "skip", name: "this rig",
         marker: { size: 15, color: colour("paper"), line: { color: colour("vermillion"), width: 4 } } },
     ];
     const range = (values) => { const e = chart[values].ends; return [Math.log10(e[0]), Math.log10(e[1])]; };
-    const tick = { exponentformat: doc.units === "natural" ? "power" : "SI", dtick: "D1" };
+    const tick = { exponentformat: doc.units === "natural" ? "power" : "SI", minexponent: 0, dtick: "D2" };
     return draw("plot-map", traces, { hovermode: "closest", dragmode: false, margin: { l: 62, r: 8, t: 10, b: 48 },
-      xaxis: axis(label(chart.x), { type: "log", range: range("x"), minor: { ticks: "outside", ticklen: 2 }, ...tick, dtick: undefined }),
-      yaxis: axis(label(chart.y), { type: "log", range: range("y"), ...tick, dtick: undefined }) });
+      xaxis: axis(label(chart.x), { type: "log", range: range("x"), ...tick }),
+      yaxis: axis(label(chart.y), { type: "log", range: range("y"), ...tick }) });
   }
   let dragging = false;
   function turn(event) {
@@ -658,6 +673,7 @@
 
   function open(next) {
     page = next;
+    document.body.dataset.page = page;
     for (const name of PAGES) {
       $(`page-${name}`).hidden = name !== page;
       $(`tab-${name}`).setAttribute("aria-selected", String(name === page));

@@ -87,7 +87,7 @@ const Fields = (() => {
       when: (doc) => SI(doc) && load(doc) },
     { key: "interface.threshold_stretching", symbol: "xₛ", title: "stretching", si: "m", when: SI },
     { group: "Simulation" },
-    { key: "simulation.method", title: "solver", choices: { contacts: "contacts, one by one",
+    { key: "simulation.method", title: "solver", choices: { contacts: "N contacts",
       "master equation": "master equation" }, missing: "contacts" },
     { key: "simulation.contacts", symbol: "N", title: "contacts", unit: "", plain: true, whole: true, range: [10, 1e5],
       when: contacts, missing: 10000 },
