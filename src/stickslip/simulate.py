@@ -3,10 +3,13 @@
 >>> run = simulate(interface, slider, hold(velocity=1.0, duration=20), method=Contacts(10_000, seed=1))
 
 The method is a value: `Contacts` (N contacts, event by event) or `MasterEquation` (N to infinity, on cohorts).
+Thresholds that age by `Langevin` have solvers of their own behind the same two names: N contacts in small exact steps,
+and the kinetic equation of Eqs. (13)-(17).
 """
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -19,8 +22,8 @@ from numpy.typing import NDArray
 from stickslip import store
 from stickslip.drive import Drive, ForceAbove, ForceBelow, Piece, Travel, hold
 from stickslip.errors import InputError, instance, number, whole
-from stickslip.model import Delay, Interface, Slider
-from stickslip.thresholds import Law, SteadyState, panels
+from stickslip.model import Delay, Interface, Langevin, Slider
+from stickslip.thresholds import Gaussian, Law, SteadyState, panels
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -44,7 +47,8 @@ class Contacts:
     count : int
         Number of contacts ``N``.
     seed : int
-        The same seed gives the same run, bit for bit, whatever is recorded.
+        The same seed gives the same run, bit for bit, whatever is recorded. (With thresholds that age, other times
+        of recording are other steps, and give another run of the same law.)
     """
 
     count: int = 10_000
@@ -64,7 +68,10 @@ class MasterEquation:
     Parameters
     ----------
     cells : int
-        Resolution: cohorts per ``x_s`` of motion. The error falls as ``cells**-2``.
+        Resolution: cohorts per ``x_s`` of motion. The error falls as ``cells**-2``. With thresholds that age it is
+        the kinetic equation that is solved, with a tenth as many cohorts, and ``cells/50`` cells of threshold per
+        spread, in steps of ``4/cells`` times ``rate**-2``; its error falls as ``1/cells`` (400: 1 % of the steady
+        force, peaks to 1 %).
     memoryless : bool
         Use the paper's approximation, Eq. (10), for the detached contacts in place of the true delay. It has no
         memory and gives an oscillation of its own; for comparison only.
@@ -171,16 +178,20 @@ def simulate(
         per contact, in ``f_s``), ``attached`` (fraction), ``drive_velocity``, and the energies ``work``,
         ``kinetic_energy``, ``spring_energy``, ``contact_energy``, ``damped_energy``, ``broken_energy`` (per contact,
         in ``f_s x_s``); with snapshots, ``Q`` on ``(snapshot, x)``. The attribute ``provenance`` tells how to make it
-        again; see `repeat`.
+        again; see `repeat`. With thresholds that age ``work`` and the energies of contacts, damping and breaks are
+        left out: breaks cannot be counted there (their rate diverges for newborns without strength).
 
     Raises
     ------
     InputError
         If the rig cannot be simulated: no mass, thresholds without a density for the master equation, a snapshot
-        beyond the end.
+        beyond the end; ageing other than `Langevin`, or on thresholds that are no Gaussian, or with a delay for
+        which there is no solver.
     """
     _check(interface, slider, drive, method, record, start)
-    motion = _Motion(interface, slider, drive, start, record, _sample_times(slider, drive, record))
+    # The solvers of ageing contacts end a step at each sample: as many as they take anyway.
+    times = _sample_times(slider, drive, record, angle=0.1 if interface.ageing is None else 0.35)
+    motion = _Motion(interface, slider, drive, start, record, times)
     _follow(motion, method, progress)
     arguments = {
         "interface": interface,
@@ -265,17 +276,36 @@ def _check(interface: Interface, slider: Slider, drive: Drive, method: Method, r
 def check_method(interface: Interface, method: object) -> None:
     """Raise `InputError` if the method cannot take the interface."""
     if interface.ageing is not None:
-        raise InputError(f"Interface.ageing = {interface.ageing}: not available with {type(method).__name__}")
-    if not isinstance(method, Contacts):
+        _check_ageing(interface, method)
+    elif not isinstance(method, Contacts):
         interface.threshold_law.density(0.0)  # complains of a law without a density
 
 
-def _sample_times(slider: Slider, drive: Drive, record: Record) -> Array:
+def _check_ageing(interface: Interface, method: object) -> None:
+    ageing, law, delayed = interface.ageing, interface.thresholds, interface.delay.moment(1) > 0
+    if not isinstance(ageing, Langevin) or not isinstance(method, (Contacts, MasterEquation)):
+        raise InputError(f"Interface.ageing = {ageing}: not available with {type(method).__name__}")
+    if not isinstance(law, Gaussian) or law.lower > 0 or law.mean <= 0 or law.spread <= 0:
+        raise InputError(
+            f"Interface.thresholds = {law}: thresholds that age by Langevin have a Gaussian as their stationary law, "
+            "Eq. (17): give Gaussian(mean, spread), both above 0 and not cut off above 0"
+        )
+    if delayed and ageing.newborn == 0:
+        raise InputError(
+            f"Langevin.newborn = 0 with Interface.delay = {interface.delay}: newborns without strength break at once "
+            "and without end, and a delay after each break leaves none that holds; give newborn > 0 or no delay"
+        )
+    if isinstance(method, MasterEquation) and (delayed or method.memoryless):
+        what = "MasterEquation(memoryless=True)" if method.memoryless else f"Interface.delay = {interface.delay}"
+        raise InputError(f"{what}: not available for ageing thresholds with MasterEquation; use Contacts")
+
+
+def _sample_times(slider: Slider, drive: Drive, record: Record, *, angle: float = 0.1) -> Array:
     interval = record.interval
     if interval is None:
-        # A tenth of a radian of the fastest oscillation, within bounds on the size of the result.
+        # An angle (rad) of the fastest oscillation, within bounds on the size of the result.
         fastest = math.sqrt((slider.stiffness + 1.0) / slider.mass)
-        count = min(max(drive.duration * fastest / 0.1, 2_000.0), 50_000.0)
+        count = min(max(drive.duration * fastest / angle, 2_000.0), 50_000.0)
         interval = drive.duration / math.ceil(count)
     count = drive.duration / interval
     if count > 50_000_000:
@@ -409,7 +439,7 @@ class _Engine(Protocol):
 
 def _follow(motion: _Motion, method: Method, progress: Progress | None) -> None:
     """Follow the drive from piece to piece."""
-    engine: _Engine = _ContactsEngine(motion, method) if isinstance(method, Contacts) else _Cohorts(motion, method)
+    engine = _engine(motion, method)
     report = progress or (lambda _: None)
     total = motion.drive.duration
     begin, position = 0.0, motion.drive_origin(engine.contact_force())
@@ -422,6 +452,19 @@ def _follow(motion: _Motion, method: Method, progress: Progress | None) -> None:
         motion.drive_position[sampled] = pull.displacement(motion.times[sampled])
         position = float(pull.displacement(np.asarray(begin)))
     report(1.0)
+
+
+def _engine(motion: _Motion, method: Method) -> _Engine:
+    ageing = motion.interface.ageing
+    match method:
+        case Contacts() if isinstance(ageing, Langevin):
+            return _Ageing(motion, _AgeingContacts(motion, ageing, method))
+        case MasterEquation() if isinstance(ageing, Langevin):
+            return _Ageing(motion, _AgeingDensity(motion, ageing, method))
+        case Contacts():
+            return _ContactsEngine(motion, method)
+        case MasterEquation():
+            return _Cohorts(motion, method)
 
 
 class _ContactsEngine:
@@ -609,6 +652,222 @@ class _Cohorts:
         motion.filled += len(rows)
 
 
+# ---------------------------------------------------------------------------------------------------------------------
+# Thresholds that age
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+class _Aged(Protocol):
+    """A state of ageing contacts and the slider, and the kernel that advances it."""
+
+    def advance(self, drive: Array, times: Array) -> Array:
+        """Advance to the last of `times`; X, V, F_d, F_c and the attached share at each."""
+        ...
+
+    def contact_force(self) -> float:
+        """Force of the contacts now, per contact."""
+        ...
+
+    def stretchings(self) -> tuple[Array, Array, bool]:
+        """Stretchings, their shares, and whether each stands for its neighbourhood."""
+        ...
+
+
+class _Ageing:
+    """Ageing contacts along the drive, in blocks of samples; a block in which a piece ends early is done again."""
+
+    _BLOCK = 256
+
+    def __init__(self, motion: _Motion, aged: _Aged) -> None:
+        self._motion, self._aged = motion, aged
+        self._pulled, self._X = 0, 0.0
+
+    def contact_force(self) -> float:
+        """Force of the contacts now, per contact."""
+        return self._aged.contact_force()
+
+    def pull(self, pull: _Pull, report: Progress) -> float:
+        """Follow a piece of the drive to its end."""
+        motion = self._motion
+        self._pulled += 1
+        drive = np.array([[pull.begin, pull.position, pull.piece.start, pull.piece.acceleration]])
+        kind, value = pull.stop()
+        origin, now = self._X, pull.begin
+        last = self._pulled == len(motion.drive.pieces)
+        # A sample on the seam of two pieces belongs to the later one; the last piece keeps its end.
+        kept = int(np.searchsorted(motion.times, pull.end * (1 + (1e-12 if last else -1e-12)), side="right"))
+        while now < pull.end:
+            times = np.minimum(motion.times[motion.filled : min(motion.filled + self._BLOCK, kept)], pull.end)
+            wanted = times.size
+            if motion.filled + wanted == kept and (wanted == 0 or times[-1] < pull.end):
+                times = np.append(times, pull.end)
+            before = copy.deepcopy(self._aged) if kind or motion.next_look <= times[-1] else self._aged
+            samples = self._aged.advance(drive, times)
+            met = np.flatnonzero(_met(kind, value, samples[:wanted], origin))
+            if met.size:
+                times, wanted = times[: met[0] + 1], int(met[0]) + 1
+                self._aged = copy.deepcopy(before)
+                samples = self._aged.advance(drive, times)
+            while motion.next_look <= times[-1]:
+                aside = copy.deepcopy(before)
+                aside.advance(drive, np.array([motion.next_look]))
+                x, share, cells = aside.stretchings()
+                motion.snapshots.append(_Snapshot(motion.next_look, x, share, cells=cells))
+            rows = motion.rows[motion.filled : motion.filled + wanted]
+            rows[:] = math.nan  # energies are not known
+            rows[:, : _COLUMNS.index("attached") + 1] = samples[:wanted][:, [0, 1, 3, 4]]
+            motion.filled += wanted
+            self._X, now = float(samples[-1, 0]), float(times[-1])
+            report(now)
+            if met.size:
+                break
+        return now
+
+
+def _met(kind: int, value: float, samples: Array, origin: float) -> NDArray[np.bool_]:
+    """Which samples meet the condition that ends a piece, see `_Pull.stop`."""
+    match kind:
+        case 1:
+            return np.asarray(np.abs(samples[:, 0] - origin) >= value)
+        case 2:
+            return np.asarray(samples[:, 2] >= value)
+        case 3:
+            return np.asarray(samples[:, 2] <= value)
+    return np.zeros(len(samples), dtype=bool)
+
+
+_AGEING_STEP = 0.04
+"""Largest step of N ageing contacts in units of ``1/rate**2``: converged to 2e-3."""
+
+
+def _settling_time(motion: _Motion, ageing: Langevin) -> float:
+    """How long to slide rigidly from the law of Eq. (10) to the steady state: lives, and times of ageing."""
+    velocity, delay = motion.drive.pieces[0].start, motion.interface.delay.moment(1)
+    return 5.0 * (motion.interface.threshold_law.moment(1) / velocity + delay) + 5.0 / ageing.rate**2
+
+
+def _ageing_law(motion: _Motion, ageing: Langevin) -> Array:
+    law = motion.interface.thresholds
+    assert isinstance(law, Gaussian)  # `_check_ageing` has seen to it
+    return np.array([ageing.rate, law.mean, law.spread, ageing.newborn])
+
+
+def _ageing_slider(slider: Slider | None) -> Array:
+    if slider is None:
+        return np.array([math.inf, 1.0, 0.0])
+    return np.array([slider.stiffness, slider.mass, slider.damping])
+
+
+class _AgeingContacts:
+    """N contacts of `stickslip.kernels.ageing`."""
+
+    _DELAYS = 65_536
+
+    def __init__(self, motion: _Motion, ageing: Langevin, method: Contacts) -> None:
+        initial, thresholds, delays = (
+            np.random.default_rng(seed) for seed in np.random.SeedSequence(method.seed).spawn(3)
+        )
+        self._rng, self._law = thresholds, _ageing_law(motion, ageing)
+        delay = motion.interface.delay
+        self._delays = delay.sample(delays, 1 if isinstance(delay, Delay) else self._DELAYS)
+        self._x, self._f, pending = _first_contacts(motion, method.count, initial)
+        self._attach = np.append(np.full(method.count - pending.size, -math.inf), pending)
+        self._state = np.zeros(4)
+        if isinstance(motion.start, Sliding):
+            self._slider = _ageing_slider(None)
+            end = _settling_time(motion, ageing)
+            self.advance(np.array([[0.0, 0.0, motion.drive.pieces[0].start, 0.0]]), np.array([end]))
+            self._attach -= end
+            self._state[:2] = 0.0
+        self._state[2] = motion.first_velocity
+        self._slider = _ageing_slider(motion.slider)
+
+    def advance(self, drive: Array, times: Array) -> Array:
+        """Advance to the last of `times`."""
+        from stickslip.kernels.ageing import advance_contacts
+
+        contacts, rig = (self._x, self._f, self._attach), (drive, self._slider, self._law, self._delays)
+        return advance_contacts(self._state, *contacts, *rig, times, _AGEING_STEP, 0.05, self._rng)
+
+    def contact_force(self) -> float:
+        """Force of the contacts now, per contact."""
+        return float(np.mean(np.where(self._attach <= self._state[0], self._x, 0.0)))
+
+    def stretchings(self) -> tuple[Array, Array, bool]:
+        """Stretchings of attached contacts, and their shares."""
+        x = self._x[self._attach <= self._state[0]]
+        return x, np.full(x.size, 1.0 / self._x.size), False
+
+
+class _AgeingDensity:
+    """The kinetic equation of `stickslip.kernels.ageing`."""
+
+    def __init__(self, motion: _Motion, ageing: Langevin, method: MasterEquation) -> None:
+        from stickslip.kernels.ageing import threshold_edges
+
+        self._law = _ageing_law(motion, ageing)
+        _, mean, spread, newborn = self._law.tolist()
+        self._reach, self._step = 10.0 / method.cells, min(4.0 / method.cells, _AGEING_STEP)
+        self._edges = threshold_edges(mean, spread, newborn, max(method.cells / 50.0, 2.0))
+        sliding = isinstance(motion.start, Sliding)
+        x, mass = _first_cohorts(motion.interface, self._edges, 0.5 * self._reach * mean, steady=sliding)
+        room = x.size + math.ceil(3.0 / self._reach) + 20
+        self._place, self._mass = np.zeros(room), np.zeros((room, mass.shape[1]))
+        self._place[: x.size], self._mass[: x.size] = -x, mass
+        self._state = np.array([0.0, 0.0, 0.0, 0.0, x.size, 0.0, -1.0])  # no cohort is open
+        if isinstance(motion.start, Sliding):
+            self._slider = _ageing_slider(None)
+            end = _settling_time(motion, ageing)
+            self.advance(np.array([[0.0, 0.0, motion.drive.pieces[0].start, 0.0]]), np.array([end]))
+            self._place -= self._state[1]
+            self._state[5] -= self._state[1]
+            self._state[:2] = 0.0
+        self._state[2] = motion.first_velocity
+        self._slider = _ageing_slider(motion.slider)
+
+    def advance(self, drive: Array, times: Array) -> Array:
+        """Advance to the last of `times`, with room for as many cohorts as it takes."""
+        from stickslip.kernels.ageing import advance_density
+
+        while True:
+            state, place, mass = self._state.copy(), self._place.copy(), self._mass.copy()
+            try:
+                rig = (self._edges, drive, self._slider, self._law, times)
+                samples = advance_density(state, place, mass, *rig, self._step, self._reach)
+            except ValueError:  # no room for another cohort
+                self._place = np.append(self._place, np.zeros(place.size))
+                self._mass = np.append(self._mass, np.zeros_like(mass), axis=0)
+                continue
+            self._state, self._place, self._mass = state, place, mass
+            return samples
+
+    def contact_force(self) -> float:
+        """Force of the contacts now, per contact."""
+        x, share, _ = self.stretchings()
+        return float(np.sum(x * share))
+
+    def stretchings(self) -> tuple[Array, Array, bool]:
+        """Mean stretchings of the cohorts, and their shares."""
+        count = int(self._state[4])
+        return self._state[1] - self._place[:count], self._mass[:count].sum(axis=1), True
+
+
+def _first_cohorts(interface: Interface, edges: Array, width: float, *, steady: bool) -> tuple[Array, Array]:
+    """Stretchings of the first cohorts, and the share of contacts by cohort and cell of threshold."""
+    law = interface.threshold_law
+    x, share = initial_nodes(Interface(thresholds=law, initial=SteadyState(thresholds=law)) if steady else interface)
+    kept = (np.abs(x) < edges[-2]) & (share > 1e-12)
+    x, share = x[kept], share[kept]
+    survival = law.survival(np.maximum(edges, np.abs(x)[:, None]))
+    mass = share[:, None] * (survival[:, :-1] - survival[:, 1:]) / (survival[:, :1] - survival[:, -1:])
+    into = np.floor((x - x.min()) / width).astype(int)
+    cohorts, into = np.unique(into, return_inverse=True)
+    total, first = np.bincount(into, share), np.bincount(into, share * x)
+    together = np.zeros((cohorts.size, mass.shape[1]))
+    np.add.at(together, into, mass)
+    return first / total, together / together.sum()
+
+
 def survival_table(law: Law) -> tuple[Array, Array, float]:
     """Tabulate survival and density of thresholds for cubic interpolation to 1e-13 (smooth laws), and the spacing."""
     end = law.support[1]
@@ -624,8 +883,11 @@ def survival_table(law: Law) -> tuple[Array, Array, float]:
     return survival, density, spacing
 
 
-def initial_nodes(interface: Interface) -> tuple[Array, Array]:
-    """Quadrature nodes of the initial stretchings, between the jumps of their law, and their weights of sum 1."""
+def initial_nodes(interface: Interface, finer: int = 1) -> tuple[Array, Array]:
+    """Quadrature nodes of the initial stretchings, between the jumps of their law, and their weights of sum 1.
+
+    Sixteen nodes for every four spreads do for laws without jumps, and `finer` times as many may be asked for.
+    """
     law, thresholds = interface.initial, interface.threshold_law
     spread = law.standard_deviation()
     if spread == 0:
@@ -633,7 +895,7 @@ def initial_nodes(interface: Interface) -> tuple[Array, Array]:
     low, high = max(law.support[0], -thresholds.support[1]), min(law.support[1], thresholds.support[1])
     edges = [low, *(knot for knot in sorted({*law.knots, *thresholds.knots}) if low < knot < high), high]
     width = 4.0 * min(spread, max(thresholds.standard_deviation(), 1e-3 * spread))
-    parts = [panels(left, right, math.ceil((right - left) / width)) for left, right in pairwise(edges)]
+    parts = [panels(left, right, math.ceil(finer * (right - left) / width)) for left, right in pairwise(edges)]
     x, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
     weight = weight * law.density(x)
     kept = (weight > 0) & (thresholds.survival(np.abs(x)) > 0)
@@ -668,6 +930,8 @@ LABELS: Mapping[str, Mapping[str, str]] = {
 def _dataset(motion: _Motion, slider: Slider, provenance: str) -> xr.Dataset:
     kept = slice(0, motion.filled)
     values = {name: motion.rows[kept, i] for i, name in enumerate(_COLUMNS)}
+    if motion.interface.ageing is not None:
+        values = {name: values[name] for name in ("X", "velocity", "F_c", "attached")}
     values["drive_velocity"] = motion.drive_velocity[kept]
     values["F_d"] = slider.stiffness * (motion.drive_position[kept] - values["X"])
     values["kinetic_energy"] = 0.5 * slider.mass * values["velocity"] ** 2
