@@ -12,6 +12,7 @@ import os
 import secrets
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
+from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -82,9 +83,14 @@ def decode(plain: Plain, kinds: Mapping[str, type]) -> Any:
     return plain
 
 
+@lru_cache(maxsize=1)
+def _version() -> str:
+    return version("stickslip")
+
+
 def provenance(call: str, arguments: Mapping[str, object]) -> str:
     """Return the JSON string that says which call made a result, with what, by which version."""
-    return json.dumps({"stickslip": version("stickslip"), "call": call, "arguments": encode(arguments)}, sort_keys=True)
+    return json.dumps({"stickslip": _version(), "call": call, "arguments": encode(arguments)}, sort_keys=True)
 
 
 def read_provenance(data: xr.Dataset) -> dict[str, Any]:

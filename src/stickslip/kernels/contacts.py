@@ -321,6 +321,7 @@ WORK = 6  # of the drive, per contact, since the start
 DAMPED = 7  # dissipated by damping
 BROKEN = 8  # lost in breaks
 LOOKED = 9  # position of the slider at the time of a look
+_HALF_SHARE = 10  # 1/(2 N)
 # state.counts
 ATTACHED = 0
 SAMPLE = 1  # next sample
@@ -371,12 +372,13 @@ def make_state(
         ahead=make_queue(2 * N + 64, bins, width),
         behind=make_queue(3 * N + 64, bins, width),
         rebirths=make_queue(N + 64, _power_of_two(N / 8, N), time_width),
-        motion=np.zeros(10),
+        motion=np.zeros(11),
         counts=np.zeros(6, np.int64),
         cuts=np.zeros(16),
     )
     state.motion[POSITION] = X
     state.motion[VELOCITY] = velocity
+    state.motion[_HALF_SHARE] = 0.5 / N
     state.counts[ATTACHED] = int(attached.sum())
     first_detached = N - pending.size
     for i in np.flatnonzero(np.isfinite(pending)):
@@ -455,7 +457,7 @@ def _detach(state: State, slot: int) -> None:
     y = state.contacts[slot]["birth"] - state.motion[_REFERENCE]
     state.motion[_SUM] -= y
     state.motion[_SQUARES] -= y * y
-    state.motion[BROKEN] += 0.5 * state.contacts[slot]["threshold"] ** 2 / state.contacts.size
+    state.motion[BROKEN] += state.contacts[slot]["threshold"] ** 2 * state.motion[_HALF_SHARE]
     state.contacts[slot]["threshold"] = 0.0
     state.counts[ATTACHED] -= 1
     state.counts[BREAKS] += 1
@@ -489,6 +491,7 @@ class Flight(NamedTuple):
 
     eta: float
     w2: float  # squared angular frequency (K + n/N)/M
+    inverse: float  # 1/w2
     q0: float
     q1: float
     q2: float
@@ -514,7 +517,7 @@ _LEGS = 16.0  # flights of more legs than this go through the closed form
 @inlined
 def _flight(eta: float, w2: float, near: float, v: float, f0: float, f1: float, f2: float) -> Flight:
     """Solve ``y'' + eta y' + w2 y = f0 + f1 h + f2 h^2`` from ``y = 0, y' = v``."""
-    q0, q1, q2 = 0.0, v, 0.0
+    q0, q1, q2, inverse = 0.0, v, 0.0, 0.0
     if w2 > 0:  # else rigid motion
         inverse = 1.0 / w2
         q2 = f2 * inverse
@@ -527,7 +530,7 @@ def _flight(eta: float, w2: float, near: float, v: float, f0: float, f1: float, 
     c6 = (-w2 * c4 - 5.0 * eta * c5) * (1.0 / 30.0)
     c7 = (-w2 * c5 - 6.0 * eta * c6) * (1.0 / 42.0)
     c8 = (-w2 * c6 - 7.0 * eta * c7) * (1.0 / 56.0)
-    return Flight(eta, w2, q0, q1, q2, -q0, v - q1, v, c2, c3, c4, c5, c6, c7, c8, near)
+    return Flight(eta, w2, inverse, q0, q1, q2, -q0, v - q1, v, c2, c3, c4, c5, c6, c7, c8, near)
 
 
 @inlined
@@ -675,7 +678,8 @@ def _soon(f: Flight, distance: float, most: float) -> tuple[float, float, float,
     value, and the flight lasts no longer than a few times what the Taylor expansion can do. A flight longer than the
     expansion reaches is flown in legs.
     """
-    h = distance / f.v
+    slowness = 1.0 / f.v
+    h = distance * slowness
     reach = f.near * (_MIDDLE / _NEAR)
     longest = min(most, 2.0 * h)
     if longest > reach:
@@ -688,8 +692,8 @@ def _soon(f: Flight, distance: float, most: float) -> tuple[float, float, float,
         y, v = _taylor(f, most)
         if abs(y) < abs(distance):
             return most, y, v, 0, True
-    bend = f.c2 * h / f.v
-    h *= 1.0 - bend + 2.0 * bend * bend - f.c3 * h * h / f.v  # the series, inverted
+    bend = f.c2 * h * slowness
+    h *= 1.0 - bend + 2.0 * bend * bend - f.c3 * h * h * slowness  # the series, inverted
     v = f.v
     for _ in range(6):  # Newton; from a guess this good one turn does, mostly
         y, v = _taylor(f, h)
@@ -715,11 +719,11 @@ def _energies(
     u = y - (f.q0 + f.q1 * h + f.q2 * h2)
     du = v - (f.q1 + 2.0 * f.q2 * h)
     change = u - f.y0
-    area = -((du - f.v0) + f.eta * change) / f.w2
+    area = -((du - f.v0) + f.eta * change) * f.inverse
     path = f.q0 * h + 0.5 * f.q1 * h2 + f.q2 * h2 * h / 3.0 + area
     work = drive_v * (force * h + K * (0.5 * drive_v * h2 + drive_a * h2 * h / 6.0 - path))
     if drive_a != 0.0:
-        moment = -(h * du - change + f.eta * (h * u - area)) / f.w2
+        moment = -(h * du - change + f.eta * (h * u - area)) * f.inverse
         path_moment = 0.5 * f.q0 * h2 + f.q1 * h2 * h / 3.0 + 0.25 * f.q2 * h2 * h2 + moment
         pull = 0.5 * force * h2 + K * (drive_v * h2 * h / 3.0 + 0.125 * drive_a * h2 * h2 - path_moment)
         work += drive_a * pull
@@ -774,6 +778,8 @@ def advance(
     N = float(state.contacts.size)
     random_delay = math.isnan(rig.fixed_delay)
     rigid = rig.inverse_mass == 0.0
+    share = 1.0 / N
+    drag = rig.eta / rig.inverse_mass if rig.inverse_mass > 0 else 0.0
     fastest = rig.eta + math.sqrt((rig.K + 1.0) * rig.inverse_mass)
     near = _NEAR / fastest if fastest > 0 else np.inf
     to_go = budget
@@ -794,10 +800,10 @@ def advance(
         D = piece.D0 + (piece.v0 + 0.5 * piece.a * since) * since
         n = float(counts[ATTACHED])
         F_d = rig.K * (D - X)
-        F_c = (n * (X - motion[_REFERENCE]) - motion[_SUM]) / N
+        F_c = (n * (X - motion[_REFERENCE]) - motion[_SUM]) * share
         flight = _flight(
             rig.eta,
-            (rig.K + n / N) * rig.inverse_mass,
+            (rig.K + n * share) * rig.inverse_mass,
             near,
             v,
             (F_d - F_c) * rig.inverse_mass,
@@ -837,14 +843,14 @@ def advance(
             x = X + y_part - motion[_REFERENCE]
             samples[i, 0] = X + y_part
             samples[i, 1] = u_part
-            samples[i, 2] = (n * x - motion[_SUM]) / N
+            samples[i, 2] = (n * x - motion[_SUM]) * share
             samples[i, 3] = n / N
-            samples[i, 4] = 0.5 * (n * x * x - 2.0 * x * motion[_SUM] + motion[_SQUARES]) / N
+            samples[i, 4] = 0.5 * (n * x * x - 2.0 * x * motion[_SUM] + motion[_SQUARES]) * share
             samples[i, 5], samples[i, 6], samples[i, 7] = motion[WORK], motion[DAMPED], motion[BROKEN]
             if not rigid:
                 work, squares = _energies(flight, part, y_part, u_part, F_d, rig.K, drive_v, piece.a)
                 samples[i, 5] += work
-                samples[i, 6] += rig.eta / rig.inverse_mass * squares
+                samples[i, 6] += drag * squares
             counts[SAMPLE] += 1
             if piece.stop_kind != 0:
                 later = sample_times[i] - piece.t0
@@ -862,7 +868,7 @@ def advance(
         if not rigid:
             work, squares = _energies(flight, h, y, u, F_d, rig.K, drive_v, piece.a)
             motion[WORK] += work
-            motion[DAMPED] += rig.eta / rig.inverse_mass * squares
+            motion[DAMPED] += drag * squares
         motion[TIME] = ends_at
         motion[VELOCITY] = u
         motion[POSITION] = X + y
