@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stickslip.errors import InputError, number, whole
+from stickslip.errors import InputError, instance, number, whole
 from stickslip.model import Delay, Interface
 from stickslip.simulate import LABELS, Contacts, MasterEquation, check_method, initial_nodes, pull_rigidly
-from stickslip.thresholds import excess
+from stickslip.thresholds import SteadyState, excess
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -80,6 +80,7 @@ def slide(
     """
     distance = number("slide: distance", distance, above=0, hint="in x_s")
     velocity = number("slide: velocity", velocity, above=0, hint="in x_s per time")
+    instance("slide: interface", interface, Interface, "an Interface")
     check_method(interface, method)
     if isinstance(method, (Contacts, MasterEquation)):
         return pull_rigidly(interface, distance, velocity, method, points=math.ceil(min(1000 * distance, 1e6)))
@@ -114,12 +115,13 @@ def effective_stiffness(interface: Interface, X: ArrayLike, *, velocity: float =
     velocity : float
         Matters only if there is a delay.
     """
+    instance("effective_stiffness: interface", interface, Interface, "an Interface")
     X = np.atleast_1d(np.asarray(X, dtype=float))
     if X.size == 0 or not np.all(np.isfinite(X)) or X.min() < 0:
         raise InputError("effective_stiffness: X must be finite displacements of at least 0, in x_s")
     check_method(interface, Renewal())
     distance = max(float(X.max()), 1e-3)
-    points = max(256, math.ceil(distance / _spacing(interface)))
+    points = _points(interface, distance)
     return -_Solution(interface, distance, velocity, points).at(X).stiffness
 
 
@@ -142,6 +144,9 @@ def critical_stiffness(interface: Interface, *, reattachment: bool = True) -> fl
 
     Notes
     -----
+    Good to six digits for laws without jumps, to four for laws that jump and a start without spread, to two or three
+    for both a spread and jumps.
+
     For the Gaussian thresholds of the paper's Fig. 4 (spread .1, initial spread .01) the values are 2.989 and, without
     re-attachment, 3.548. The paper prints 3.59, which its Eqs. (1)-(4) do not give.
     """
@@ -150,17 +155,21 @@ def critical_stiffness(interface: Interface, *, reattachment: bool = True) -> fl
 
 def steepest_fall(interface: Interface, *, reattachment: bool = True) -> tuple[float, float]:
     """Return the largest effective stiffness and the displacement where it occurs; see `critical_stiffness`."""
+    instance("critical_stiffness: interface", interface, Interface, "an Interface")
     check_method(interface, Renewal())
     delay = Delay(0.0) if reattachment else Delay(math.inf)
     bare = Interface(thresholds=interface.thresholds, initial=interface.initial, delay=delay)
     law = bare.threshold_law
+    if reattachment and bare.initial == SteadyState(thresholds=law):
+        return 0.0, 0.0  # exactly; a sum over nodes would find the jumps of the law in each of them
     # The first fall is the steepest: renewal only smooths. Twice the largest initial travel to break covers it.
     distance = min(law.support[1] - min(bare.initial.support[0], 0.0), 4.0 * float(law.inverse_survival(1e-3))) + 0.1
-    points = max(512, math.ceil(distance / _spacing(bare)))
+    points = _points(bare, distance)
     solution = _Solution(bare, distance, 1.0, points)
     X = np.linspace(0.0, distance, points + 1)
-    # Where the law jumps, the fall is steepest just before or after: look at both sides.
-    jumps = np.array([knot - x for knot in law.knots for x in solution.initial_stretchings])
+    # Where the law jumps, the fall from a start without spread is steepest just before or after: look at both sides.
+    starts = solution.initial_stretchings if solution.initial_stretchings.size == 1 else np.empty(0)
+    jumps = np.array([knot - x for knot in law.knots for x in starts])
     jumps = jumps[(jumps > 0) & (jumps < distance)]
     X = np.unique(np.concatenate([X, np.nextafter(jumps, 0), np.nextafter(jumps, np.inf)]))
     K_eff = -solution.at(X).stiffness
@@ -187,10 +196,14 @@ def _reach(interface: Interface) -> float:
     return 4.0 * float(interface.threshold_law.inverse_survival(1e-3))
 
 
-def _spacing(interface: Interface) -> float:
-    """Spacing of the grid that resolves the laws for six digits and more."""
+def _points(interface: Interface, distance: float) -> int:
+    """Intervals of a grid that resolves the laws for six digits where they are smooth, for four at their jumps."""
     spreads = [interface.threshold_law.standard_deviation(), interface.initial.standard_deviation()]
-    return max(min(s for s in spreads if s > 0) / 4.0, 1e-4) if max(spreads) > 0 else 1e-3
+    spacing = max(min(s for s in spreads if s > 0) / 4.0, 1e-4) if max(spreads) > 0 else 1e-3
+    points = max(512, math.ceil(distance / spacing))
+    # From a start without spread, a jump of the law makes a kink, beside which interpolation is of first order.
+    kinked = spreads[1] == 0 and any(0 < knot < distance for knot in interface.threshold_law.knots)
+    return 16 * points if kinked else points
 
 
 class _Solution:
@@ -201,7 +214,9 @@ class _Solution:
 
         self._kernel = renewal
         law = interface.threshold_law
-        self.initial_stretchings, weight = initial_nodes(interface)
+        # Where the law of thresholds jumps, each node of the start makes a jump of its own in the stiffness.
+        jumps = any(0 < knot < math.inf for knot in law.knots)
+        self.initial_stretchings, weight = initial_nodes(interface, finer=16 if jumps else 1)
         delay, share = interface.delay.quadrature()
         self._contacts = renewal.Contacts(
             law.density,
