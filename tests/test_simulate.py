@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 from stickslip import store
 from stickslip.drive import ForceAbove, ForceBelow, Travel, hold, ramp
 from stickslip.errors import InputError
-from stickslip.model import Delay, Interface, Langevin, RandomDelay, Slider
+from stickslip.model import Delay, Interface, LogarithmicGrowth, RandomDelay, Slider
 from stickslip.simulate import (
     LABELS,
     Contacts,
@@ -692,8 +692,8 @@ GOOD = {
         ({"start": Sliding(), "drive": ramp(-1, 1, 1)}, r"^Sliding: the drive starts at velocity -1"),
         ({"start": Sliding(), "interface": interface(math.inf)}, r"^Sliding: contacts that never come back"),
         (
-            {"interface": replace(interface(), ageing=Langevin(rate=1.0))},
-            r"^Interface\.ageing = Langevin.*: not available with Contacts",
+            {"interface": replace(interface(), ageing=LogarithmicGrowth(slope=0.1, time=1.0))},
+            r"^Interface\.ageing = LogarithmicGrowth.*: not available with Contacts",
         ),
         (
             {"interface": interface(thresholds=Gaussian(mean=1, spread=0)), "method": MasterEquation()},

@@ -1,12 +1,13 @@
 """Closed forms, beside quadrature and beside the limits they are good for."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from stickslip.errors import InputError
-from stickslip.model import FIG4, FIG7, Delay, Interface, Langevin, RandomDelay, Slider
+from stickslip.model import FIG4, FIG7, Delay, ExponentialGrowth, Interface, Langevin, RandomDelay, Slider
 from stickslip.theory import (
     attached_fraction,
     critical_delay_estimate,
@@ -49,10 +50,26 @@ def test_attached_fraction():
     assert attached_fraction(never, 1.0) == 0.0
 
 
+@pytest.mark.eq(14, 17)
+@pytest.mark.parametrize("rate", [1.0, 1.5])
+def test_friction_of_ageing_thresholds_depends_on_velocity_over_rate_squared(rate):
+    ageing = Interface(thresholds=FIG4.interface.thresholds, initial=NARROW, ageing=Langevin(rate=rate))
+    # Known from independent solvers of the kinetic equation, to .3 %.
+    force = kinetic_friction(ageing, rate**2 * np.array([0.1, 0.5, 1.0, 5.0]))
+    np.testing.assert_allclose(force, [0.4677, 0.3756, 0.1243, 0.00310], rtol=3e-3)
+    assert kinetic_friction(ageing, 0.5 * rate**2) == pytest.approx(float(force[1]), rel=1e-12)
+
+
 def test_no_closed_form_where_there_is_none():
     ageing = Interface(thresholds=FIG4.interface.thresholds, initial=NARROW, ageing=Langevin(rate=1.0))
     with pytest.raises(InputError, match="ageing"):
-        kinetic_friction(ageing, 1.0)
+        attached_fraction(ageing, 1.0)
+    with pytest.raises(InputError, match="velocity = 0"):
+        kinetic_friction(ageing)
+    with pytest.raises(InputError, match="ageing = ExponentialGrowth"):
+        kinetic_friction(replace(ageing, ageing=ExponentialGrowth(rate=1.0)), 1.0)
+    with pytest.raises(InputError, match="newborn = 0"):
+        kinetic_friction(replace(ageing, delay=Delay(0.1)), 1.0)
     never = Interface(thresholds=FIG4.interface.thresholds, initial=NARROW, delay=Delay(math.inf))
     with pytest.raises(InputError, match="velocity = 0"):
         kinetic_friction(never)

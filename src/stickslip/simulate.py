@@ -23,7 +23,8 @@ from stickslip import store
 from stickslip.drive import Drive, ForceAbove, ForceBelow, Piece, Travel, hold
 from stickslip.errors import InputError, instance, number, whole
 from stickslip.model import Delay, Interface, Langevin, Slider
-from stickslip.thresholds import Gaussian, Law, SteadyState, panels
+from stickslip.theory import gaussian_ageing
+from stickslip.thresholds import Law, SteadyState, panels
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -282,19 +283,10 @@ def check_method(interface: Interface, method: object) -> None:
 
 
 def _check_ageing(interface: Interface, method: object) -> None:
-    ageing, law, delayed = interface.ageing, interface.thresholds, interface.delay.moment(1) > 0
+    ageing, delayed = interface.ageing, interface.delay.moment(1) > 0
     if not isinstance(ageing, Langevin) or not isinstance(method, (Contacts, MasterEquation)):
         raise InputError(f"Interface.ageing = {ageing}: not available with {type(method).__name__}")
-    if not isinstance(law, Gaussian) or law.lower > 0 or law.mean <= 0 or law.spread <= 0:
-        raise InputError(
-            f"Interface.thresholds = {law}: thresholds that age by Langevin have a Gaussian as their stationary law, "
-            "Eq. (17): give Gaussian(mean, spread), both above 0 and not cut off above 0"
-        )
-    if delayed and ageing.newborn == 0:
-        raise InputError(
-            f"Langevin.newborn = 0 with Interface.delay = {interface.delay}: newborns without strength break at once "
-            "and without end, and a delay after each break leaves none that holds; give newborn > 0 or no delay"
-        )
+    gaussian_ageing(interface)
     if isinstance(method, MasterEquation) and (delayed or method.memoryless):
         what = "MasterEquation(memoryless=True)" if method.memoryless else f"Interface.delay = {interface.delay}"
         raise InputError(f"{what}: not available for ageing thresholds with MasterEquation; use Contacts")
@@ -746,9 +738,8 @@ def _settling_time(motion: _Motion, ageing: Langevin) -> float:
     return 5.0 * (motion.interface.threshold_law.moment(1) / velocity + delay) + 5.0 / ageing.rate**2
 
 
-def _ageing_law(motion: _Motion, ageing: Langevin) -> Array:
-    law = motion.interface.thresholds
-    assert isinstance(law, Gaussian)  # `_check_ageing` has seen to it
+def _ageing_law(motion: _Motion) -> Array:
+    ageing, law = gaussian_ageing(motion.interface)
     return np.array([ageing.rate, law.mean, law.spread, ageing.newborn])
 
 
@@ -767,7 +758,7 @@ class _AgeingContacts:
         initial, thresholds, delays = (
             np.random.default_rng(seed) for seed in np.random.SeedSequence(method.seed).spawn(3)
         )
-        self._rng, self._law = thresholds, _ageing_law(motion, ageing)
+        self._rng, self._law = thresholds, _ageing_law(motion)
         delay = motion.interface.delay
         self._delays = delay.sample(delays, 1 if isinstance(delay, Delay) else self._DELAYS)
         self._x, self._f, pending = _first_contacts(motion, method.count, initial)
@@ -805,7 +796,7 @@ class _AgeingDensity:
     def __init__(self, motion: _Motion, ageing: Langevin, method: MasterEquation) -> None:
         from stickslip.kernels.ageing import threshold_edges
 
-        self._law = _ageing_law(motion, ageing)
+        self._law = _ageing_law(motion)
         _, mean, spread, newborn = self._law.tolist()
         self._reach, self._step = 10.0 / method.cells, min(4.0 / method.cells, _AGEING_STEP)
         self._edges = threshold_edges(mean, spread, newborn, max(method.cells / 50.0, 2.0))

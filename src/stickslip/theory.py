@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError, number
-from stickslip.model import Interface, Slider
+from stickslip.model import Interface, Langevin, Slider
+from stickslip.thresholds import Gaussian
 
 Array = NDArray[np.float64]
 
@@ -27,12 +28,16 @@ def kinetic_friction(interface: Interface, velocity: float | Array = 0.0) -> flo
     The force of the steady state of Eqs. (1)-(4) with attached contacts counted by Eq. (10); ``m1, m2`` are
     the first two moments of the positive law of thresholds. Exact for any law and any delay law.
 
+    Thresholds that age by `Langevin` have no such form: the stationary kinetic equation of Eqs. (13)-(17) is
+    solved, to 1e-4 or better. Without delay the force depends on ``v/rate**2`` alone.
+
     Parameters
     ----------
     interface : Interface
-        The contacts, without ageing.
+        The contacts, without ageing or with `Langevin` ageing of Gaussian thresholds.
     velocity : float or ndarray
-        Speed of sliding, at least 0, in ``x_s`` per time; 0 is the limit of slow sliding, or no delay.
+        Speed of sliding, at least 0, in ``x_s`` per time; 0 is the limit of slow sliding, or no delay. Above 0
+        if thresholds age.
 
     Returns
     -------
@@ -42,11 +47,53 @@ def kinetic_friction(interface: Interface, velocity: float | Array = 0.0) -> flo
     Raises
     ------
     InputError
-        If thresholds age (the force then follows from no closed form), or the delay is infinite at zero
-        velocity.
+        If thresholds age otherwise than by `Langevin` from a Gaussian, or slide at 0 velocity while they do; if the
+        delay is infinite at zero velocity, or a delay meets newborns without strength.
     """
+    if interface.ageing is not None:
+        return _ageing_friction(interface, velocity)
     law = interface.threshold_law
     return 0.5 * law.moment(2) / law.moment(1) * attached_fraction(interface, velocity)
+
+
+def _ageing_friction(interface: Interface, velocity: float | Array) -> float | Array:
+    """Force in smooth sliding by the stationary kinetic equation."""
+    from stickslip.kernels.ageing import steady_friction
+
+    ageing, law = gaussian_ageing(interface)
+    speed = np.asarray(velocity, dtype=float)
+    for value in (float(np.min(speed)), float(np.max(speed))):
+        number("velocity", value, above=0, hint="in x_s per time; thresholds that age have no limit of slow sliding")
+    delay = interface.delay.moment(1)
+    force = steady_friction(speed.ravel(), ageing.rate, law.spread, ageing.newborn, law.mean, delay)
+    return float(force[0]) if speed.ndim == 0 else np.asarray(force.reshape(speed.shape))
+
+
+def gaussian_ageing(interface: Interface) -> tuple[Langevin, Gaussian]:
+    """Return the ageing and the stationary law of thresholds that the kinetic equation of Eqs. (13)-(17) takes.
+
+    Raises
+    ------
+    InputError
+        If thresholds do not age by `Langevin` from a Gaussian, or a delay meets newborns without strength.
+    """
+    ageing, law = interface.ageing, interface.thresholds
+    if not isinstance(ageing, Langevin):
+        raise InputError(
+            f"Interface.ageing = {ageing}: steady sliding is known for ageing by Langevin(rate, newborn) only; "
+            "use that, or ageing=None"
+        )
+    if not isinstance(law, Gaussian) or law.lower > 0 or law.mean <= 0 or law.spread <= 0:
+        raise InputError(
+            f"Interface.thresholds = {law}: thresholds that age by Langevin have a Gaussian as their stationary law, "
+            "Eq. (17): give Gaussian(mean, spread), both above 0 and not cut off above 0"
+        )
+    if interface.delay.moment(1) > 0 and ageing.newborn == 0:
+        raise InputError(
+            f"Langevin.newborn = 0 with Interface.delay = {interface.delay}: newborns without strength break at once "
+            "and without end, and a delay after each break leaves none that holds; give newborn > 0 or no delay"
+        )
+    return ageing, law
 
 
 @overload
