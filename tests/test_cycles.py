@@ -106,6 +106,18 @@ def test_the_verdict_agrees_with_the_regime_of_a_run_of_contacts(delay):
     assert lasts(interface, FIG6.slider, 1.0).kind == regime(run).kind
 
 
+@pytest.mark.slow
+def test_verdicts_of_random_rigs_agree_with_long_runs():
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        stiffness, velocity, delay = (float(np.exp(rng.uniform(*np.log(r)))) for r in ((0.2, 6), (0.3, 3), (0.01, 0.5)))
+        mass, ratio = (float(10 ** rng.uniform(*r)) for r in ((-5, -2), (-1.3, 0.3)))
+        interface = Interface(thresholds=Gaussian(mean=1.0, spread=rng.uniform(0.05, 0.35)), delay=Delay(delay))
+        slider = scaled(mass, stiffness, ratio)
+        run = simulate(interface, slider, hold(velocity, 200 * (1 + 1 / stiffness) / velocity), cycles.METHOD)
+        assert lasts(interface, slider, velocity).kind == regime(run).kind
+
+
 @pytest.mark.parametrize(("stiffness", "mass"), [(0.01, 1e-2), (0.05, 1e-3)])
 def test_soft_springs_have_long_cycles(stiffness, mass):
     verdict = lasts(delayed(0.2), scaled(mass, stiffness), 1.0, method=MasterEquation(cells=50))
@@ -181,7 +193,7 @@ def test_tau_star_rises_with_damping():
     assert answer.value == pytest.approx(0.098, abs=0.002)
 
 
-@pytest.mark.parametrize("velocity", [0.3, 3.0])
+@pytest.mark.parametrize("velocity", [pytest.param(0.3, marks=pytest.mark.slow), 3.0])
 def test_tau_star_times_v_depends_on_m_v_squared_only(velocity):
     fast = lasting_delay(FIG6.interface, FIG6.slider, velocity)
     heavy = lasting_delay(FIG6.interface, scaled(1e-4 * velocity**2), 1.0)
@@ -239,6 +251,7 @@ def test_widely_random_delays_let_nothing_last(negative):
     assert str(answer).startswith("no oscillation lasts for velocity from 0.2 to 5")
 
 
+@pytest.mark.slow
 def test_redrawn_delays_leave_a_narrow_window():
     answer = lasting_velocities(
         delayed(0.2, 0.12, "redraw"), FIG7.slider, between=(0.6, 1.0), points=25, tolerance=0.01
@@ -248,6 +261,7 @@ def test_redrawn_delays_leave_a_narrow_window():
     assert window.high.value == pytest.approx(0.87, abs=0.07)
 
 
+@pytest.mark.slow
 def test_smooth_again_at_high_velocity():
     interface = delayed(0.2, 0.08)
     answer = lasting_velocities(interface, FIG7.slider, between=(0.3, 5), points=6, tolerance=0.03)

@@ -64,10 +64,13 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     ratios = np.array((0.3, 1.0) if quick else _RATIOS)
     parts = portions(progress, masses.size + 2 * velocities.size + ratios.size + 1)
 
+    known: dict[tuple[Slider, float], tuple[float, float]] = {}  # the panels share some cases
+
     def delays(slider: Slider, velocity: float = 1.0) -> tuple[float, float]:
-        found = _delays(slider, velocity, tolerance)
+        if (slider, velocity) not in known:
+            known[slider, velocity] = _delays(slider, velocity, tolerance)
         next(parts)(1.0)
-        return found
+        return known[slider, velocity]
 
     by_mass = np.array([delays(_slider(mass)) for mass in masses.tolist()])
     by_velocity = np.array([delays(FIG6.slider, v) for v in velocities.tolist()])
