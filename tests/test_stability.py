@@ -252,7 +252,7 @@ def test_no_answer_where_there_is_no_steady_sliding():
     with pytest.raises(InputError, match="share one threshold"):
         growth_rate(case(Gaussian(mean=1.0, spread=0.0), Delay(0.1)), SLIDER, 1.0)
     with pytest.raises(InputError, match="ageing"):
-        unstable_modes(Interface(thresholds=gaussian, ageing=Langevin(rate=1.0)), SLIDER, 1.0)
+        critical_spring(Interface(thresholds=gaussian, ageing=Langevin(rate=1.0)), SLIDER, 1.0)
     with pytest.raises(InputError, match="velocity = 0"):
         dynamic_stiffness(INTERFACE, 0.0, 1j)
 

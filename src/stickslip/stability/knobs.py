@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError, UndecidedError, number
 from stickslip.model import Delay, Interface, RandomDelay
+from stickslip.stability.aged import crossings_aged
 from stickslip.stability.modes import Neutral, neutral_frequencies
 from stickslip.stability.response import respond
 from stickslip.stability.rigs import Rig, impedance
@@ -296,8 +297,21 @@ def critical_velocities(interface: Interface, rig: Rig, between: tuple[float, fl
     -------
     Crossings
         With the frequency of the neutral mode and the direction of each; none is an answer, with the range
-        searched.
+        searched. With thresholds that age modes are counted at ten speeds per decade.
     """
+    if interface.ageing is not None:
+        low, high = check_range(VELOCITY, between)
+        ends, found = crossings_aged(interface, impedance(rig), (low, high))
+        return Crossings(
+            knob=VELOCITY.name,
+            unit=VELOCITY.unit,
+            searched=(low, high),
+            unstable_at_ends=ends,
+            found=tuple(
+                Crossing(value=v, frequency=w, unstable_below=below, unstable_above=above)
+                for v, w, below, above in found
+            ),
+        )
     return critical(VELOCITY, interface, rig, between[0], between=between)
 
 

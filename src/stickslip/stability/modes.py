@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError, UndecidedError, number
 from stickslip.model import Interface
+from stickslip.stability.aged import count_aged, rightmost_aged
 from stickslip.stability.response import SCAN_LIMIT, STEP, Axis, Response, respond
 from stickslip.stability.rigs import (
     Impedance,
@@ -64,6 +65,8 @@ def unstable_modes(interface: Interface, rig: Rig, velocity: float) -> int:
         If a root lies on the imaginary axis to within rounding.
     """
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
+    if interface.ageing is not None:
+        return count_aged(interface, impedance(rig), speed)
     response, z = respond(interface), impedance(rig)
     if response.inert:
         return 0
@@ -131,9 +134,12 @@ def growth_rate(interface: Interface, rig: Rig, velocity: float) -> complex:
         If there is no steady sliding, see `dynamic_stiffness`.
     UndecidedError
         If smooth sliding is stable but no mode dies out exponentially: a law of thresholds with a heavy tail,
-        or a rig without mass nor losses on an interface without delay.
+        or a rig without mass nor losses on an interface without delay. With thresholds that age only growing modes
+        are found.
     """
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
+    if interface.ageing is not None:
+        return rightmost_aged(interface, impedance(rig), speed)
     response, z = respond(interface), impedance(rig)
     limit = -math.inf if response.inert else response.leftmost * speed
     (neutral,) = neutral_frequencies(response, z, [speed])

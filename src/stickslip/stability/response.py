@@ -59,17 +59,21 @@ def dynamic_stiffness(interface: Interface, velocity: float, s: ArrayLike) -> Co
     Raises
     ------
     InputError
-        If contacts never come back (no steady sliding), age, or all share one threshold and one delay; if `s`
-        lies where the transform does not exist or overflows.
+        If contacts never come back (no steady sliding), age otherwise than by `Langevin`, or all share one threshold
+        and one delay; if `s` lies where the transform does not exist or overflows.
 
     Notes
     -----
     Laws without a closed transform (`LogNormal`, `Weibull`) cost some ten microseconds a point. The relative
-    error is about 1e-12, for laws with very heavy tails down to 1e-8 at small `s`.
+    error is about 1e-12, for laws with very heavy tails down to 1e-8 at small `s`; with thresholds that age 2e-4.
     """
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
-    response = respond(interface)
     points = np.asarray(s, dtype=complex)
+    if interface.ageing is not None:
+        from stickslip.stability.aged import aged_stiffness
+
+        return aged_stiffness(interface, speed, points)
+    response = respond(interface)
     furthest = float(np.min(points.real, initial=0.0))
     if furthest <= response.leftmost * speed and furthest < 0:
         raise InputError(
@@ -204,10 +208,10 @@ def respond(interface: Interface) -> Response:
         If the interface has no steady sliding, or one whose response is not known.
     """
     if interface.ageing is not None:
-        # kernels/ageing will give a response of its own kind: the same methods, from the gap's density (PHYSICS.md, 7).
+        # `stickslip.stability.aged` has the response, but no bounds of it, on which the searches here rest.
         raise InputError(
-            f"Interface.ageing = {interface.ageing}: the linear response of ageing thresholds is not available; "
-            "use ageing=None with a delay, or find the regime by simulate()"
+            f"Interface.ageing = {interface.ageing}: not available for thresholds that age; use dynamic_stiffness, "
+            "unstable_modes, growth_rate or critical_velocities, or find the regime by simulate()"
         )
     return _respond(_key(interface.threshold_law), _key(interface.delay))
 
