@@ -70,7 +70,21 @@ def rig_of(document: object) -> Rig:
     """
     if not isinstance(document, Mapping):
         raise InputError("rig: must be a table with slider, interface and drive")
+    assumed = document.get("assumed")
+    if isinstance(assumed, Mapping):
+        # A field of the page can take away a key that the file says was assumed.
+        kept = {key: how for key, how in assumed.items() if _stands(document, str(key))}
+        document = {**document, "assumed": kept}
     return rigs.from_document(document)
+
+
+def _stands(document: Mapping[str, Any], path: str) -> bool:
+    node: Any = document
+    for part in path.split("."):
+        if not isinstance(node, Mapping) or part not in node:
+            return False
+        node = node[part]
+    return True
 
 
 def check_size(rig: Rig) -> None:

@@ -1,0 +1,752 @@
+"""The browser app, driven in a real browser; and what stands behind it, without one."""
+
+import base64
+import http.client
+import json
+import os
+import re
+import struct
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stickslip import cli, model, store
+from stickslip import rig as rigs
+from stickslip.errors import InputError
+from stickslip.explorer import answers, documents
+from stickslip.simulate import simulate
+
+for needed in ("starlette", "uvicorn", "plotly"):
+    pytest.importorskip(needed)
+headless = pytest.importorskip("headless", reason="playwright is not installed")
+
+needs_browser = pytest.mark.skipif(headless.CHROMIUM is None, reason=headless.WHY_NOT)
+PMMA = Path(__file__).parents[1] / "examples" / "pmma_slider.toml"
+PICTURES = os.environ.get("STICKSLIP_SCREENSHOTS")
+"""A folder, such as docs/images: the pictures of the docs are written there."""
+
+
+def silent(_share):
+    """Watch that nothing happens to."""
+
+
+def small(**parts):
+    document = documents.first()
+    document["simulation"]["contacts"] = 300
+    for key, value in parts.items():
+        table, _, name = key.partition("__")
+        document[table][name] = value
+    return document
+
+
+def numbers(packed):
+    return np.frombuffer(base64.b64decode(packed["bdata"]), "<f4")
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Documents
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def test_presets_hold_every_figure_and_every_example_rig():
+    presets = documents.presets()
+    titles = [preset["title"] for preset in presets]
+    for figure in range(1, 12):
+        (preset,) = (p for p in presets if p["title"].startswith(f"Fig. {figure}:"))
+        case, rig = getattr(model, f"FIG{figure}"), documents.rig_of(preset["document"])
+        assert rig.slider.stiffness == case.slider.stiffness
+        assert rig.slider.damping == pytest.approx(case.slider.damping, rel=1e-5)
+        assert rig.interface.delay == case.interface.delay
+        assert rig.interface.thresholds == case.interface.thresholds
+        if case.interface.ageing is not None:
+            assert rig.interface.ageing.rate == pytest.approx(case.interface.ageing.rate)
+    assert "PMMA slider" in titles
+
+
+@pytest.mark.parametrize("document", [preset["document"] for preset in documents.presets()], ids=lambda d: d["name"])
+def test_a_rig_is_the_same_in_other_units(document):
+    there = documents.in_units(documents.rig_of(document), "SI" if document.get("units") == "natural" else "natural")
+    back = documents.rig_of(documents.in_units(documents.rig_of(there), document.get("units", "SI")))
+    was = documents.rig_of(document)
+    # The unit of time may change on the way; ratios that hold no time do not.
+    assert back.slider.stiffness == pytest.approx(was.slider.stiffness, rel=1e-3)
+    assert back.slider.mass * back.velocity**2 == pytest.approx(was.slider.mass * was.velocity**2, rel=3e-3)
+    assert back.slider.damping / back.slider.frequency == pytest.approx(
+        was.slider.damping / was.slider.frequency, rel=3e-3
+    )
+    if was.interface.delay.moment(1) not in (0.0, np.inf):
+        assert back.interface.delay.moment(1) * back.velocity == pytest.approx(
+            was.interface.delay.moment(1) * was.velocity, rel=1e-3
+        )
+
+
+@pytest.mark.parametrize("knob", documents.QUANTITIES)
+@pytest.mark.parametrize("document", [small(), rigs.read(PMMA).document], ids=["natural", "SI"])
+def test_a_knob_turned_is_where_it_was_put(knob, document):
+    rig = documents.rig_of(document)
+    before = answers._knobs(rig)
+    after = answers._knobs(documents.rig_of(documents.turned(rig, {knob: 1.5 * before[knob]})))
+    assert after[knob] == pytest.approx(1.5 * before[knob], rel=1e-3)
+    for other in documents.QUANTITIES:
+        if other != knob:
+            assert after[other] == pytest.approx(before[other], rel=1e-3)
+
+
+def test_a_random_delay_keeps_its_shape_when_turned():
+    rig = documents.rig_of(small(interface__delay={"mean": 0.2, "spread": 0.12, "negative": "redraw"}))
+    turned = documents.turned(rig, {"delay": 0.4})
+    assert turned["interface"]["delay"] == {"mean": 0.4, "spread": 0.24, "negative": "redraw"}
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "at"),
+    [
+        ("slider__mass", 0, "slider.mass"),
+        ("slider__mass", "", "slider.mass"),
+        ("slider__stiffness", "abc", "slider.stiffness"),
+        ("slider__stiffness", -1, "slider.stiffness"),
+        ("slider__damping", -3, "slider.damping"),
+        ("slider__mass", 1e-12, "slider.mass"),
+        ("drive__velocity", 0, "drive.velocity"),
+        ("drive__velocity", "fast", "drive.velocity"),
+        ("drive__distance", -5, "drive.distance"),
+        ("interface__delay", -0.1, "interface.delay"),
+        ("interface__delay", {"mean": 0.1, "spread": "x"}, "interface.delay.spread"),
+        ("interface__thresholds", {"law": "gaussian", "spread": -1.0}, "interface.thresholds"),
+        ("interface__thresholds", {"law": "gaussian", "spread": ""}, "interface.thresholds.spread"),
+        ("interface__initial", {"law": "gaussian", "mean": 0.0, "spread": -1.0}, "interface.initial"),
+        ("interface__initial", {"law": "gaussian", "mean": 0.0, "spread": 3.0}, "interface.initial"),
+        ("interface__ageing", {"law": "langevin", "time": -1}, "interface.ageing.time"),
+        ("interface__ageing", {"law": "langevin", "time": "abc"}, "interface.ageing.time"),
+        ("simulation__contacts", 10**12, "simulation.contacts"),
+        ("simulation__contacts", 10**7, "simulation.contacts"),
+        ("simulation__contacts", "many", "simulation.contacts"),
+        ("simulation__contacts", 0, "simulation.contacts"),
+        ("simulation__seed", -1, "simulation.seed"),
+        ("simulation__method", "magic", "simulation.method"),
+    ],
+)
+def test_a_complaint_names_the_field(key, value, at):
+    document = small(**{key: value})
+    with pytest.raises(InputError) as caught:
+        next(answers.run({"document": document}, silent))
+    (complaint,) = documents.complaints(caught.value, document)
+    assert complaint["key"] == at
+    assert len(complaint["message"]) > 20
+
+
+def test_every_complaint_of_several_is_told_apart():
+    document = small(slider__mass="x", slider__stiffness="y")
+    with pytest.raises(InputError) as caught:
+        documents.rig_of(document)
+    assert [c["key"] for c in documents.complaints(caught.value, document)] == ["slider.mass", "slider.stiffness"]
+
+
+def test_the_fields_that_are_the_cause_are_named_for_cells_too():
+    document = small(simulation__method="master equation", simulation__cells=50_000)
+    with pytest.raises(InputError, match="cells"):
+        next(answers.run({"document": document}, silent))
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Answers
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def test_a_run_is_thinned_out_and_keeps_its_peaks():
+    document = small()
+    run, friction = answers.run({"document": document, "width": 500, "cursor": 0.5}, silent)
+    force = numbers(run["force"]["values"])
+    assert force.size < 1_600
+    rig = documents.rig_of(document)
+    full = simulate(rig.interface, rig.slider, rig.drive, rig.method, start=rig.start)["F_d"].to_numpy()
+    assert force.max() == pytest.approx(full.max(), rel=1e-6)
+    assert force.min() == pytest.approx(full.min(), rel=1e-6)
+    assert run["regime"]["kind"] == "stick-slip"
+    assert run["slips"]["count"] == len(run["slips"]["start"])
+    Q, x = numbers(run["stretchings"]["Q"]["values"]), numbers(run["stretchings"]["x"]["values"])
+    assert 0.3 < Q.sum() * (x[1] - x[0]) <= 1.001
+    assert run["stretchings"]["at"] == pytest.approx(30.0)
+    assert friction["friction"]["static"] == pytest.approx(0.79560, abs=1e-4)
+    assert friction["friction"]["kinetic"] == pytest.approx(0.505 / 1.2, abs=1e-4)
+
+
+def test_answers_are_json():
+    for answer in answers.run({"document": small(interface__delay="never")}, silent):
+        json.dumps(answer, allow_nan=False)
+
+
+def test_work_that_nobody_waits_for_is_dropped():
+    class DroppedError(Exception):
+        pass
+
+    def watch(_share):
+        raise DroppedError
+
+    with pytest.raises(DroppedError):
+        list(answers.advice({"document": small()}, watch))
+
+
+def test_a_curve_keeps_its_fast_parts():
+    t = np.linspace(0, 1, 100_000)
+    x = np.where(np.abs(t - 0.5) < 1e-3, 1.0, 0.0)  # a jump of 200 samples
+    kept, _ = answers.along_path(x, t)
+    assert kept.max() == 1.0
+    assert kept.size < 2_100
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The command
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def test_without_the_extra_one_line_says_what_to_install(capsys, monkeypatch):
+    monkeypatch.setattr("stickslip.explorer.find_spec", lambda _name: None)
+    assert cli.main(["explore"]) == 2
+    assert "pip install 'stickslip[explorer]'" in capsys.readouterr().err
+
+
+def test_a_bad_rig_or_port_is_one_line(capsys, tmp_path):
+    assert cli.main(["explore", str(tmp_path / "none.toml")]) == 2
+    assert "no such file" in capsys.readouterr().err
+    assert cli.main(["explore", "--port", "99999"]) == 2
+    assert "--port" in capsys.readouterr().err
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The server
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def server():
+    with headless.server() as running:
+        yield running
+
+
+def ask(server, method, path, body=None, **headers):
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
+    try:
+        connection.putrequest(method, path, skip_host="Host" in headers)
+        for name, value in headers.items():
+            connection.putheader(name.replace("_", "-"), value)
+        if body is not None and "Content_Length" not in headers:
+            connection.putheader("Content-Length", str(len(body)))
+        connection.endheaders(body)
+        answer = connection.getresponse()
+        return answer.status, dict(answer.getheaders()), answer.read()
+    finally:
+        connection.close()
+
+
+def websocket_status(server, **headers):
+    lines = {
+        "Host": f"127.0.0.1:{server.port}",
+        "Connection": "Upgrade",
+        "Upgrade": "websocket",
+        "Sec_WebSocket_Version": "13",
+        "Sec_WebSocket_Key": "dGhlIHNhbXBsZSBub25jZQ==",
+    } | headers
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=20)
+    try:
+        connection.putrequest("GET", "/session", skip_host=True)
+        for name, value in lines.items():
+            connection.putheader(name.replace("_", "-"), value)
+        connection.endheaders()
+        return connection.getresponse().status
+    finally:
+        connection.close()
+
+
+def test_binds_to_loopback_only(server):
+    listening = []
+    for table in ("/proc/net/tcp", "/proc/net/tcp6"):
+        for line in Path(table).read_text().splitlines()[1:]:
+            address, state = line.split()[1], line.split()[3]
+            if state == "0A" and int(address.rpartition(":")[2], 16) == server.port:
+                listening.append(address.rpartition(":")[0])
+    assert listening == [f"{struct.unpack('<I', bytes([127, 0, 0, 1]))[0]:08X}"]
+
+
+def test_other_hosts_and_origins_are_refused(server):
+    port = server.port
+    assert ask(server, "GET", "/")[0] == 200
+    assert ask(server, "GET", "/", Host=f"localhost:{port}")[0] == 200
+    for host in (
+        "evil.example",
+        f"evil.example:{port}",
+        "127.0.0.1",
+        f"127.0.0.1:{port + 1}",
+        f"127.0.0.1.evil:{port}",
+    ):
+        assert ask(server, "GET", "/", Host=host)[0] == 403
+        assert websocket_status(server, Host=host, Origin=f"http://{host}") == 403
+    body = json.dumps(small()).encode()
+    for origin in ("http://evil.example", "null", f"https://127.0.0.1:{port}", f"http://127.0.0.1:{port + 1}"):
+        assert ask(server, "POST", "/download/toml", body, Origin=origin)[0] == 403
+        assert ask(server, "POST", "/trace?name=x", b"1\n2\n", Origin=origin)[0] == 403
+        assert websocket_status(server, Origin=origin) == 403
+    assert websocket_status(server) == 403  # a browser always says where a websocket comes from
+    assert websocket_status(server, Origin=f"http://127.0.0.1:{port}") == 101
+    assert ask(server, "POST", "/download/toml", body, Origin=f"http://127.0.0.1:{port}")[0] == 200
+
+
+def test_every_answer_carries_the_headers_of_safety(server):
+    for path in ("/", "/plotly.min.js", "/static/explorer.js", "/nothing"):
+        _, headers, _ = ask(server, "GET", path)
+        headers = {name.lower(): value for name, value in headers.items()}
+        assert headers["content-security-policy"].startswith("default-src 'self'")
+        assert "script-src" not in headers["content-security-policy"]
+        assert headers["x-content-type-options"] == "nosniff"
+        assert headers["cross-origin-resource-policy"] == "same-origin"
+
+
+def test_files_outside_the_static_folder_are_not_served(server):
+    for path in ("/static/../server.py", "/static/%2e%2e/server.py", "/static//etc/passwd", "/../../etc/passwd"):
+        assert ask(server, "GET", path)[0] in (400, 404)
+
+
+def test_too_large_a_body_is_refused_before_it_is_sent(server):
+    status, _, text = ask(server, "POST", "/trace?name=big.csv", b"", Content_Length="200000000")
+    assert status == 400
+    assert "200 MB" in json.loads(text)["errors"][0]["message"]
+
+
+@pytest.mark.parametrize("body", [b"", b"{", b"\xff\xfe", b"[]", b"null", b'{"slider": 3}'])
+def test_a_damaged_document_is_refused(server, body):
+    status, _, text = ask(server, "POST", "/download/nc", body)
+    assert status == 400
+    assert json.loads(text)["errors"][0]["message"]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("x.nc", b"\x89HDF\r\n\x1a\n" + bytes(100), "NetCDF"),
+        ("x.bin", bytes(range(256)) * 20, "binary"),
+        ("x.csv", b"", "empty"),
+        ("x.csv", b"hello\nworld\n", "no column of numbers"),
+        ("../../x.csv", b"time,force\n1,2\n2,3\n", "too few"),
+    ],
+)
+def test_what_is_no_trace_is_one_clear_line(server, name, content, words):
+    status, _, text = ask(server, "POST", f"/trace?name={name}", content)
+    (error,) = json.loads(text)["errors"]
+    assert status == 400
+    assert words in error["message"]
+    assert "/tmp" not in error["message"]
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The pages
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def browser():
+    if headless.CHROMIUM is None:
+        pytest.skip(headless.WHY_NOT)
+    with headless.browser() as started:
+        yield started
+
+
+@pytest.fixture
+def page(browser, server):
+    with headless.window(browser, server) as opened:
+        yield opened
+
+
+def move(page, selector, value):
+    """Set a field or slider; return the regime on the page, and after how many ms the trace was redrawn."""
+    seen = page.evaluate(headless.MOVE, [selector, str(value)])
+    return seen["kind"], seen["took"]
+
+
+def state(page):
+    """The document in the address."""
+    page.click("#link")
+    text = page.evaluate("location.hash").partition("/")[2]
+    return json.loads(base64.urlsafe_b64decode(text + "=" * (-len(text) % 4)))
+
+
+def download(page, form, folder):
+    with page.expect_download() as begun:
+        page.click(f"[data-download={form}]")
+    file = folder / begun.value.suggested_filename
+    begun.value.save_as(file)
+    return file
+
+
+def sawtooth(folder):
+    t = np.arange(0, 20, 0.01)
+    force = 3 + (0.9 * t % 1) * 0.8 + np.random.default_rng(0).normal(0, 0.01, t.size)
+    file = folder / "bench.csv"
+    file.write_text(
+        "time [s],force [N]\n" + "\n".join(f"{a:.3f},{b:.4f}" for a, b in zip(t, force, strict=True)) + "\n"
+    )
+    return file
+
+
+@needs_browser
+def test_every_page_loads(page, tmp_path):
+    page.wait_for_selector("#plot-force .trace")
+    page.wait_for_selector("#plot-phase .trace")
+    page.wait_for_selector("#plot-stretchings .trace")
+    page.click("#tab-map")
+    page.wait_for_selector("#plot-map .heatmaplayer image")
+    page.click("#tab-advice")
+    page.wait_for_selector("#margins td", timeout=120_000)
+    page.click("#tab-trace")
+    page.set_input_files("#file", sawtooth(tmp_path))
+    page.wait_for_selector("#plot-trace .trace")
+    # `window` complains of errors and of requests to other hosts
+
+
+@needs_browser
+@pytest.mark.parametrize("method", ["contacts", "master equation"])
+def test_a_softer_spring_turns_sliding_into_stick_slip(page, method):
+    page.select_option("#field-simulation-method", method)
+    assert move(page, "#field-slider-stiffness", 20)[0] == "smooth sliding"
+    took = []
+    for _ in range(3):
+        kind, ms = move(page, "#field-slider-stiffness", 2)
+        assert kind == "stick-slip"
+        took.append(ms)
+        assert move(page, "#field-slider-stiffness", 20)[0] == "smooth sliding"
+    print(f"\n{method}: stick-slip shown after {min(took):.0f} ms")
+    assert min(took) < 500
+
+
+@needs_browser
+def test_a_slider_moves_its_field_and_back(page):
+    move(page, "#field-slider-stiffness-slider", 1000)
+    assert float(page.input_value("#field-slider-stiffness")) == 50
+    move(page, "#field-slider-stiffness", 0.05)
+    assert page.input_value("#field-slider-stiffness-slider") == "0"
+    move(page, "#field-interface-delay-slider", 0)
+    assert page.input_value("#field-interface-delay") == "0"
+    assert state(page)["interface"]["delay"] == 0
+
+
+@needs_browser
+def test_friction_forces_and_slips_are_marked(page):
+    names = page.evaluate("document.querySelector('#plot-force').data.map((trace) => trace.name)")
+    assert names == ["force", "slips", "Fₖ", "Fₛ"]
+    assert page.evaluate("document.querySelector('#plot-force').data[1].x.length") > 30
+    for plot in ("force", "phase", "stretchings"):
+        for axis in ("x", "y"):
+            assert re.search(r"\(.+\)$", page.text_content(f"#plot-{plot} .{axis}title"))
+
+
+@needs_browser
+def test_the_cursor_chooses_the_time_of_the_stretchings(page):
+    box = page.locator("#plot-force .nsewdrag").bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 50)
+    page.wait_for_selector("#at:has-text('t = 30')")
+    page.mouse.click(box["x"] + box["width"] / 4, box["y"] + 50)
+    page.wait_for_selector("#at:has-text('t = 15')")
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 60)
+    move(page, "#field-slider-stiffness", 3)
+    assert page.text_content("#at").startswith("t = 15")
+
+
+@needs_browser
+@pytest.mark.parametrize(
+    ("field", "text"),
+    [
+        ("slider-stiffness", ""),
+        ("slider-stiffness", "abc"),
+        ("slider-mass", "0"),
+        ("slider-mass", ""),
+        ("slider-damping", "-1"),
+        ("drive-velocity", "0"),
+        ("drive-velocity", "x"),
+        ("drive-distance", ""),
+        ("interface-delay", "soon"),
+        ("interface-delay-spread", "x"),
+        ("interface-thresholds-spread", ""),
+        ("interface-initial-spread", "-1"),
+        ("interface-ageing-time", "abc"),
+        ("simulation-contacts", "1e12"),
+        ("simulation-contacts", "1.5"),
+        ("simulation-seed", "?"),
+    ],
+)
+def test_bad_input_is_a_message_beside_the_field(page, field, text):
+    before = page.input_value(f"#field-{field}")
+    page.fill(f"#field-{field}", text)
+    complaint = page.wait_for_selector(f"#field-{field}-complaint:not([hidden])")
+    assert len(complaint.text_content()) > 20
+    assert page.get_attribute(f"#field-{field}", "aria-invalid") == "true"
+    assert page.locator(".complaint:visible").count() == 1
+    assert move(page, f"#field-{field}", before)[0] == "stick-slip"  # and the page lives on
+    assert page.locator(".complaint:visible").count() == 0
+
+
+@needs_browser
+def test_a_field_in_si_takes_a_number_or_a_number_with_a_unit(browser, server):
+    with headless.window(browser, server) as page:
+        page.select_option("#preset", label="PMMA slider")
+        page.wait_for_selector("#field-slider-mass-complaint", state="attached")
+        page.fill("#field-slider-stiffness", "8")
+        assert state(page)["slider"]["stiffness"] == "8 MN/m"
+        page.fill("#field-slider-stiffness", "9000 kN/m")
+        page.press("#field-slider-stiffness", "Tab")
+        assert page.input_value("#field-slider-stiffness") == "9000"
+        assert state(page)["slider"]["stiffness"] == "9000 kN/m"
+        page.fill("#field-slider-stiffness", "9 kg")
+        page.wait_for_selector("#field-slider-stiffness-complaint:not([hidden])")
+
+
+@needs_browser
+def test_units_and_damping_can_be_told_in_the_other_way(page):
+    page.select_option("#units", "SI")
+    page.wait_for_selector("#field-interface-total_threshold")
+    assert page.input_value("#field-interface-total_threshold") == "768"
+    page.click("#field-slider-damping ~ .unit button")
+    page.wait_for_selector("#field-slider-relative_damping")
+    page.select_option("#units", "natural")
+    page.wait_for_selector("#field-interface-total_threshold", state="detached")
+    assert float(page.input_value("#field-slider-relative_damping")) == pytest.approx(200 / 141.42, rel=1e-2)
+
+
+@needs_browser
+def test_a_click_on_the_map_moves_the_rig(page):
+    page.click("#tab-map")
+    page.wait_for_selector("#plot-map .heatmaplayer image")
+    page.wait_for_selector("#map-regime:has-text('stick-slip')")
+    box = page.locator("#plot-map .nsewdrag").bounding_box()
+    page.mouse.click(box["x"] + 0.9 * box["width"], box["y"] + 0.5 * box["height"])  # K = 2 * 20**.8
+    page.wait_for_selector("#map-regime:has-text('smooth sliding')")
+    document = state(page)
+    assert document["slider"]["stiffness"] == pytest.approx(2 * 20**0.8, rel=0.02)
+    assert document["drive"]["velocity"] == pytest.approx(1, rel=0.02)
+    # dragged back, in steps
+    page.mouse.move(box["x"] + 0.9 * box["width"], box["y"] + 0.5 * box["height"])
+    page.mouse.down()
+    for share in (0.8, 0.7, 0.6, 0.5):
+        page.mouse.move(box["x"] + share * box["width"], box["y"] + 0.5 * box["height"])
+    page.mouse.up()
+    page.wait_for_selector("#map-regime:has-text('stick-slip')")
+    page.locator("#plot-map").press("ArrowRight")
+    page.wait_for_timeout(500)
+    assert state(page)["slider"]["stiffness"] == pytest.approx(2 * 1.05, rel=0.02)
+    page.click("#tab-interface")
+    assert float(page.input_value("#field-slider-stiffness")) == pytest.approx(2 * 1.05, rel=0.02)
+
+
+@needs_browser
+def test_a_slider_moves_the_dot_on_the_map(page):
+    page.click("#tab-map")
+    page.wait_for_selector("#plot-map .heatmaplayer image")
+    page.fill("#field-slider-stiffness", "4")
+    page.wait_for_timeout(800)
+    dot = "(() => { const plot = document.querySelector('#plot-map'); return plot.data[plot.data.length - 1].x[0]; })()"
+    assert page.evaluate(dot) == pytest.approx(4)
+
+
+@needs_browser
+def test_the_bistable_band_fills_in_with_progress(page):
+    page.click("#tab-map")
+    page.wait_for_selector("#plot-map .heatmaplayer image")
+    page.check("#band")
+    page.wait_for_selector("#map-state:has-text('of 9 columns')", timeout=60_000)
+    outline = "document.querySelector('#plot-map').data[1].x.length"
+    assert page.evaluate(outline) >= 6
+    page.uncheck("#band")
+    assert page.evaluate(outline) == 0
+    assert page.locator("#map-progress").is_hidden()
+
+
+@needs_browser
+def test_a_remedy_is_applied_and_works(page):
+    page.click("#tab-advice")
+    page.wait_for_selector("#remedies button", timeout=120_000)
+    button = page.locator("#remedies li:has-text('delay') button:has-text('stick-slip dies')")
+    delay = float(re.search(r"Apply ([\d.]+)", button.text_content())[1])
+    button.click()
+    page.wait_for_timeout(300)
+    assert state(page)["interface"]["delay"] == pytest.approx(delay, rel=1e-3)
+    page.wait_for_selector("#regime:has-text('smooth sliding')", state="attached")
+    page.wait_for_selector("#verdict:has-text('smooth')", timeout=120_000)
+
+
+@needs_browser
+def test_a_measured_trace_is_analysed(page, tmp_path):
+    page.click("#tab-trace")
+    page.set_input_files("#file", sawtooth(tmp_path))
+    page.wait_for_selector("#trace-regime:has-text('stick-slip')")
+    assert "17 slips marked" in page.text_content("#plot-trace")
+    assert "0.79" in page.text_content("#statistics tr:has-text('drop')")
+    assert page.text_content("#plot-trace .ytitle") == "driving force (N)"
+
+
+@needs_browser
+def test_a_trace_can_be_dropped(page, tmp_path):
+    content = sawtooth(tmp_path).read_text()
+    data = page.evaluate_handle(
+        "(text) => { const d = new DataTransfer(); d.items.add(new File([text], 'dropped.csv')); return d; }", content
+    )
+    page.dispatch_event("body", "drop", {"dataTransfer": data})
+    page.wait_for_selector("#trace-state:has-text('dropped.csv: 2000 rows')")
+
+
+@needs_browser
+def test_a_file_that_is_no_trace_is_a_message(page, tmp_path):
+    page.click("#tab-trace")
+    binary, huge, columns = tmp_path / "x.bin", tmp_path / "huge.csv", tmp_path / "columns.csv"
+    binary.write_bytes(bytes(range(256)) * 50)
+    with huge.open("wb") as file:
+        file.truncate(200_000_000)
+    columns.write_text("time,a,b\n" + "\n".join(f"{i},{i % 7},{i % 5}" for i in range(100)))
+    for file, words in ((binary, "binary"), (huge, "200 MB"), (columns, "which column is the force?")):
+        page.set_input_files("#file", file)
+        page.wait_for_selector(f"#trace-complaint:has-text('{words}')")
+    page.fill("#column-force", "b")
+    page.click("#again")
+    page.wait_for_selector("#trace-state:has-text('columns.csv: 100 rows')")
+    assert page.locator("#trace-complaint").is_hidden()
+
+
+@needs_browser
+def test_downloads_reproduce_the_run(page, tmp_path):
+    move(page, "#field-slider-stiffness", 3)
+    rig = rigs.read(download(page, "toml", tmp_path))
+    assert rig.slider.stiffness == 3
+    run = store.load(download(page, "nc", tmp_path))
+    made = simulate(rig.interface, rig.slider, rig.drive, rig.method, record=rig.record, start=rig.start)
+    np.testing.assert_array_equal(made["F_d"], run["F_d"])
+    shown = page.evaluate("Array.from(document.querySelector('#plot-force')._fullData[0].y)")
+    assert max(shown) == pytest.approx(float(made["F_d"].max()), rel=1e-6)
+    assert download(page, "png", tmp_path).read_bytes().startswith(b"\x89PNG")
+    assert b"<svg" in download(page, "svg", tmp_path).read_bytes()
+    assert cli.main(["simulate", str(tmp_path / "sliding-or-stick-slip.toml"), "--json"]) == 0
+
+
+@needs_browser
+def test_a_link_restores_the_state(browser, server, page):
+    move(page, "#field-slider-stiffness", 7)
+    page.click("#tab-map")
+    there = state(page)
+    fragment = page.evaluate("location.hash")
+    with headless.window(browser, server, fragment) as other:
+        assert other.get_attribute("#tab-map", "aria-selected") == "true"
+        assert other.input_value("#field-slider-stiffness") == "7"
+        assert state(other) == there
+
+
+@needs_browser
+def test_a_damaged_link_is_told(browser, server):
+    with headless.window(browser, server, "#interface/%%%") as page:
+        assert "damaged" in page.text_content("#notice")
+        assert page.input_value("#field-slider-stiffness") == "2"
+
+
+@needs_browser
+def test_two_windows_do_not_disturb_each_other(browser, server):
+    with ExitStack() as stack:
+        one, two = (stack.enter_context(headless.window(browser, server)) for _ in range(2))
+        for i in range(12):
+            for page, K in ((one, 2 + 0.01 * i), (two, 20 + i)):
+                page.evaluate(
+                    "([id, value]) => { const i = document.querySelector(id); i.value = value; "
+                    "i.dispatchEvent(new Event('input')); }",
+                    ["#field-slider-stiffness", str(K)],
+                )
+        assert move(one, "#field-slider-stiffness", 2)[0] == "stick-slip"
+        assert move(two, "#field-slider-stiffness", 20)[0] == "smooth sliding"
+        one.wait_for_timeout(300)
+        assert one.text_content("#regime") == "stick-slip"
+        assert two.text_content("#regime") == "smooth sliding"
+        assert (state(one)["slider"]["stiffness"], state(two)["slider"]["stiffness"]) == (2, 20)
+
+
+@needs_browser
+def test_the_newest_move_wins(page):
+    page.evaluate(
+        """() => { const input = document.querySelector("#field-slider-stiffness");
+        for (const value of [...Array(60).keys()].map((i) => 2 + i).concat([20])) {
+          input.value = value; input.dispatchEvent(new Event("input")); } }"""
+    )
+    page.wait_for_selector("#regime:has-text('smooth sliding')")
+    page.wait_for_timeout(500)
+    shown = page.evaluate("document.querySelector('#plot-force').data[1].x.length")
+    assert shown < 30
+    assert move(page, "#field-slider-stiffness", 2)[0] == "stick-slip"
+
+
+@needs_browser
+def test_memory_is_steady(browser, server):
+    moves = int(os.environ.get("STICKSLIP_MOVES", "300"))
+    with headless.window(browser, server) as page:
+        page.fill("#field-simulation-contacts", "500")
+        seen = []
+        for i in range(moves):
+            page.evaluate(headless.MOVE, ["#field-slider-stiffness-slider", str(300 + (37 * i) % 500)])
+            if (i + 1) % (moves // 6) == 0:
+                heap = page.evaluate("performance.memory.usedJSHeapSize") / 1e6
+                seen.append((server.memory(), heap))
+    print(f"\nserver and page after each sixth of {moves} moves, MB: " + ", ".join(f"{a:.0f}/{b:.0f}" for a, b in seen))
+    # The second half against the end of the first: what is kept for each move would go on growing.
+    assert max(server for server, _ in seen[3:]) < seen[2][0] + 25
+
+
+@needs_browser
+def test_the_page_outlives_the_server(browser):
+    with ExitStack() as stack:
+        with headless.server() as running:
+            context = browser.new_context()
+            stack.callback(context.close)
+            page = context.new_page()
+            page.goto(running.url)
+            page.wait_for_selector("#friction:has-text('F')")
+        page.wait_for_selector("#notice:has-text('The server is gone')")
+        assert page.is_visible("#plot-force .trace")
+
+
+@needs_browser
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("size", [(1280, 800), (390, 844)], ids=["screen", "phone"])
+def test_pages_fit(browser, server, tmp_path, size, scheme):
+    """Nothing sticks out sideways, and no text is cut off at either size; pictures for the docs on request."""
+    viewport = {"width": size[0], "height": size[1]}
+    with headless.window(browser, server, viewport=viewport, color_scheme=scheme) as page:
+        for name in ("interface", "map", "advice", "trace"):
+            page.click(f"#tab-{name}")
+            if name == "map":
+                page.wait_for_selector("#plot-map .heatmaplayer image")
+            if name == "advice":
+                page.wait_for_selector("#margins td", timeout=120_000)
+            if name == "trace":
+                page.set_input_files("#file", sawtooth(tmp_path))
+                page.wait_for_selector("#plot-trace .trace")
+            page.wait_for_timeout(200)
+            assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
+            cut = page.evaluate(
+                """() => [...document.querySelectorAll("svg .xtitle, svg .ytitle")].filter((text) => {
+                  const box = text.getBoundingClientRect(), plot = text.closest(".plot").getBoundingClientRect();
+                  return box.width && (box.left < plot.left - 2 || box.right > plot.right + 2 || box.top < plot.top - 2
+                    || box.bottom > plot.bottom + 2); }).map((text) => text.textContent)"""
+            )
+            assert cut == []
+            ink, paper = page.evaluate(
+                "() => ['color', 'backgroundColor'].map((key) => getComputedStyle(document.body)[key])"
+            )
+            assert contrast(ink, paper) > 7
+            if PICTURES:
+                Path(PICTURES).mkdir(parents=True, exist_ok=True)
+                form = "" if size[0] > 600 else "-phone"
+                dark = "-dark" if scheme == "dark" else ""
+                page.screenshot(path=Path(PICTURES) / f"explorer-{name}{form}{dark}.png")
+
+
+def contrast(one, two):
+    def luminance(colour):
+        parts = [int(part) / 255 for part in re.findall(r"\d+", colour)[:3]]
+        parts = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
+        return float(np.dot(parts, (0.2126, 0.7152, 0.0722)))
+
+    bright, dim = sorted((luminance(one), luminance(two)), reverse=True)
+    return (bright + 0.05) / (dim + 0.05)

@@ -1,0 +1,121 @@
+"""A server of the explorer and a headless browser: for its tests, its benchmark and the pictures in the docs."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from playwright.sync_api import Browser, Page, sync_playwright
+
+CHROMIUM = os.environ.get("CHROMIUM") or next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
+WHY_NOT = "no chromium on this machine; on Debian: apt-get install chromium (or name one with CHROMIUM=/path)"
+FLAGS = (
+    "--no-sandbox",  # chromium as root, as in CI, has none
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-dev-shm-usage",
+)
+_START = "import sys; from stickslip.cli import main; sys.exit(main(sys.argv[1:]))"
+
+# Sets an input as a person does, and waits until the trace is on the screen: the page's own clock, in ms.
+MOVE = """
+([selector, value]) => new Promise((resolve) => {
+  const input = document.querySelector(selector);
+  const begun = performance.now();
+  document.addEventListener("drawn", (event) => requestAnimationFrame(() => {
+    const kind = document.querySelector("#regime").textContent;
+    setTimeout(() => resolve({ took: performance.now() - begun, kind }), 0);
+  }), { once: true });
+  input.value = value;
+  input.dispatchEvent(new Event("input", { bubbles: true }));
+  input.dispatchEvent(new Event("change", { bubbles: true }));
+})
+"""
+
+
+@dataclass(frozen=True)
+class Server:
+    """A running explorer."""
+
+    url: str
+    process: subprocess.Popen[str]
+
+    @property
+    def port(self) -> int:
+        return int(self.url.rstrip("/").rpartition(":")[2])
+
+    def memory(self) -> float:
+        """Resident memory, in MB."""
+        status = Path(f"/proc/{self.process.pid}/status").read_text()
+        return next(float(line.split()[1]) for line in status.splitlines() if line.startswith("VmRSS")) / 1024
+
+
+@contextmanager
+def server(*arguments: str) -> Iterator[Server]:
+    """Start the explorer as a user does, on any free port."""
+    command = [sys.executable, "-c", _START, "explore", "--no-browser", "--port", "0", *arguments]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+        assert process.stdout is not None
+        said: list[str] = []
+        try:
+            while "http://" not in (line := process.stdout.readline()):
+                said.append(line)
+                if process.poll() is not None:
+                    raise RuntimeError("the server did not start: " + "".join(said))
+            reader = threading.Thread(target=lambda: said.extend(process.stdout or ()), daemon=True)
+            reader.start()
+            yield Server(next(word for word in line.split() if word.startswith("http://")), process)
+        finally:
+            process.send_signal(signal.SIGINT)
+            try:
+                process.wait(10)
+            except subprocess.TimeoutExpired:
+                process.kill()
+    # What a server says after its address is a complaint.
+    reader.join(5)
+    assert not said, "the server said: " + "".join(said)
+    assert process.returncode == 0
+
+
+@contextmanager
+def browser() -> Iterator[Browser]:
+    """Start a headless browser."""
+    with sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
+        yield started
+        started.close()
+
+
+@contextmanager
+def window(browser: Browser, server: Server, fragment: str = "", **options: Any) -> Iterator[Page]:
+    """Open the app in a window of its own; it must ask no other host for anything and log no error."""
+    context = browser.new_context(**{"viewport": {"width": 1280, "height": 800}, "color_scheme": "light"} | options)
+    page = context.new_page()
+    faults: list[str] = []
+    page.on("console", lambda message: faults.append(message.text) if message.type in ("error", "warning") else None)
+    page.on("pageerror", lambda error: faults.append(str(error)))
+
+    def check(url: str) -> None:
+        if not url.startswith((server.url, server.url.replace("http", "ws", 1), "data:", f"blob:{server.url}")):
+            faults.append(f"asked for {url}")
+
+    page.on("request", lambda request: check(request.url))
+    page.on("websocket", lambda socket: check(socket.url))
+    page.goto(server.url + fragment)
+    page.wait_for_selector("#friction:has-text('F')")
+    yield page
+    context.close()
+    assert not faults, faults
