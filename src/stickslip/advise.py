@@ -212,7 +212,10 @@ class Prediction:
         yield "margin K/K*", f"{self.stiffness_margin:.3g} ({weaker})"
         if self.theory_note:
             yield "linear stability", self.theory_note
-        elif self.growth is not None:
+        elif self.growth is None:
+            state = f"unstable, {self.unstable_modes} growing modes" if self.unstable_modes else "stable"
+            yield "linear stability of smooth sliding", state
+        else:
             rate = rig.in_units(self.growth.real, "rate")
             turn = rig.in_units(abs(self.growth.imag) / (2 * math.pi), "rate")
             state = f"unstable, {self.unstable_modes} growing modes" if self.unstable_modes else "stable"
@@ -326,9 +329,12 @@ def _linear(setting: Setting) -> tuple[int | None, complex | None, str]:
         return 0, None, "contacts re-attach at once: nothing can grow, smooth sliding is neutrally stable at any speed"
     try:
         modes = stability.unstable_modes(interface, slider, setting.velocity)
-        return modes, stability.growth_rate(interface, slider, setting.velocity), ""
     except (InputError, UndecidedError) as reason:
         return None, None, str(reason)
+    try:
+        return modes, stability.growth_rate(interface, slider, setting.velocity), ""
+    except UndecidedError:  # stable, and no mode decays more slowly than the tail of the law: the count stands alone
+        return modes, None, ""
 
 
 def _margins(setting: Setting) -> Iterator[Margin]:
