@@ -29,6 +29,8 @@ SETTLED = {
     "fig3": {5: READ, 6: NOT, 18: READ},
     "fig4": {7: READ, 11: READ},
     "fig5": {8: READ},
+    "fig6": {9: READ},
+    "fig7": {10: PRINTED, 12: READ},
     "fig11": {17: NOT},
 }
 
