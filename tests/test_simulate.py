@@ -417,6 +417,7 @@ def test_a_steady_start_stays_steady(delay, velocity):
     spread = math.sqrt(share * (1 - share) / N)
     assert np.max(np.abs(run["attached"] - share)) <= 6 * spread + 0.5 / N + 1e-12
     assert run["velocity"][0] == velocity
+    assert round(float(run["attached"][0]) * N) == round(share * N)
     drag = 1e-4 * 200 * velocity
     assert float(run["F_d"][0]) == pytest.approx(drag + float(run["F_c"][0]), abs=1e-12)
     assert np.max(np.abs(run["velocity"] / velocity - 1)) < 0.5
