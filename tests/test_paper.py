@@ -31,7 +31,6 @@ SETTLED = {
     "fig5": {8: READ},
     "fig6": {9: READ},
     "fig7": {10: PRINTED, 12: READ},
-    "fig11": {17: NOT},
 }
 
 

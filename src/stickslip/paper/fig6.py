@@ -99,7 +99,10 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
             "fit": (
                 ("curve", "coefficient"),
                 np.array(fits),
-                {"long_name": "tau* v = A1 + A2 (M v^2)^(1/3), least squares, M v^2 up to 1e-3"},
+                {
+                    "long_name": "A1 and A2 of tau* v = A1 + A2 (M v^2)^(1/3), least squares, M v^2 up to 1e-3",
+                    "units": "x_s, x_s^(2/3) f_s^(-1/3)",
+                },
             ),
         },
         coords={
