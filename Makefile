@@ -43,7 +43,7 @@ lint: $(VENV)/.dev
 	$(BIN)/python tools/equations.py
 
 unit: $(VENV)/.dev
-	$(BIN)/python -m pytest -q -n $(WORKERS) -m 'not slow'
+	$(BIN)/python -m pytest -q -n $(WORKERS) --dist loadfile -m "not slow"
 
 verify: $(VENV)/.dev
 	$(BIN)/python -m pytest -q verification
