@@ -35,13 +35,18 @@ MOVE = """
 ([selector, value]) => new Promise((resolve) => {
   const input = document.querySelector(selector);
   const begun = performance.now();
-  document.addEventListener("drawn", (event) => requestAnimationFrame(() => {
-    const kind = document.querySelector("#regime").textContent;
-    setTimeout(() => resolve({ took: performance.now() - begun, kind }), 0);
-  }), { once: true });
+  let asked = Infinity;
+  const drawn = (event) => {
+    if (event.detail.id < asked) return;
+    document.removeEventListener("drawn", drawn);
+    requestAnimationFrame(() => setTimeout(() => resolve({
+      took: performance.now() - begun, kind: document.querySelector("#regime").textContent }), 0));
+  };
+  document.addEventListener("drawn", drawn);
   input.value = value;
   input.dispatchEvent(new Event("input", { bubbles: true }));
   input.dispatchEvent(new Event("change", { bubbles: true }));
+  asked = Number(document.body.dataset.asked);
 })
 """
 
@@ -115,7 +120,7 @@ def window(browser: Browser, server: Server, fragment: str = "", **options: Any)
     page.on("request", lambda request: check(request.url))
     page.on("websocket", lambda socket: check(socket.url))
     page.goto(server.url + fragment)
-    page.wait_for_selector("#friction:has-text('F')")
+    page.wait_for_selector("#friction:has-text('F')", state="attached")
     yield page
     context.close()
     assert not faults, faults

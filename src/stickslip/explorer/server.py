@@ -150,11 +150,10 @@ class _Guard:
         # A browser names the origin of every websocket, and of everything that is not a plain read.
         ours = origin.removeprefix("http://") in self._hosts if origin else scope["type"] == "http"
         if headers.get("host") not in self._hosts or len(headers.getlist("host")) != 1 or not ours:
-            refusal = PlainTextResponse("This server answers its own pages only.\n", status_code=403)
-            if scope["type"] == "http" or "websocket.http.response" in scope.get("extensions", {}):
-                await refusal(scope, receive, send)
+            if scope["type"] == "websocket":
+                await send({"type": "websocket.close", "code": 1008})  # before the handshake: status 403
             else:
-                await send({"type": "websocket.close", "code": 1008})
+                await PlainTextResponse("This server answers its own pages only.\n", 403)(scope, receive, send)
             return
 
         async def safely(message: Message) -> None:
@@ -210,7 +209,7 @@ async def _trace(pool: Executor, request: Request) -> Response:
         work = partial(answers.trace, content, name, dict(request.query_params), width)
         found = await asyncio.get_running_loop().run_in_executor(pool, work)
     except (InputError, UndecidedError, MemoryError) as error:
-        return _refused(400, error)
+        return _refused(200, error)  # what is wrong with a file is the answer; 400 would be a fault of the page
     except ClientDisconnect:
         return Response(status_code=400)
     return JSONResponse(found)

@@ -79,7 +79,7 @@
   }
   function changed() {
     remember();
-    ask("run", { cursor });
+    document.body.dataset.asked = ask("run", { cursor });
     if (page === "map") askMap();
     if (page === "advice") askAdvice();
   }
@@ -279,6 +279,14 @@
     const shownUnit = unit === "time" ? "time units" : unit === "1" ? "" : word(unit);
     return shownUnit ? `${title} (${shownUnit})` : title;
   }
+  /* A label up a low plot: in two lines if it is long. */
+  function upright(variable) {
+    const text = label(variable);
+    if (text.length < 22 || !matchMedia("(max-width: 40rem)").matches) return text;
+    const spaces = [...text.matchAll(/ /g)].map((found) => found.index);
+    const cut = spaces.reduce((best, at) => (Math.abs(at - text.length / 2) < Math.abs(best - text.length / 2) ? at : best));
+    return `${text.slice(0, cut)}<br>${text.slice(cut + 1)}`;
+  }
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
   const CONFIG = { displayModeBar: false, displaylogo: false, responsive: true, showSendToCloud: false, plotlyServerURL: "",
     doubleClick: "reset" };
@@ -318,7 +326,7 @@
   function forceLayout(run, friction) {
     const count = run.slips.count, factor = run.force.factor;
     const names = [[friction?.kinetic, "Fₖ"], [friction?.static, "Fₛ"]].filter(([value]) => value !== null && value !== undefined);
-    return { shapes: shading(run), xaxis: axis(label(run.time), { range: run.span }), yaxis: axis(label(run.force)),
+    return { shapes: shading(run), xaxis: axis(label(run.time), { range: run.span }), yaxis: axis(upright(run.force)),
       margin: { l: 56, r: 28, t: 22, b: 44 },
       annotations: [...names.map(([value, text]) => ({ xref: "paper", x: 1.004, xanchor: "left", y: value / factor, text,
         showarrow: false, font: { color: colour("green") } })), { xref: "paper", yref: "paper", x: 1, y: 1, xanchor: "right", yanchor: "bottom", showarrow: false,
@@ -335,7 +343,7 @@
   function drawPhase() {
     const { velocity, force, drive } = shown.run.phase;
     return draw("plot-phase", [{ x: velocity.values, y: force.values, mode: "lines", line: { color: colour("blue"), width: 1.2 } }], {
-      xaxis: axis(label(velocity)), yaxis: axis(label(force)),
+      xaxis: axis(label(velocity)), yaxis: axis(upright(force)),
       shapes: [{ type: "line", x0: drive, x1: drive, yref: "paper", y0: 0, y1: 1, line: { color: colour("quiet"), dash: "dash", width: 1 } }],
       annotations: [{ x: drive, yref: "paper", y: 1, yanchor: "bottom", showarrow: false, text: "drive", font: { color: colour("quiet") } }] });
   }
@@ -344,7 +352,7 @@
     const unit = shown.run.time.unit;
     $("at").textContent = `t = ${short(time)}${unit === "time" ? "" : ` ${unit}`}`;
     return draw("plot-stretchings", [{ x: x.values, y: Q.values, mode: "lines", line: { shape: "hvh", color: colour("purple"), width: 1.3 },
-      fill: "tozeroy", fillcolor: `${colour("purple")}44` }], { xaxis: axis(label(x)), yaxis: axis(label(Q), { rangemode: "tozero" }) });
+      fill: "tozeroy", fillcolor: `${colour("purple")}44` }], { xaxis: axis(label(x)), yaxis: axis(upright(Q), { rangemode: "tozero" }) });
   }
 
   function showRegime(prefix, regime) {
