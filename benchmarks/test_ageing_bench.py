@@ -1,0 +1,111 @@
+"""Ageing contacts and their stationary kinetic equation beside the plain Euler loop over contacts, in the same run."""
+
+import time
+
+import numpy as np
+import pytest
+
+from stickslip.kernels import ageing
+from stickslip.kernels._jit import jit
+
+COUNT, SPREAD, RATE = 2000, 0.1, 1.5  # Fig. 8
+STIFFNESS, MASS, DAMPING = 1.0, 1e-4, 10.0
+DURATION, WARM = 20.0, 0.1
+
+
+@jit
+def plain_loop(rng, x, f, K, M, eta, rate, spread, duration, dt):
+    """Euler-Maruyama, breaking seen at the end of a step; the driving force after each step at v = 1."""
+    force = np.empty(round(duration / dt))
+    X, V, F = 0.0, 0.0, np.mean(x)
+    drift, kick = rate * rate * dt, rate * spread * np.sqrt(2.0 * dt)
+    for step in range(force.size):
+        F_d = K * (step * dt - X)
+        V += dt * ((F_d - F) / M - eta * V)
+        X += V * dt
+        F = 0.0
+        for i in range(x.size):
+            x[i] += V * dt
+            f[i] += drift * (1.0 - f[i]) + kick * rng.standard_normal()
+            if abs(x[i]) >= f[i]:
+                x[i], f[i] = 0.0, 0.0
+            F += x[i]
+        F /= x.size
+        force[step] = F_d
+    return force
+
+
+def start(seed):
+    rng = np.random.default_rng(seed)
+    return rng, rng.normal(0.0, 0.01, COUNT), np.abs(rng.normal(1.0, SPREAD, COUNT))
+
+
+def plain(duration, dt=5e-4, seed=1):
+    rng, x, f = start(seed)
+    return plain_loop(rng, x, f, STIFFNESS, MASS, DAMPING, RATE, SPREAD, duration, dt)
+
+
+def fast(duration, step=0.04, reach=0.05, seed=1):
+    rng, x, f = start(seed)
+    state, attach, drive = np.zeros(4), np.full(COUNT, -np.inf), np.array([[0.0, 0.0, 1.0, 0.0]])
+    slider, law = np.array([STIFFNESS, MASS, DAMPING]), np.array([RATE, 1.0, SPREAD, 0.0])
+    times = np.arange(1, round(duration / 0.05) + 1) * 0.05
+    return ageing.advance_contacts(state, x, f, attach, drive, slider, law, np.zeros(1), times, step, reach, rng)[:, 2]
+
+
+def forty():
+    return ageing.steady_friction(np.geomspace(0.01, 10.0, 40), 1.0, SPREAD)
+
+
+def test_plain_loop(benchmark):
+    plain(WARM)
+    benchmark.group = "Fig. 8, rate 1.5, N = 2000, twenty time units"
+    benchmark.extra_info.update(role="plain")
+    benchmark.pedantic(plain, (DURATION,), rounds=3)
+
+
+def test_contacts(benchmark):
+    fast(WARM)
+    benchmark.group = "Fig. 8, rate 1.5, N = 2000, twenty time units"
+    benchmark.extra_info.update(role="fast", promised=1, what="ageing contacts; 5 at equal error, see below")
+    benchmark.pedantic(fast, (DURATION,), rounds=5)
+
+
+def test_plain_loop_beside_the_kinetic_equation(benchmark):
+    plain(WARM)
+    benchmark.group = "Steady friction at 40 velocities"
+    benchmark.extra_info.update(role="plain")
+    benchmark.pedantic(plain, (DURATION,), rounds=1)
+
+
+def test_stationary_kinetic_equation(benchmark):
+    forty()
+    benchmark.group = "Steady friction at 40 velocities"
+    benchmark.extra_info.update(role="fast", promised=1, what="kinetic equation at 40 velocities, beside one plain run")
+    assert np.all(benchmark.pedantic(forty, rounds=5) > 0.0)
+
+
+@pytest.mark.slow
+def test_speed_at_equal_error_of_the_mean_force():
+    """The plain loop needs a quarter of its usual step for the error of the mean force that the bridges have."""
+    plain(WARM), fast(WARM)
+    span, skip, seeds = 60.0, 0.2, (1, 2, 3, 4)
+
+    def measured(run, seeds, **settings):
+        begin = time.process_time()
+        forces = [run(span, seed=seed, **settings) for seed in seeds]
+        cost = (time.process_time() - begin) / len(seeds)
+        means = [f[int(skip * f.size) :].mean() for f in forces]
+        return np.mean(means), np.std(means) / np.sqrt(len(seeds) - 1), cost
+
+    exact, error, _ = measured(fast, range(10, 18), step=0.01, reach=0.01)
+    ours, error_ours, cost_ours = measured(fast, seeds)
+    plain_fine, error_fine, cost_fine = measured(plain, seeds, dt=1.25e-4)
+    for name, mean, sigma, cost in (
+        ("reference", exact, error, 0.0),
+        ("bridges", ours, error_ours, cost_ours),
+        ("plain, dt 1.25e-4", plain_fine, error_fine, cost_fine),
+    ):
+        print(f"{name:20s} mean force {mean:.5f} +- {sigma:.5f}  {mean / exact - 1:+.2%}  {cost:.2f} s a run")
+    assert abs(ours - exact) <= abs(plain_fine - exact) + 3 * np.sqrt(error**2 + error_ours**2 + error_fine**2)
+    assert cost_fine / cost_ours >= 5.0
