@@ -73,9 +73,7 @@ def test_a_cited_and_tested_equation_passes(tree, capsys):
 
 
 def test_each_lonely_equation_is_one_line_with_its_place(tree, capsys):
-    status, lines = tree(
-        capsys, src='"""\nEqs. (3), (99).\nEq. (3)\n"""', tests=f"\n{MARK}(8)\ndef test(): ..."
-    )
+    status, lines = tree(capsys, src='"""\nEqs. (3), (99).\nEq. (3)\n"""', tests=f"\n{MARK}(8)\ndef test(): ...")
     assert status == 1
     assert lines == [
         "Eq. (3): cited in src/pack/test_a.py:2, but no test is marked eq(3)",
