@@ -22,6 +22,7 @@ def test_slider_to_trace(benchmark, method):
         def move():
             seen = page.evaluate(headless.MOVE, ["#field-slider-stiffness-slider", str(next(places))])
             took.append(seen["took"])
+            page.wait_for_timeout(100)  # a person's pace; the other pictures of the page are drawn in it
 
         for _ in range(5):
             move()
@@ -32,5 +33,6 @@ def test_slider_to_trace(benchmark, method):
     median = statistics.median(ordered)
     worst = ordered[int(0.9 * len(ordered))]
     print(f"\n{method}: slider to trace {median:.0f} ms (median of {MOVES}), {worst:.0f} ms (90 %); load {before:.1f}")
-    # A machine that others use is judged by the best quarter.
-    assert (median if before < 1.5 else ordered[len(ordered) // 4]) < MOST
+    if before > 2.0:
+        pytest.skip(f"not judged: the machine is busy (load {before:.1f})")
+    assert median < MOST

@@ -411,7 +411,7 @@ def envelope(x: Array, y: Array, width: int) -> tuple[Array, Array]:
     return x[kept], y[kept]
 
 
-def along_path(x: Array, y: Array, count: int = 2_000) -> tuple[Array, Array]:
+def along_path(x: Array, y: Array, count: int = 1_200) -> tuple[Array, Array]:
     """Thin out a curve in the plane: about as many points, evenly along its path, so that fast parts keep theirs."""
     if x.size <= count:
         return x, y

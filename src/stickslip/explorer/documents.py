@@ -349,9 +349,10 @@ def presets() -> list[dict[str, Any]]:
 
 
 def first() -> Document:
-    """Return the rig that the app begins with: Fig. 4 of the paper, with fewer contacts."""
+    """Return the rig that the app begins with: Fig. 4 of the paper, with fewer contacts over a shorter distance."""
     document = paper(model.FIG4, "Sliding or stick-slip")
     document["simulation"]["contacts"] = 3_000
+    document["drive"]["distance"] = 40.0
     return document
 
 

@@ -315,18 +315,18 @@
       if (value === null || value === undefined) continue;
       traces.push({ x: ends, y: [value / factor, value / factor], mode: "lines", line: { color: colour("green"), dash, width: 1.3 }, name });
     }
-    return traces;
+    return [...traces, shading(run)];
   }
-  function shading(run) {
-    const { start, end, count } = run.slips;
-    if (count > 200) return [];
-    return start.map((x0, i) => ({ type: "rect", xref: "x", yref: "paper", x0, x1: end[i], y0: 0, y1: 1, layer: "below",
-      line: { width: 0 }, fillcolor: colour("orange"), opacity: 0.35 }));
+  /* One trace for all slips, on an axis of its own from 0 to 1: much quicker than a shape for each. */
+  function shading({ slips: { start, end, count } }) {
+    const x = [], y = [];
+    if (count <= 200) start.forEach((begin, i) => { x.push(begin, begin, end[i], end[i], null); y.push(0, 1, 1, 0, null); });
+    return { x, y, yaxis: "y2", mode: "lines", line: { width: 0 }, fill: "toself", fillcolor: `${colour("orange")}50`, name: "sliding" };
   }
   function forceLayout(run, friction) {
     const count = run.slips.count, factor = run.force.factor;
     const names = [[friction?.kinetic, "Fₖ"], [friction?.static, "Fₛ"]].filter(([value]) => value !== null && value !== undefined);
-    return { shapes: shading(run), xaxis: axis(label(run.time), { range: run.span }), yaxis: axis(upright(run.force)),
+    return { shapes: [], yaxis2: { overlaying: "y", range: [0, 1], visible: false, fixedrange: true }, xaxis: axis(label(run.time), { range: run.span }), yaxis: axis(upright(run.force)),
       margin: { l: 56, r: 28, t: 22, b: 44 },
       annotations: [...names.map(([value, text]) => ({ xref: "paper", x: 1.004, xanchor: "left", y: value / factor, text,
         showarrow: false, font: { color: colour("green") } })), { xref: "paper", yref: "paper", x: 1, y: 1, xanchor: "right", yanchor: "bottom", showarrow: false,
@@ -395,7 +395,10 @@
       list("evidence", reply.regime.evidence);
       showPreset();
       followDot(reply.knobs);
-      if (page === "interface") await drawRun();
+      if (page === "interface") {
+        await drawForce();
+        later(drawRest); // the trace first
+      }
       document.dispatchEvent(new CustomEvent("drawn", { detail: { id: reply.id, kind: reply.regime.kind } }));
     },
     stretchings(reply) {
@@ -431,9 +434,14 @@
       showAdvice();
     },
   };
+  const later = window.requestIdleCallback ? (work) => requestIdleCallback(work, { timeout: 120 }) : (work) => setTimeout(work, 40);
   async function drawRun() {
     if (!shown.run) return;
     await drawForce();
+    drawRest();
+  }
+  function drawRest() {
+    if (page !== "interface") return;
     drawPhase();
     drawStretchings();
   }
