@@ -120,7 +120,7 @@ def window(browser: Browser, server: Server, fragment: str = "", **options: Any)
     page.on("request", lambda request: check(request.url))
     page.on("websocket", lambda socket: check(socket.url))
     page.goto(server.url + fragment)
-    page.wait_for_selector("#friction:has-text('F')", state="attached")
+    page.wait_for_selector("#friction:has-text('F')", state="attached", timeout=120_000)  # kernels may compile
     yield page
     context.close()
     assert not faults, faults

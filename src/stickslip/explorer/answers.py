@@ -184,7 +184,7 @@ def _friction(rig: Rig) -> Plain:
         critical = _critical_stiffness(interface)
         ratio = rig.slider.stiffness / critical if critical > 0 else math.inf
         softer = "softer" if ratio < 1 else "stiffer"
-        found["words"].append(f"K* = {rig.in_units(critical, 'stiffness')}: the spring is {softer}")
+        found["words"].append(f"K* = {rig.in_units(critical, 'stiffness')}, and the spring is {softer}")
     except (InputError, UndecidedError):
         pass
     return found

@@ -10,7 +10,7 @@
     delay: "τ, delay", spread: "Δf, threshold spread" };
   const FRAME = 400; // ms after which a question is asked anew although the last is not answered
 
-  let doc = null, presets = [], page = "interface", cursor = 1, held = false, measured = null;
+  let doc = null, presets = [], page = "interface", cursor = 0.75, held = false, measured = null;
   const shown = { run: null, friction: null, chart: null, bands: [], advice: null, trace: null };
   const asked = { chart: "", advice: "", band: "" };
 
@@ -80,6 +80,8 @@
   function changed() {
     remember();
     document.body.dataset.asked = ask("run", { cursor });
+    clearTimeout(patience);
+    patience = setTimeout(() => progress("run", NaN), 600); // a long run, or kernels that are being compiled
     if (page === "map") askMap();
     if (page === "advice") askAdvice();
   }
@@ -89,7 +91,7 @@
     changed();
   }
 
-  let remembering = 0;
+  let remembering = 0, patience = 0;
   function remember() {
     clearTimeout(remembering);
     remembering = setTimeout(() => history.replaceState(null, "", address()), 250);
@@ -228,9 +230,13 @@
     if (!made.field.swap) made.shownUnit.textContent = unit;
   }
   function complain(kind, errors) {
-    if (kind === "chart") { $("map-state").textContent = errors.map((e) => e.message).join("; "); return progress("map", null); }
-    if (kind === "advice") { $("advice-state").textContent = errors.map((e) => e.message).join("; "); return progress("advice", null); }
-    if (kind === "band") { $("map-state").textContent = errors.map((e) => e.message).join("; "); return progress("map", null); }
+    if (["chart", "band", "advice"].includes(kind)) {
+      const where = kind === "advice" ? "advice" : "map";
+      $(`${where}-state`).textContent = word2(errors.map((e) => e.message).join("; "));
+      progress(where, null);
+      if (kind === "chart") { shown.chart = null; $("summary").textContent = ""; Plotly.purge($("plot-map")); }
+      return;
+    }
     settle();
     progress("run", null);
     const rest = [];
@@ -263,7 +269,7 @@
     $("preset").replaceChildren(new Option("(your own)", ""), ...Object.values(groups));
     $("preset").onchange = () => {
       const chosen = presets[$("preset").value];
-      if (chosen) { cursor = 1; held = false; replace(structuredClone(chosen.document)); }
+      if (chosen) { cursor = 0.75; held = false; replace(structuredClone(chosen.document)); }
     };
   }
   function showPreset() {
@@ -372,7 +378,9 @@
   function progress(where, share) {
     const bar = $(`${where}-progress`);
     bar.hidden = share === null;
-    if (share !== null) bar.value = share;
+    if (share !== null && share >= 0) bar.value = share;
+    else bar.removeAttribute("value"); // not known: it swings
+    if (where === "run") clearTimeout(patience);
   }
 
   const ANSWERS = {
