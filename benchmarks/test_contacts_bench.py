@@ -23,7 +23,7 @@ def plain(count, duration):
 
 def engine(count, duration):
     return ss.simulate(
-        FIG4.interface, FIG4.slider, ss.hold(1.0, duration), ss.Contacts(count, seed=1), record=ss.Record(interval=1e-3)
+        FIG4.interface, FIG4.slider, ss.hold(1.0, duration), ss.Contacts(count, seed=1), record=ss.Record(interval=5e-3)
     )
 
 

@@ -68,6 +68,8 @@ _BIN = 3  # number of the bin in use
 _FIRST = 4
 _LAST = 5
 
+_NEAR_CACHE = 65_536  # contacts, at 16 bytes each, that the near caches of a core hold
+
 
 def make_queue(capacity: int, bins: int, width: float) -> Queue:
     """Return an empty queue.
@@ -464,12 +466,28 @@ def _detach(state: State, slot: int) -> None:
 
 
 @inlined
+def _fetch(state: State, queue: Queue, bin_: int) -> None:
+    """Read the contacts of a bin just put in use, all at once: one by one, each would be waited for.
+
+    Only where they lie outside the near caches.
+    """
+    counts = queue.counts
+    if state.contacts.size > _NEAR_CACHE and counts[_BIN] != bin_:
+        total = 0.0
+        for i in range(counts[_FIRST], counts[_LAST]):
+            total += state.contacts[queue.front_slot[i]]["birth"]
+        state.cuts[0] = total  # so that the reads are not dropped
+
+
+@inlined
 def _next_break(state: State, queue: Queue, side: float) -> float:
     """Smallest key of a contact that is still attached; stale entries are dropped on the way."""
     while True:
+        bin_ = queue.counts[_BIN]
         key = _peek(queue)
         if key == np.inf:
             return key
+        _fetch(state, queue, bin_)
         slot = queue.front_slot[queue.counts[_FIRST]]
         threshold = state.contacts[slot]["threshold"]
         if threshold > 0 and threshold + side * state.contacts[slot]["birth"] == key:
@@ -896,7 +914,9 @@ def advance(
             _pop(state.rebirths)
             _attach(state, slot, thresholds[counts[THRESHOLD]])
             counts[THRESHOLD] += 1
+            bin_ = state.rebirths.counts[_BIN]
             rebirth = _peek(state.rebirths)
+            _fetch(state, state.rebirths, bin_)
         elif ends_at >= piece.end:
             return REACHED_END
         ahead = _next_break(state, state.ahead, 1.0)
