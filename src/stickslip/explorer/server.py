@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import socket
 import threading
 import time
@@ -87,7 +88,7 @@ def _listen(port: int | None) -> socket.socket:
         try:
             return socket.create_server((HOST, candidate))
         except OSError as error:
-            reason = error.strerror
+            reason = os.strerror(error.errno or 0).lower()
     raise InputError(f"--port {port}: cannot be used ({reason}); choose another, or 0 for any free one")
 
 
