@@ -33,7 +33,7 @@ from stickslip.simulate import Contacts, Method, Progress, Relaxed, Sliding, Sta
 from stickslip.stability import Knob, Setting
 from stickslip.stability.knobs import knob_named
 from stickslip.theory import kinetic_friction
-from stickslip.units import Quantity, in_si
+from stickslip.units import quantity
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -55,14 +55,6 @@ _SHORTEST, _CYCLES = 120.0, 12.0
 _RANGE = 30.0
 """Margins are looked for within this factor on either side of a knob's value."""
 
-_QUANTITIES: dict[str, Quantity | None] = {
-    "stiffness": "stiffness",
-    "velocity": "velocity",
-    "mass": "mass",
-    "damping": "rate",
-    "delay": "time",
-    "spread": None,
-}
 _TITLES = {
     "stiffness": "stiffness of the driving spring",
     "velocity": "speed",
@@ -130,7 +122,7 @@ class Remedy:
 
 @dataclass(frozen=True, kw_only=True)
 class Prediction:
-    """What `predict` found, in natural units; the rig carries the scales.
+    """What `predict` found, in natural units, the regime in the rig's own; the rig carries the scales.
 
     Attributes
     ----------
@@ -139,7 +131,8 @@ class Prediction:
     static_friction, kinetic_friction : float
         Largest force in slow rigid motion, and mean force of steady sliding at the rig's speed, per contact.
     critical_stiffness, critical_stiffness_without_reattachment : float
-        ``K*`` of Eq. (8) in both conventions, per contact.
+        ``K*`` of Eq. (8) in both conventions, per contact. Where thresholds age, these and the static friction are
+        those of contacts whose thresholds have fully grown and do not change during the motion.
     unstable_modes : int or None
         Growing modes of smooth sliding; None where the theory does not apply, for the reason in `theory_note`.
     growth : complex or None
@@ -200,11 +193,12 @@ class Prediction:
         """Names and values, with units, of the quantities behind the verdict."""
         rig = self.rig
         yield "thresholds of all contacts together N f_s", rig.in_units(1.0, "force")
-        yield "static friction F_s (slow rigid motion)", rig.in_units(self.static_friction, "force")
+        aged = ", thresholds fully aged" if rig.interface.ageing is not None else ""
+        yield f"static friction F_s (slow rigid motion{aged})", rig.in_units(self.static_friction, "force")
         yield "kinetic friction F_k at this speed", rig.in_units(self.kinetic_friction, "force")
         yield "stiffness K of the driving spring", rig.in_units(rig.slider.stiffness, "stiffness")
         yield (
-            "critical stiffness K*",
+            f"critical stiffness K*{aged}",
             f"{rig.in_units(self.critical_stiffness, 'stiffness')} "
             f"({rig.in_units(self.critical_stiffness_without_reattachment, 'stiffness')} without re-attachment)",
         )
@@ -225,28 +219,26 @@ class Prediction:
     def margin_rows(self) -> Iterator[tuple[str, str, str, str]]:
         """Knob, value and nearest edges, in words."""
         for margin in self.margins:
-            low, high = (_amount(self.rig, margin.knob, value) for value in margin.searched)
+            low, high = (amount(self.rig, margin.knob, value) for value in margin.searched)
             yield (
                 _TITLES[margin.knob],
-                _amount(self.rig, margin.knob, margin.value),
-                f"none down to {low}" if margin.lower is None else _amount(self.rig, margin.knob, margin.lower),
-                f"none up to {high}" if margin.upper is None else _amount(self.rig, margin.knob, margin.upper),
+                amount(self.rig, margin.knob, margin.value),
+                f"none down to {low}" if margin.lower is None else amount(self.rig, margin.knob, margin.lower),
+                f"none up to {high}" if margin.upper is None else amount(self.rig, margin.knob, margin.upper),
             )
 
     def remedy_lines(self) -> Iterator[str]:
         """Each remedy as a sentence."""
         for remedy in self.remedies:
-            now = _amount(self.rig, remedy.knob, remedy.value)
+            now = amount(self.rig, remedy.knob, remedy.value)
             words = [f"{_TITLES[remedy.knob]}: from {now}"]
             if remedy.keeps is not None:
-                words.append(
-                    f"to {_amount(self.rig, remedy.knob, remedy.keeps)}, and smooth sliding, once there, stays"
-                )
+                words.append(f"to {amount(self.rig, remedy.knob, remedy.keeps)}, and smooth sliding, once there, stays")
             if remedy.stops is not None:
                 if remedy.keeps is not None:
                     words.append("; on")
                 words.append(
-                    f"to {_amount(self.rig, remedy.knob, remedy.stops)}, and stick-slip dies from a start at rest, too "
+                    f"to {amount(self.rig, remedy.knob, remedy.stops)}, and stick-slip dies from a start at rest, too "
                     "(simulated)"
                 )
             else:
@@ -263,7 +255,7 @@ def predict(rig: Rig, *, verify: bool = False, progress: Progress | None = None)
     ----------
     rig : Rig
     verify : bool
-        Simulate every remedy from a start at rest, and push it until stick-slip dies there, too.
+        Simulate the rig with its own method after each change that a remedy proposes.
     progress : callable, optional
         Called with the share of the work that is done.
 
@@ -276,35 +268,29 @@ def predict(rig: Rig, *, verify: bool = False, progress: Progress | None = None)
         raise InputError(f"drive: the speed is {rig.velocity:g}: a prediction needs a speed above 0")
     report = progress or (lambda _share: None)
     run, seen = _watch(rig, lambda share: report(0.4 * share))
-    bare = replace(rig.interface, ageing=None)
     setting = Setting(interface=rig.interface, rig=rig.slider, velocity=rig.velocity)
     modes, growth, note = _linear(setting)
     margins = tuple(_margins(setting)) if not note else ()
-    ill = bool(modes) or seen.kind in ("stick-slip", "small oscillation")
-    remedies = _remedies(setting, margins, lambda share: report(0.4 + 0.5 * share)) if ill else ()
-    if verify:
-        remedies = tuple(_verified(rig, remedy) for remedy in remedies)
-    report(1.0)
-    return Prediction(
+    aged = replace(rig.interface, ageing=None)  # rigid motion from contacts at rest finds thresholds that have grown up
+    found = Prediction(
         rig=rig,
         run=run,
         regime=seen,
-        static_friction=static_friction(bare)[0],
-        kinetic_friction=kinetic_friction(bare, rig.velocity),
-        critical_stiffness=critical_stiffness(bare),
-        critical_stiffness_without_reattachment=critical_stiffness(bare, reattachment=False),
+        static_friction=static_friction(aged)[0],
+        kinetic_friction=float(kinetic_friction(rig.interface, rig.velocity)),
+        critical_stiffness=critical_stiffness(aged),
+        critical_stiffness_without_reattachment=critical_stiffness(aged, reattachment=False),
         unstable_modes=modes,
         growth=growth,
         theory_note=note,
         margins=margins,
-        remedies=remedies,
+        remedies=(),
     )
-
-
-def _amount(rig: Rig, knob: str, value: float) -> str:
-    """A knob's value with its unit."""
-    quantity = _QUANTITIES[knob]
-    return f"{value:.3g}" if quantity is None else rig.in_units(value, quantity)
+    if found.ill:
+        remedies = _remedies(setting, margins, bool(modes), lambda share: report(0.4 + 0.5 * share))
+        found = replace(found, remedies=tuple(_verified(rig, remedy) if verify else remedy for remedy in remedies))
+    report(1.0)
+    return found
 
 
 def _watch(rig: Rig, progress: Progress) -> tuple[xr.Dataset, Regime]:
@@ -314,7 +300,7 @@ def _watch(rig: Rig, progress: Progress) -> tuple[xr.Dataset, Regime]:
         run = simulate(
             rig.interface, rig.slider, drive, rig.method, record=rig.record, start=rig.start, progress=progress
         )
-        seen = regime(run)
+        seen = regime(rig.in_its_units(run))
         last = drive.pieces[-1]
         if seen.kind != "undecided" or last.start != last.end or attempt == _EXTENSIONS:
             break
@@ -366,9 +352,8 @@ def _margins(setting: Setting) -> Iterator[Margin]:
         )
 
 
-def _remedies(setting: Setting, margins: tuple[Margin, ...], report: Progress) -> tuple[Remedy, ...]:
+def _remedies(setting: Setting, margins: tuple[Margin, ...], unstable: bool, report: Progress) -> tuple[Remedy, ...]:
     """For each knob, the nearest value past the linear boundary, and the nearest from which stick-slip dies."""
-    unstable = stability.unstable_modes(setting.interface, setting.rig, setting.velocity) > 0
     found = []
     for i, margin in enumerate(margins):
         report(i / len(margins))
@@ -462,6 +447,11 @@ def _verified(rig: Rig, remedy: Remedy) -> Remedy:
     )
 
 
+def amount(rig: Rig, knob: str, value: float) -> str:
+    """Return a knob's value in words, in the rig's units; a spread as a share of the mean threshold."""
+    return f"{value:.3g}" if knob == "spread" else rig.in_units(value, quantity(knob_named(knob).unit))
+
+
 def chart(
     rig: Rig,
     over: tuple[str, str],
@@ -530,7 +520,7 @@ def chart(
         + (f"{curves} neutral curves" if curves else "no boundary")
         + f" within a factor {around:g} of it in {names[0]} and {names[1]}"
     )
-    return found if rig.scales is None else in_si(found, rig.scales)
+    return rig.in_its_units(found)
 
 
 def _bistable_band(

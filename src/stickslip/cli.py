@@ -73,6 +73,7 @@ def predict(rig: Path, *, verify: bool = False, json: Json = False, plot: Plot =
         Simulate the rig after each remedy with its own method.
     """
     from stickslip import advise
+    from stickslip import measure as measures
     from stickslip import rig as rigs
 
     _check_target(plot)
@@ -82,7 +83,8 @@ def predict(rig: Path, *, verify: bool = False, json: Json = False, plot: Plot =
     if plot is not None:
         from stickslip import plot as drawing
 
-        drawing.save(_picture(found.run, described), plot)
+        shown = described.in_its_units(found.run)
+        drawing.save(drawing.overview(shown, events=measures.events(shown)), plot)
     if json:
         _print_json(_prediction_as_plain(found, described))
     else:
@@ -168,6 +170,7 @@ def measure(
         A run (NetCDF), or a table in plain text with a column of force.
     """
     from stickslip import measure as measures
+    from stickslip import store
 
     _check_target(plot)
     _check_target(events)
@@ -176,7 +179,8 @@ def measure(
     statistics = measures.event_statistics(catalogue)
     seen = measures.regime(trace, after=after)
     if events is not None:
-        _write_text(events, _as_csv(catalogue))
+        with store.whole_file(events, example="slips.csv") as part:
+            part.write_text(_as_csv(catalogue))
     if plot is not None:
         from stickslip import plot as drawing
 
@@ -399,23 +403,12 @@ def _column(name: str | None) -> str | int | None:
 def _in_its_units(run: xr.Dataset) -> xr.Dataset:
     """A run in the units of the rig file that it was made from."""
     from stickslip import rig as rigs
-    from stickslip import units
 
     if "rig" not in run.attrs:
         return run
     import tomllib
 
-    described = rigs.from_document(tomllib.loads(run.attrs["rig"]), "the rig in this run")
-    return run if described.scales is None else units.in_si(run, described.scales)
-
-
-def _picture(run: xr.Dataset, rig: Rig) -> Any:
-    from stickslip import measure as measures
-    from stickslip import plot as drawing
-    from stickslip import units
-
-    shown = run if rig.scales is None else units.in_si(run, rig.scales)
-    return drawing.overview(shown, events=measures.events(shown))
+    return rigs.from_document(tomllib.loads(run.attrs["rig"]), "the rig in this run").in_its_units(run)
 
 
 def _as_csv(catalogue: xr.Dataset) -> str:
@@ -428,17 +421,6 @@ def _as_csv(catalogue: xr.Dataset) -> str:
     writer.writerow([f"{name} [{catalogue[name].attrs.get('units', '')}]" for name in names])
     writer.writerows(zip(*(catalogue[name].to_numpy().tolist() for name in names), strict=True))
     return text.getvalue()
-
-
-def _write_text(path: Path, text: str) -> None:
-    part = path.with_name(f".{path.name}.part")
-    try:
-        part.write_text(text)
-        part.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror})") from None
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _plain(value: Any) -> Any:
@@ -471,7 +453,7 @@ def _prediction_as_plain(found: Prediction, rig: Rig) -> dict[str, Any]:
     scales = None if rig.scales is None else _plain(rig.scales)
     return {
         "rig": rig.name,
-        "units": "natural, per contact; multiply by the scales for SI",
+        "units": "natural, per contact; multiply by the scales for SI; each regime names its own",
         "scales": scales,
         "velocity": rig.velocity,
         "stiffness": rig.slider.stiffness,
@@ -488,7 +470,8 @@ def _print_prediction(found: Prediction, rig: Rig, picture: Path | None) -> None
     from rich.console import Console
     from rich.table import Table
 
-    console = Console(highlight=False, soft_wrap=True)
+    # In a pipe nobody knows the width of the page: keep the lines of a table whole.
+    console = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 140)
     console.print(f"[bold]{rig.name}[/bold]: {found.verdict}\n")
     console.print(str(found.regime) + "\n", markup=False)
     numbers = Table(box=None, show_header=False, pad_edge=False)

@@ -159,8 +159,6 @@ def _check(interface: Interface, slider: Slider, velocity: float, method: Master
     if method.memoryless:
         raise InputError("MasterEquation.memoryless: without memory the oscillation is spurious; leave it False here")
     if interface.ageing is not None:
-        raise InputError(f"Interface.ageing = {interface.ageing}: not available for cycles; use simulate()")
-    if interface.ageing is not None:
         raise InputError(
             f"Interface.ageing = {interface.ageing}: cycles are followed for contacts that do not age only"
         )

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import os
 import re
-import secrets
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -32,6 +31,7 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError
 from stickslip.measure import events as find_events
+from stickslip.store import whole_file
 
 Array = NDArray[np.float64]
 Scale = Literal["linear", "log"]
@@ -430,8 +430,6 @@ def _envelope(x: Array, y: Array) -> tuple[Array, Array]:
 def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
     """Write a figure as PNG, SVG or PDF, by the suffix of the name; whole or not at all.
 
-    The file is written beside its final place under another name and moved there when complete.
-
     Raises
     ------
     InputError
@@ -439,26 +437,12 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
     """
     target = Path(path)
     kind = target.suffix.lower().removeprefix(".")
-    if os.path.isdir(target):  # a name that no file can have is no directory
-        raise InputError(f"{target}: is a directory; give the name of a file, such as {target / 'run.png'}")
-    if kind not in _FORMATS:
+    if kind not in _FORMATS and not os.path.isdir(target):
         raise InputError(f"{target}: a picture is written as {', '.join('.' + f for f in _FORMATS)}, chosen by suffix")
-    part = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
-    try:
-        part.touch(exist_ok=False)
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise InputError(f"{target}: cannot be written ({reason}); choose another place") from None
     # No date in the file: the same figure gives the same bytes.
     undated: Mapping[str, None] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})
-    try:
-        with house_style():
-            figure.savefig(part, format=kind, metadata=dict(undated))
-        part.replace(target)
-    except OSError as error:
-        raise InputError(f"{target}: cannot be written ({error.strerror or error}); nothing was left behind") from None
-    finally:
-        part.unlink(missing_ok=True)
+    with whole_file(target, example="run.png") as part, house_style():
+        figure.savefig(part, format=kind, metadata=dict(undated))
     return target
 
 

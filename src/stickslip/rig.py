@@ -36,10 +36,11 @@ from stickslip import model, thresholds
 from stickslip.drive import Drive, hold, ramp
 from stickslip.errors import InputError
 from stickslip.simulate import Contacts, MasterEquation, Method, Record, Relaxed, Sliding, Start
-from stickslip.units import Quantity, Scales
+from stickslip.units import Quantity, Scales, in_si
 
 if TYPE_CHECKING:
     import pint
+    import xarray as xr
 
 LARGEST_FILE = 1_000_000
 """Bytes beyond which a file is no rig."""
@@ -82,6 +83,10 @@ class Rig:
         if self.scales is None:
             return f"{value:.4g} {_NATURAL[quantity]}".rstrip()
         return engineering(self.scales.si(value, quantity), _SI[quantity])
+
+    def in_its_units(self, result: xr.Dataset) -> xr.Dataset:
+        """A result in natural units as the rig's file counts: in SI units if it has scales."""
+        return result if self.scales is None else in_si(result, self.scales)
 
 
 _SI: dict[Quantity, str] = {

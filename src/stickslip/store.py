@@ -10,7 +10,8 @@ import json
 import math
 import os
 import secrets
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from importlib.metadata import version
@@ -119,10 +120,16 @@ def content_hash(value: object) -> str:
     return hashlib.sha256(json.dumps(encode(value), sort_keys=True).encode()).hexdigest()
 
 
-def save(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
-    """Write a Dataset as NetCDF, whole or not at all.
+@contextmanager
+def whole_file(path: str | os.PathLike[str], *, example: str) -> Iterator[Path]:
+    """Write a file whole or not at all: what is written to the path given here is moved to its place when complete.
 
-    The file is written beside its final place under another name and moved there when complete.
+    Parameters
+    ----------
+    path : path
+        Where the file is to be.
+    example : str
+        A name to propose where only a directory is given.
 
     Raises
     ------
@@ -131,23 +138,35 @@ def save(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     """
     target = Path(path)
     if os.path.isdir(target):  # unlike Path.is_dir, it bears names too long for a file
-        raise InputError(f"{target}: is a directory; give the name of a file, such as {target / 'run.nc'}")
+        raise InputError(f"{target}: is a directory; give the name of a file, such as {target / example}")
     part = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
     try:
         part.touch(exist_ok=False)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise InputError(f"{target}: cannot be written ({reason}); choose another place") from None
-    # What has no dimension, or is no number, cannot be compressed.
-    numbers = [name for name, values in data.variables.items() if values.ndim > 0 and values.dtype.kind in "fiub"]
     try:
-        data.to_netcdf(part, engine="h5netcdf", encoding={name: {"zlib": True, "complevel": 1} for name in numbers})
+        yield part
         part.replace(target)
     except OSError as error:
         raise InputError(f"{target}: cannot be written ({error.strerror or error}); nothing was left behind") from None
     finally:
         part.unlink(missing_ok=True)
-    return target
+
+
+def save(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
+    """Write a Dataset as NetCDF, whole or not at all.
+
+    Raises
+    ------
+    InputError
+        If the place cannot be written.
+    """
+    # What has no dimension, or is no number, cannot be compressed.
+    numbers = [name for name, values in data.variables.items() if values.ndim > 0 and values.dtype.kind in "fiub"]
+    with whole_file(path, example="run.nc") as part:
+        data.to_netcdf(part, engine="h5netcdf", encoding={name: {"zlib": True, "complevel": 1} for name in numbers})
+    return Path(path)
 
 
 def load(path: str | os.PathLike[str]) -> xr.Dataset:

@@ -90,6 +90,20 @@ _SI_OF: dict[str, tuple[Quantity, int, str]] = {
 """Natural unit of a variable: its quantity, the power of it, and the SI unit."""
 
 
+def quantity(unit: str) -> Quantity:
+    """Return what a natural unit, as results carry it, measures.
+
+    Raises
+    ------
+    InputError
+        If no quantity is measured in it.
+    """
+    named = {natural: kind for natural, (kind, power, _) in _SI_OF.items() if power == 1}
+    if unit not in named:
+        raise InputError(f"unit = {unit!r}: must be one of {', '.join(named)}")
+    return named[unit]
+
+
 def in_si(data: xr.Dataset, scales: Scales) -> xr.Dataset:
     """Return a result in SI units: each variable scaled by its ``units``, and labelled anew.
 

@@ -22,7 +22,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from stickslip import advise, cycles, measure, plot, rigid, store, theory, units
+from stickslip import advise, cycles, measure, plot, rigid, store, theory
 from stickslip import rig as rigs
 from stickslip.errors import InputError, UndecidedError
 from stickslip.explorer import documents
@@ -53,7 +53,7 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
     rig = documents.rig_of(request.get("document"))
     at = _look(request, rig)
     made = _run(rig, watch, snapshots=(at,))
-    shown = _shown(made, rig)
+    shown = rig.in_its_units(made)
     watch(1.0)
     yield {
         **_trace(shown, _width(request)),
@@ -69,7 +69,7 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
 def stretchings(request: Plain, watch: Watch) -> Iterator[Plain]:
     """The law of stretchings at another time of the same run."""
     rig = documents.rig_of(request.get("document"))
-    yield {"stretchings": _stretchings(_shown(_run(rig, watch, snapshots=(_look(request, rig),)), rig))}
+    yield {"stretchings": _stretchings(rig.in_its_units(_run(rig, watch, snapshots=(_look(request, rig),))))}
 
 
 def edit(request: Plain, watch: Watch) -> Iterator[Plain]:
@@ -114,10 +114,6 @@ def _run(rig: Rig, watch: Watch, snapshots: tuple[float, ...] = ()) -> xr.Datase
         start=rig.start,
         progress=watch,
     )
-
-
-def _shown(run: xr.Dataset, rig: Rig) -> xr.Dataset:
-    return run if rig.scales is None else units.in_si(run, rig.scales)
 
 
 def _trace(data: xr.Dataset, width: int) -> Plain:
@@ -287,7 +283,7 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
     for remedy, words in zip(found.remedies, found.remedy_lines(), strict=True):
         targets = (("smooth sliding stays", remedy.keeps), ("stick-slip dies", remedy.stops))
         steps = [
-            {"title": f"{_amount(rig, remedy.knob, value)}: {title}", "value": value * _unit(rig, remedy.knob)}
+            {"title": f"{advise.amount(rig, remedy.knob, value)}: {title}", "value": value * _unit(rig, remedy.knob)}
             for title, value in targets
             if value is not None
         ]
@@ -302,10 +298,6 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
         "remedies": remedies,
         "assumed": dict(rig.assumed),
     }
-
-
-def _amount(rig: Rig, knob: str, value: float) -> str:
-    return f"{value:.3g}" if knob == "spread" else rig.in_units(value, documents.QUANTITIES[knob])
 
 
 def _over(request: Plain) -> tuple[str, str]:
@@ -383,7 +375,7 @@ def download(document: object, form: str) -> bytes:
         if form == "nc":
             store.save(made, file)
         else:
-            shown = _shown(made, rig)
+            shown = rig.in_its_units(made)
             plot.save(plot.overview(shown, events=measure.events(shown)), file)
         return file.read_bytes()
 

@@ -19,7 +19,8 @@ from stickslip.errors import InputError
 from stickslip.model import PaperCase, RandomDelay
 from stickslip.rig import Rig
 from stickslip.simulate import Contacts
-from stickslip.units import Quantity, Scales
+from stickslip.stability import KNOBS
+from stickslip.units import Quantity, Scales, quantity
 
 Document = dict[str, Any]
 
@@ -32,14 +33,7 @@ AGEING_COSTS = 20.0
 MOST_RADIANS = 2e6
 """Angle that the held slider's oscillation turns through in a run."""
 
-QUANTITIES: Mapping[str, Quantity] = {
-    "stiffness": "stiffness",
-    "velocity": "velocity",
-    "mass": "mass",
-    "damping": "rate",
-    "delay": "time",
-    "spread": "length",
-}
+QUANTITIES: Mapping[str, Quantity] = {knob.name: quantity(knob.unit) for knob in KNOBS}
 """Knobs of the theory of stability, and what they are."""
 
 _UNITS: Mapping[Quantity, str] = {

@@ -70,6 +70,8 @@ class Regime:
         Largest slider velocity in the window, over the drive's velocity.
     attached_swing : float or None
         Largest less smallest fraction of attached contacts.
+    time_unit, force_unit : str
+        Units of the times and the forces above; empty where the data do not say.
     """
 
     kind: Kind
@@ -90,19 +92,23 @@ class Regime:
     peak_velocity: float | None = None
     largest_velocity: float | None = None
     attached_swing: float | None = None
+    time_unit: str = ""
+    force_unit: str = ""
 
     def __str__(self) -> str:
         begin, end = self.window
+        time = {"": "", "time": " time units"}.get(self.time_unit, f" {self.time_unit}")
+        force = f" {self.force_unit}".rstrip()
         lines = [
             f"{self.kind}: {self.reason}",
-            f"judged at t = {begin:.4g} to {end:.4g}; force {self.mean_force:.4g} on average, "
-            f"peak to peak {self.peak_to_peak:.3g}, noise {self.noise:.2g}",
+            f"judged at t = {begin:.4g} to {end:.4g}{time}; force {self.mean_force:.4g}{force} on average, "
+            f"peak to peak {self.peak_to_peak:.3g}{force}, noise {self.noise:.2g}{force}",
         ]
         if self.cycles:
-            line = f"{self.cycles} cycles, drop {self.drop:.3g} (variation {self.drop_variation:.2g})"
+            line = f"{self.cycles} cycles, drop {self.drop:.3g}{force} (variation {self.drop_variation:.2g})"
             if math.isfinite(self.period):
                 line += (
-                    f", period {self.period:.4g} (variation {self.period_variation:.2g}), "
+                    f", period {self.period:.4g}{time} (variation {self.period_variation:.2g}), "
                     f"force falling {100 * self.fall_share:.0f} % of the time"
                 )
             lines.append(line)
@@ -139,7 +145,13 @@ def regime(data: xr.Dataset, *, after: float | None = None) -> Regime:
     InputError
         If the data hold no force, or values that are not finite, or nothing lies after `after`.
     """
-    trace = Trace.of(data)
+    seen = _over_the_window(Trace.of(data), after)
+    unit = {name: str(data[name].attrs.get("units", "")) for name in ("t", "F_d")}
+    return replace(seen, time_unit=unit["t"], force_unit=unit["F_d"])
+
+
+def _over_the_window(trace: Trace, after: float | None) -> Regime:
+    """Choose the window, and judge it."""
     if after is not None:
         begin = number("after", after, hint="a time, in the unit of t")
         if np.count_nonzero(trace.t >= begin) < FEWEST_READINGS:
