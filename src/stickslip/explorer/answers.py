@@ -160,29 +160,24 @@ def _stretchings(data: xr.Dataset) -> Plain:
 
 def _friction(rig: Rig) -> Plain:
     """F_k at the drive's speed and F_s of slow rigid motion, in the unit of the force; and K*, in words."""
-    interface = replace(rig.interface, ageing=None)
+    aged = replace(rig.interface, ageing=None)
+    when = " (thresholds fully aged)" if rig.interface.ageing is not None else ""
     found: Plain = {"kinetic": None, "static": None, "words": []}
-    if rig.interface.ageing is not None:
-        found["words"].append("F_k and F_s are known for thresholds that do not age")
-        return found
     unit = 1.0 if rig.scales is None else rig.scales.unit("force")
-    try:
-        static = _static_friction(replace(interface, delay=Delay(0.0)))
+    with suppress(InputError, UndecidedError):
+        static = _static_friction(replace(aged, delay=Delay(0.0)))
         found["static"] = static * unit
-        found["words"].append(f"F_s = {rig.in_units(static, 'force')}")
-    except (InputError, UndecidedError):
-        pass
+        found["words"].append(f"F_s = {rig.in_units(static, 'force')}{when}")
     if rig.velocity > 0:
-        kinetic = float(theory.kinetic_friction(interface, rig.velocity))
-        found["kinetic"] = kinetic * unit
-        found["words"].append(f"F_k = {rig.in_units(kinetic, 'force')}")
-    try:
-        critical = _critical_stiffness(interface)
+        with suppress(InputError):
+            kinetic = float(theory.kinetic_friction(rig.interface, rig.velocity))
+            found["kinetic"] = kinetic * unit
+            found["words"].append(f"F_k = {rig.in_units(kinetic, 'force')}")
+    with suppress(InputError, UndecidedError):
+        critical = _critical_stiffness(aged)
         ratio = rig.slider.stiffness / critical if critical > 0 else math.inf
         softer = "softer" if ratio < 1 else "stiffer"
-        found["words"].append(f"K* = {rig.in_units(critical, 'stiffness')}, and the spring is {softer}")
-    except (InputError, UndecidedError):
-        pass
+        found["words"].append(f"K* = {rig.in_units(critical, 'stiffness')}{when}, and the spring is {softer}")
     return found
 
 
