@@ -1,0 +1,17 @@
+"""The verification programme: the paper's claims, closed forms, solver against solver, and orders of convergence.
+
+Each study is a function that measures and returns claims with bands; `python -m verification` runs them all, or those
+named, and writes one report. Bands come from theory or from the settled numbers, never from what came out.
+"""
+
+from __future__ import annotations
+
+from verification import closed_forms, convergence, figures, solvers
+from verification.study import Study
+
+STUDIES: dict[str, Study] = {
+    study.name: study for study in (*figures.STUDIES, *closed_forms.STUDIES, *solvers.STUDIES, *convergence.STUDIES)
+}
+"""The studies by name, in the order of the report."""
+
+__all__ = ["STUDIES", "Study"]

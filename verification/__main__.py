@@ -1,0 +1,104 @@
+"""Run the verification programme: `python -m verification --help`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, CycloptsError, Parameter
+
+from stickslip.errors import InputError
+from verification import STUDIES
+from verification.programme import run_all
+from verification.report import Outcome, Report
+
+app = App(name="verification", help="The verification programme, with one report.", result_action="return_value")
+
+
+@app.default
+def run(
+    *names: str,
+    report: Annotated[Path, Parameter(help="Folder for verification.json and verification.html.")] = Path(),
+    workers: Annotated[int, Parameter(help="Studies at a time.")] = 2,
+    listing: Annotated[bool, Parameter(name="--list", help="List the studies and stop.", negative="")] = False,
+) -> int:
+    """Run all studies, or those named; the exit code is 1 if one does not come out as settled.
+
+    Parameters
+    ----------
+    names
+        Studies or whole groups, such as fig4 or "closed forms".
+    """
+    if listing:
+        for study in STUDIES.values():
+            print(f"{study.name:16} {study.group}: {study.title}")
+        return 0
+    if workers < 1:
+        raise InputError(f"--workers {workers}: must be at least 1")
+    chosen = _chosen(names)
+    with _bar(len(chosen)) as step:
+        outcomes = run_all(chosen, workers, step)
+    data, page = Report(outcomes=outcomes).save(report)
+    for outcome in outcomes:
+        for claim in outcome.findings:
+            if not claim.ok:
+                print(f"\n{outcome.study}: {claim}")
+        if outcome.failure:
+            print(f"\n{outcome.study}: could not be finished\n{outcome.failure}")
+    bad = [outcome.study for outcome in outcomes if not outcome.ok]
+    print(
+        f"\n{len(outcomes) - len(bad)} of {len(outcomes)} studies came out as settled"
+        + (f"; not {', '.join(bad)}" if bad else "")
+    )
+    print(f"report: {page}\ndata: {data}")
+    return 1 if bad else 0
+
+
+def _chosen(names: Sequence[str]) -> list[str]:
+    """Names of studies, groups spelt out; all of them where none is named."""
+    groups = {
+        study.group.lower(): [s.name for s in STUDIES.values() if s.group == study.group] for study in STUDIES.values()
+    }
+    chosen: list[str] = []
+    for name in names:
+        if name not in STUDIES and name.lower() not in groups:
+            raise InputError(f"{name}: no such study; there are {', '.join(STUDIES)}; or a group: {', '.join(groups)}")
+        chosen += [name] if name in STUDIES else groups[name.lower()]
+    return list(dict.fromkeys(chosen)) or list(STUDIES)
+
+
+@contextmanager
+def _bar(total: int) -> Iterator[Callable[[Outcome], None]]:
+    """A line for each study as it ends, above a bar on a terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(highlight=False, soft_wrap=True), transient=True) as bar:
+        task = bar.add_task("verifying", total=total)
+
+        def step(outcome: Outcome) -> None:
+            state = "ok    " if outcome.ok else "FAILED"
+            bar.console.print(
+                f"{state} {outcome.study:16} {outcome.seconds:6.1f} s  {STUDIES[outcome.study].title}", markup=False
+            )
+            bar.advance(task)
+
+        yield step
+
+
+def main() -> int:
+    """Run the command line; return the exit code."""
+    try:
+        result = app(sys.argv[1:], exit_on_error=False, print_error=False)
+    except (InputError, CycloptsError) as error:
+        print("verification: " + " ".join(str(error).split()), file=sys.stderr)
+        return 2
+    return result if isinstance(result, int) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

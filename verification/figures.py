@@ -1,0 +1,19 @@
+"""The paper's claims, figure by figure, with all points and contacts.
+
+"Not reproduced" is a verdict like any other: it passes when the exact value that is stated instead is met.
+"""
+
+from __future__ import annotations
+
+from stickslip.paper import FIGURES, Claim, Figure
+from verification.study import Study
+
+
+def _study(figure: Figure) -> Study:
+    def run() -> tuple[Claim, ...]:
+        return figure.check(figure.compute())
+
+    return Study(name=figure.name, group="The paper's claims", title=figure.title, run=run)
+
+
+STUDIES = tuple(_study(figure) for figure in FIGURES.values())

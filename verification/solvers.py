@@ -1,0 +1,213 @@
+"""Solver against solver: contacts, cohorts, the renewal convolution, and linear theory, where all must agree."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import xarray as xr
+
+from stickslip import (
+    Contacts,
+    Delay,
+    Gaussian,
+    Interface,
+    Langevin,
+    MasterEquation,
+    RandomDelay,
+    Record,
+    Slider,
+    Sliding,
+    critical_velocities,
+    growth_rate,
+    hold,
+    kinetic_friction,
+    ramp,
+    regime,
+    simulate,
+    slide,
+)
+from stickslip.model import FIG4, FIG7, FIG8
+from stickslip.paper import Claim
+from stickslip.paper.record import at_most, near
+from stickslip.theory import driving_force
+from verification.study import Study, finding
+
+_NARROW = Interface(thresholds=Gaussian(mean=1.0, spread=0.1), initial=Gaussian(mean=0.0, spread=0.05))
+
+
+def _rigid() -> tuple[Claim, ...]:
+    delays = (Delay(0.0), Delay(0.3), RandomDelay(mean=0.2, spread=0.12, negative="redraw"))
+    N, seeds, distance, velocity = 10_000, 8, 4.0, 0.7
+    between, scaled = [], []
+    for delay in delays:
+        interface = replace(_NARROW, delay=delay)
+        cohorts = slide(interface, distance, velocity=velocity, method=MasterEquation(cells=800))
+        X = cohorts["X"].to_numpy()
+        renewal = slide(interface, distance, velocity=velocity)
+        exact = np.interp(X, renewal["X"], renewal["F_c"])
+        between.append(
+            at_most(f"cohorts less renewal, {delay}", float(np.abs(cohorts["F_c"] - exact).max()), 1e-4, "f_s")
+        )
+        runs = [slide(interface, distance, velocity=velocity, method=Contacts(N, seed=s))["F_c"] for s in range(seeds)]
+        rms = math.sqrt(N * np.mean([(run.to_numpy() - exact) ** 2 for run in runs]))
+        # A contact's force lies between 0 and some 1.3: its deviation is at most half of that.
+        scaled.append(at_most(f"rms of contacts about it times sqrt(N), {delay}", rms, 0.65, "f_s"))
+    return (
+        finding(
+            "Rigid motion: cohorts and renewal convolution solve the same Eqs. (1)-(4)",
+            *between,
+            evidence=f"{distance:g} x_s at velocity {velocity:g}, 800 cells per x_s",
+        ),
+        finding(
+            "Rigid motion: contacts scatter about the master equation within the spread of one contact's force",
+            *scaled,
+            evidence=f"{seeds} runs of {N:,} contacts for each delay",
+        ),
+    )
+
+
+def _cycle(run: xr.Dataset) -> tuple[float, float, float]:
+    late = run.sel(t=slice(60.0, None))
+    seen = regime(late)
+    force = late["F_d"]
+    return float(force.max() - force.min()), seen.period, float(late["velocity"].max())
+
+
+def _stick_slip() -> tuple[Claim, ...]:
+    interface = replace(FIG4.interface, delay=Delay(0.2))
+    slider = replace(FIG4.slider, stiffness=2.0)
+    drive, record = hold(1.0, 100.0), Record(interval=0.002)
+    cohorts = simulate(interface, slider, drive, MasterEquation(cells=800), record=record)
+    contacts = simulate(interface, slider, drive, Contacts(200_000, seed=5), record=record)
+    (swing, period, fastest), (swing_n, period_n, fastest_n) = _cycle(cohorts), _cycle(contacts)
+    return (
+        finding(
+            "Fig. 4c: the cycle of 200,000 contacts is that of the master equation",
+            near("peak-to-peak force, contacts over cohorts", swing_n / swing, 1.0, 0.02),
+            near("period, contacts over cohorts", period_n / period, 1.0, 0.005),
+            near("largest velocity, contacts over cohorts", fastest_n / fastest, 1.0, 0.03),
+            near("peak-to-peak force of the cohorts", swing, 0.77, 0.02, "f_s"),
+            near("period of the cohorts", period, 1.487, 0.010, "time"),
+            evidence="K 2, tau .2, eta 200, v 1; the last 40 of 100 time units",
+        ),
+    )
+
+
+def _energy() -> tuple[Claim, ...]:
+    interface = replace(FIG4.interface, delay=Delay(0.1))
+    drives = {
+        "hold": hold(1.0, 20.0),
+        "up and down": ramp(0.1, 3.0, 10.0).then(ramp(3.0, 0.1, 10.0)),
+        "there and back": hold(1.0, 5.0).then(hold(-1.0, 10.0)).then(hold(1.0, 5.0)),
+    }
+    gaps, counts = [], []
+    for name, drive in drives.items():
+        run = simulate(interface, FIG4.slider, drive, Contacts(10_000, seed=3))
+        stored = run["kinetic_energy"] + run["spring_energy"] + run["contact_energy"]
+        lost = run["damped_energy"] + run["broken_energy"]
+        gap = float(np.abs(run["work"] - (stored - stored[0]) - lost).max())
+        gaps.append(at_most(f"imbalance of energy over the work done, {name}", gap / float(run["work"].max()), 1e-9))
+        held = run["attached"].to_numpy() * 10_000
+        counts.append(at_most(f"attached contacts are whole, {name}", float(np.abs(held - held.round()).max()), 1e-6))
+    return (
+        finding(
+            "The contacts engine balances energy to rounding", *gaps, *counts, evidence="10,000 contacts, three drives"
+        ),
+    )
+
+
+def _linear() -> tuple[Claim, ...]:
+    """A small kick of the cohorts grows at the rate of linear theory, and stops growing where theory says so."""
+    slider = FIG7.slider
+    interface = replace(FIG7.interface, delay=Delay(0.1))
+    v1 = critical_velocities(interface, slider, between=(1.0, 1.9))[0]
+    rates, turns, speeds = [], [], (1.2, 1.3, 1.5, 1.6)
+    for velocity in speeds:
+        drive = hold(velocity, 24.0)
+        run = simulate(
+            interface,
+            slider,
+            drive,
+            MasterEquation(cells=3200),
+            start=Sliding(kick=1e-3),
+            record=Record(interval=0.004),
+        )
+        rate, turn = _swing(run["t"].to_numpy(), run["F_d"].to_numpy() - driving_force(interface, slider, velocity))
+        mode = growth_rate(interface, slider, velocity)
+        rates.append(near(f"growth rate at v = {velocity:g}, less theory", rate - mode.real, 0.0, 2e-3, "1/time"))
+        turns.append(near(f"frequency at v = {velocity:g}, less theory", turn - abs(mode.imag), 0.0, 5e-3, "1/time"))
+    return (
+        finding(
+            "Small kicks of smooth sliding grow or die at the rate of linear theory",
+            near("v1 of Fig. 7a", v1.value, 1.388221, 1e-6, "x_s/time"),
+            near("its frequency", v1.frequency, 7.265139, 1e-6, "1/time"),
+            *rates,
+            *turns,
+            evidence="cohorts, 3,200 cells, kick of a thousandth of the velocity; the slowest mode fitted after t = 8",
+        ),
+    )
+
+
+def _swing(t: np.ndarray, force: np.ndarray) -> tuple[float, float]:
+    """Rate and frequency of one oscillating mode, by least squares on what is left of the transient."""
+    from scipy.optimize import least_squares
+
+    late = t > 8.0
+    t, force = t[late] - 8.0, force[late] - force[late].mean()
+    force = force / np.abs(force).max()
+    power = np.abs(np.fft.rfft(force * np.hanning(t.size), 16 * t.size))
+    turn = 2 * math.pi * np.fft.rfftfreq(16 * t.size, t[1] - t[0])[power.argmax()]
+
+    def rest(p: np.ndarray) -> np.ndarray:
+        swing = np.exp(p[0] * t)[:, None] * np.column_stack([np.cos(p[1] * t), np.sin(p[1] * t)])
+        basis = np.column_stack([swing, np.ones_like(t)])
+        return np.asarray(basis @ np.linalg.lstsq(basis, force, rcond=None)[0] - force)
+
+    found = least_squares(rest, [0.0, turn], x_scale=[0.1, 0.1])
+    return float(found.x[0]), float(found.x[1])
+
+
+def _ageing() -> tuple[Claim, ...]:
+    settled = {0.1: 0.4677, 0.5: 0.3756, 1.0: 0.1243}
+    measured, contacts = [], []
+    rates = (1.0, 1.5)
+    for rate in rates:
+        for u, exact in settled.items():
+            interface = replace(FIG8.interface, ageing=Langevin(rate=rate))
+            velocity = u * rate**2
+            steady = float(kinetic_friction(interface, velocity))
+            name = f"F at u = {u:g}, beta = {rate:g}"
+            measured.append(near(f"{name}, kinetic equation", steady, exact, 3e-3 * exact, "f_s"))
+            # A stiff, heavily damped spring holds the slider to the drive: the force is that of steady sliding.
+            held = Slider(stiffness=200.0, mass=1e-2, damping=100.0)
+            drag = held.mass * held.damping * velocity
+            run = simulate(
+                interface, held, hold(velocity, 12.0 / velocity), Contacts(20_000, seed=7), start=Sliding(),
+                record=Record(interval=0.02 / velocity),
+            )  # fmt: skip
+            mean = float(run["F_d"].sel(t=slice(4.0 / velocity, None)).mean()) - drag
+            contacts.append(near(f"{name}, contacts", mean, exact, 1e-2 * exact, "f_s"))
+    return (
+        finding(
+            "Ageing thresholds: the steady friction of the kinetic equation depends on u = v/beta^2 alone",
+            *measured,
+            evidence="stationary kinetic equation",
+        ),
+        finding(
+            "Ageing thresholds: contacts slide with the friction of the kinetic equation",
+            *contacts,
+            evidence="20,000 contacts held to the drive by a stiff spring, 8 x_s",
+        ),
+    )
+
+
+_GROUP = "Solver against solver"
+STUDIES = (
+    Study(name="rigid", group=_GROUP, title="Rigid motion", run=_rigid),
+    Study(name="cycle", group=_GROUP, title="Stick-slip cycle", run=_stick_slip),
+    Study(name="energy", group=_GROUP, title="Balance of energy", run=_energy),
+    Study(name="linear", group=_GROUP, title="Linear stability against small kicks", run=_linear),
+    Study(name="ageing", group=_GROUP, title="Ageing thresholds in steady sliding", run=_ageing),
+)
