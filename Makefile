@@ -1,7 +1,7 @@
 # Needs make, gcc, git or not, and any Python >= 3.11; everything else goes into $(VENV).
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint unit verify bench docs explore clean
+.PHONY: help demo test lint unit verify coverage bench docs explore clean
 
 VENV ?= .venv
 WORKERS ?= 2
@@ -18,6 +18,7 @@ help:
 	@echo 'make test      every check: style, types, imports, equations, tests'
 	@echo 'make lint      the same without the tests'
 	@echo "make verify    the paper's claims, solver against solver, slow tests (half an hour); a report in verification/report"
+	@echo 'make coverage  lines that the tests go through, slow ones too; the kernels as plain Python'
 	@echo 'make bench     each fast path beside the plain loop it replaces'
 	@echo 'make docs      the documentation, in docs/_build'
 	@echo 'make explore   the browser app'
@@ -48,6 +49,9 @@ unit: $(VENV)/.dev
 verify: $(VENV)/.dev
 	$(BIN)/python -m verification --report verification/report --workers $(WORKERS)
 	$(BIN)/python -m pytest -q -n $(WORKERS) --dist loadfile -m slow
+
+coverage: $(VENV)/.dev
+	$(BIN)/python -m pytest -q -n $(WORKERS) --dist loadfile --cov --cov-report=html --cov-report=term:skip-covered
 
 bench: $(VENV)/.dev
 	$(BIN)/python -m pytest -q benchmarks --benchmark-only --benchmark-columns=min,median,rounds --benchmark-json=.benchmarks.json

@@ -2,9 +2,6 @@
 
 import json
 import math
-import os
-import subprocess
-import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -582,37 +579,6 @@ def test_what_is_no_run_cannot_be_repeated():
     other = xr.Dataset(attrs={"provenance": store.provenance("sweep", {})})
     with pytest.raises(InputError, match="made by 'sweep', not by `simulate`"):
         repeat(other)
-
-
-def test_plain_python_gives_the_same_run():
-    """With the compiler off the readable reference runs: the same numbers, rounding aside."""
-    code = """
-import json
-from stickslip import *
-run = simulate(
-    Interface(thresholds=Gaussian(mean=1.0, spread=0.1), delay=RandomDelay(mean=0.2, spread=0.12)),
-    Slider(stiffness=2.0, mass=1e-3, damping=30.0),
-    hold(1.0, 2.5).then(ramp(-1.0, 0.0, 1.0)),
-    Contacts(12, seed=1),
-    record=Record(interval=0.1),
-)
-print(json.dumps({name: run[name].values.tolist() for name in run.data_vars}))
-"""
-    results = [
-        json.loads(
-            subprocess.run(
-                [sys.executable, "-c", code],
-                env=os.environ | {"NUMBA_DISABLE_JIT": off},
-                capture_output=True,
-                text=True,
-                check=True,
-            ).stdout
-        )
-        for off in ("0", "1")
-    ]
-    assert results[0]["broken_energy"][-1] > 0
-    for name, values in results[0].items():
-        np.testing.assert_allclose(results[1][name], values, rtol=1e-9, atol=1e-10, err_msg=name)
 
 
 @pytest.mark.parametrize("method", [Contacts(3_000), MasterEquation()], ids=["contacts", "cohorts"])

@@ -1,0 +1,79 @@
+"""Small cases that between them go through every kernel: run compiled and as plain Python, they must agree.
+
+`python plain_cases.py` prints all results as JSON; tests/test_plain.py runs it with the compiler on and off.
+"""
+
+import json
+import math
+import sys
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+import stickslip as ss
+
+TENTH = ss.Gaussian(mean=1.0, spread=0.1)
+SLIDER = ss.Slider(stiffness=2.0, mass=1e-3, damping=30.0)
+LIGHT = ss.Slider(stiffness=2.0, mass=1e-4, damping=0.0)
+THERE_AND_BACK = ss.hold(1.0, 2.5).then(ss.ramp(-1.0, 0.0, 1.0))
+DELAYS = {
+    "no delay": ss.Delay(0.0),
+    "delay": ss.Delay(0.2),
+    "never back": ss.Delay(math.inf),
+    "random": ss.RandomDelay(mean=0.2, spread=0.12),
+}
+
+
+def _run(interface, method, slider=SLIDER, drive=THERE_AND_BACK, **options):
+    run = ss.simulate(interface, slider, drive, method, record=ss.Record(interval=0.1), **options)
+    return {str(name): run[name].to_numpy().tolist() for name in run.data_vars}
+
+
+def _snapshots(interface, method):
+    record = ss.Record(interval=0.25, snapshots=(0.5, 1.0), bins=5)
+    return ss.simulate(interface, SLIDER, ss.hold(1.0, 1.5), method, record=record)["Q"].to_numpy().tolist()
+
+
+def _until(method):
+    drive = ss.hold(1.0, 5.0).until(ss.Travel(1.0)).then(ss.ramp(1.0, 0.1, 2.0)).until(ss.ForceBelow(0.3))
+    return _run(ss.Interface(thresholds=TENTH), method, drive=drive)
+
+
+def _rigid(interface, method):
+    return ss.slide(interface, 2.0, method=method)["F_c"].to_numpy()[::20].tolist()
+
+
+def _cases() -> dict[str, Callable[[], object]]:
+    few, coarse = ss.Contacts(12, seed=1), ss.MasterEquation(cells=10)
+    cases: dict[str, Callable[[], object]] = {}
+    for name, delay in DELAYS.items():
+        interface = ss.Interface(thresholds=TENTH, delay=delay)
+        for method in (few, coarse):
+            cases[f"{method}, {name}"] = partial(_run, interface, method)
+        cases[f"renewal, {name}"] = partial(_rigid, interface, ss.Renewal(40))
+    delayed = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.1))
+    ageing = ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.0))
+    strong = ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.0, newborn=0.2), delay=ss.Delay(0.1))
+    back = ss.hold(0.5, 0.5).then(ss.hold(-0.5, 0.2))
+    for method in (few, coarse):
+        cases[f"{method}, undamped"] = partial(_run, delayed, method, LIGHT, ss.hold(1.0, 1.6))
+        cases[f"{method}, sliding"] = partial(_run, delayed, method, start=ss.Sliding(kick=0.1))
+        cases[f"{method}, snapshots"] = partial(_snapshots, delayed, method)
+        cases[f"{method}, until"] = partial(_until, method)
+        cases[f"{method}, rigid"] = partial(_rigid, delayed, method)
+        cases[f"{method}, ageing"] = partial(_run, ageing, method, drive=back)
+    cases["memoryless"] = partial(_run, delayed, ss.MasterEquation(cells=10, memoryless=True))
+    cases["contacts, ageing with a delay"] = partial(_run, strong, few, drive=ss.hold(0.5, 0.4))
+    cases["contacts, ageing, sliding"] = partial(_run, ageing, few, drive=ss.hold(0.5, 0.4), start=ss.Sliding())
+    cases["kinetic friction with ageing"] = lambda: float(ss.kinetic_friction(ageing, 0.5))
+    return cases
+
+
+def results() -> dict[str, object]:
+    """Return what every case gives."""
+    return {name: make() for name, make in _cases().items()}
+
+
+if __name__ == "__main__":
+    json.dump(results(), sys.stdout, default=lambda value: np.asarray(value).tolist())
