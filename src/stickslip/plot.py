@@ -463,7 +463,9 @@ def chart(found: xr.Dataset) -> Figure:
         largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 1.0
         norm = SymLogNorm(linthresh=max(1e-3 * largest, 1e-300), vmin=-largest, vmax=largest)
         shade = ax.pcolormesh(found[across], found[up], values, cmap="PuOr_r", norm=norm, shading="nearest", alpha=0.85)
-        figure.colorbar(shade, ax=ax, label=label(found["growth_rate"]))
+        decades = 10.0 ** (np.floor(np.log10(largest)) - np.array([0.0, 1.0]))
+        ticks = [*-decades, 0.0, *decades[::-1]]
+        figure.colorbar(shade, ax=ax, label=label(found["growth_rate"]), ticks=ticks)
         stable_edge = found["other_unstable"].to_numpy() == 0
         number_of = found["curve"].to_numpy()
         x, y = found[f"edge_{across}"].to_numpy(), found[f"edge_{up}"].to_numpy()
@@ -491,5 +493,5 @@ def chart(found: xr.Dataset) -> Figure:
         ax.set_ylim(float(found[up].min()), float(found[up].max()))
         unit = unit_text(str(found["edge_frequency"].attrs.get("units", "")))
         ax.set_title(f"growth > 0: unstable; numbers: frequency of the neutral mode ({unit})", fontsize="small")
-        ax.legend(loc="lower left", fontsize="small")
+        ax.legend(loc="lower left", fontsize="small", frameon=True, framealpha=0.9, edgecolor="none")
     return figure

@@ -1,0 +1,18 @@
+"""
+Figure 2: elastic instability
+=============================
+
+A spring holds the slider. Where its stiffness is smaller than the slope at which the contact force falls, no
+equilibrium is near and the slider jumps: at first contact of the two slopes.
+
+The same with all points and contacts, and with the paper's claims checked: ``stickslip paper fig2 --check``.
+"""
+
+from stickslip.paper import FIGURES
+
+fig2 = FIGURES["fig2"]
+data = fig2.compute(quick=True)
+figure = fig2.draw(data)
+for claim in fig2.check(data):
+    print(claim.title)
+    print("   ", claim.verdict)

@@ -1,0 +1,76 @@
+"""
+How stiff must the servo of a precision stage be?
+=================================================
+
+A position servo holds a stage to its course as a spring would: its gain is the stiffness of the driving spring. Too
+soft, and the stage jerks; the slower it moves, the more. The softest servo that keeps smooth motion stable follows at
+each speed from linear theory, and runs on both sides of it show the difference.
+
+Run it with ``python examples/practice/precision_stage.py stage.png``.
+"""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+import stickslip as ss
+from stickslip import plot, rig
+
+RIG = Path(__file__).parents[1] / "precision_stage.toml"
+SPEEDS = np.geomspace(0.2e-3, 20e-3, 25)
+"""In m/s."""
+
+
+def softest_servo(stage: rig.Rig) -> np.ndarray:
+    """Stiffness in N/m below which smooth motion is unstable, at each of the speeds; NaN where any servo will do."""
+    found = []
+    for speed in SPEEDS:
+        velocity = stage.scales.natural(speed, "velocity")
+        try:
+            critical = ss.critical_spring(stage.interface, stage.slider, velocity=velocity)
+            found.append(stage.scales.si(critical, "stiffness"))
+        except ss.UndecidedError:
+            found.append(np.nan)
+    return np.array(found)
+
+
+def error_of_tracking(stage: rig.Rig, stiffness: float) -> tuple[np.ndarray, np.ndarray]:
+    """Time in s, and how far the stage strays from its course, in m."""
+    slider = replace(stage.slider, stiffness=stage.scales.natural(stiffness, "stiffness"))
+    run = ss.simulate(stage.interface, slider, stage.drive, stage.method, record=stage.record)
+    shown = stage.in_its_units(run)
+    lag = (shown["F_d"] / stiffness).to_numpy()
+    return shown["t"].to_numpy(), lag - lag[lag.size // 2 :].mean()
+
+
+def draw(path: Path = RIG) -> Figure:
+    """The softest servo against speed, and the error of tracking with one softer and one stiffer."""
+    stage = rig.read(path)
+    softest = softest_servo(stage)
+    here = stage.scales.si(stage.velocity, "velocity")
+    critical = float(np.interp(here, SPEEDS, softest))
+    with plot.house_style():
+        figure = plot.new_figure(plot.PAGE, 2.9)
+        left, right = figure.subplots(1, 2)
+        left.loglog(1e3 * SPEEDS, 1e-6 * softest, color=plot.BLUE)
+        left.fill_between(1e3 * SPEEDS, 1e-6 * np.nanmin(softest) / 2, 1e-6 * softest, color=plot.ORANGE, alpha=0.25)
+        left.set(xlabel="speed (mm/s)", ylabel="stiffness of the servo (N/µm)", title="smooth motion is unstable below")
+        for factor, colour in ((0.5, plot.VERMILLION), (1.3, plot.GREEN)):
+            t, error = error_of_tracking(stage, factor * critical)
+            late = t > t[-1] - 0.3
+            left.plot(1e3 * here, 1e-6 * factor * critical, "o", color=colour)
+            right.plot(
+                t[late] - t[late][0], 1e6 * error[late], color=colour, label=f"{1e-6 * factor * critical:.2g} N/µm"
+            )
+        right.set(xlabel="time (s)", ylabel="error of tracking (µm)")
+        plot.legend_above(right)
+    return figure
+
+
+if __name__ == "__main__":
+    figure = draw()
+    if sys.argv[1:]:
+        plot.save(figure, sys.argv[1])

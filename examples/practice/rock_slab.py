@@ -1,0 +1,59 @@
+"""
+Laboratory earthquakes: how often, how large
+============================================
+
+Two slabs of rock are sheared past each other by a press. Faster loading makes more frequent events; does it make
+smaller ones? The catalogue of slips of a simulated run, the same that `stickslip measure` lists for a measured one,
+tells recurrence and drop.
+
+Run it with ``python examples/practice/rock_slab.py rock.png``.
+"""
+
+import sys
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+import stickslip as ss
+from stickslip import plot, rig
+
+RIG = Path(__file__).parents[1] / "rock_slab.toml"
+FACTORS = (1.0, 10.0, 100.0)
+"""Speeds of loading, as multiples of the rig's."""
+
+
+def load(slab: rig.Rig, factor: float):
+    """A run at another speed over the same distance, in SI units."""
+    velocity = factor * slab.velocity
+    drive = ss.hold(velocity, slab.drive.duration / factor)
+    record = ss.Record(interval=slab.scales.natural(1e-3, "time"))  # a slip lasts some milliseconds
+    return slab.in_its_units(ss.simulate(slab.interface, slab.slider, drive, slab.method, record=record))
+
+
+def recurrence_and_drop(run) -> tuple[float, float]:
+    """Median time from one event to the next, in s, and median drop of the force, in N; the first events are left out."""
+    events = ss.events(run).isel(event=slice(2, None))
+    return float(events["start"].diff("event").median()), float(events["drop"].median())
+
+
+def draw(path: Path = RIG) -> Figure:
+    """Force against displacement of the press, at three speeds of loading."""
+    slab = rig.read(path)
+    with plot.house_style():
+        figure = plot.new_figure(plot.PAGE, 4.2)
+        panels = figure.subplots(len(FACTORS), sharex=True, sharey=True)
+        for ax, factor, colour in zip(panels, FACTORS, plot.PALETTE, strict=False):
+            run = load(slab, factor)
+            wait, drop = recurrence_and_drop(run)
+            speed = 1e6 * float(run["drive_velocity"][-1])
+            ax.plot(1e-3 * speed * run["t"], 1e-6 * run["F_d"], color=colour, linewidth=0.8)
+            ax.set_title(f"{speed:.0f} µm/s: an event every {wait:.3g} s, drop {1e-6 * drop:.2g} MN")
+        panels[1].set_ylabel("shear force (MN)")
+        panels[-1].set_xlabel("displacement of the press (mm)")
+    return figure
+
+
+if __name__ == "__main__":
+    figure = draw()
+    if sys.argv[1:]:
+        plot.save(figure, sys.argv[1])

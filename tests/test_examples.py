@@ -1,0 +1,105 @@
+"""Every example runs as its page says, and what it tells is so."""
+
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stickslip import plot, rig
+from stickslip.paper import FIGURES
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+PRACTICE = sorted(path.stem for path in (EXAMPLES / "practice").glob("*.py"))
+
+
+def example(name):
+    """An example as a module."""
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / "practice" / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("file", sorted(EXAMPLES.glob("*.toml")), ids=lambda file: file.stem)
+def test_example_rigs_can_be_read_and_say_what_was_assumed(file):
+    if "slider" not in file.read_text():
+        pytest.skip("no rig")
+    assert rig.read(file).assumed
+
+
+@pytest.mark.parametrize("name", PRACTICE)
+def test_the_page_names_its_own_command(name):
+    text = (EXAMPLES / "practice" / f"{name}.py").read_text()
+    assert f"``python examples/practice/{name}.py " in text
+
+
+def test_every_figure_has_its_page():
+    pages = {f"plot_{name[:3]}{int(name[3:]):02d}.py" for name in FIGURES}
+    assert {path.name for path in (EXAMPLES / "figures").glob("*.py")} == pages
+
+
+@pytest.mark.parametrize("name", PRACTICE)
+def test_pictures_are_drawn(name, tmp_path):
+    picture = plot.save(example(name).draw(), tmp_path / "picture.png")
+    assert picture.stat().st_size > 10_000
+
+
+def test_an_example_is_its_own_command(tmp_path):
+    picture = tmp_path / "brake.png"
+    done = subprocess.run(
+        [sys.executable, EXAMPLES / "practice" / "brake_pad.py", picture], capture_output=True, text=True, check=True
+    )
+    assert "damping times 10: groans from " in done.stdout
+    assert picture.exists()
+
+
+def test_the_wiper_chatters_at_both_ends_of_its_stroke():
+    wiper = example("wiper")
+    low, high = wiper.chattering(rig.read(wiper.RIG))
+    assert low < 0.01 < high < 1.0  # m/s: the stroke begins inside, and is fastest outside
+
+
+def test_damping_narrows_the_groan_from_above():
+    brake = example("brake_pad")
+    (low, high), (low_damped, high_damped) = brake.groaning(), brake.groaning(damping=10.0)
+    assert high_damped < 0.5 * high
+    assert low_damped == pytest.approx(low, rel=0.2)
+
+
+def test_a_servo_stiffer_than_critical_tracks_better():
+    stage = example("precision_stage")
+    rig_ = rig.read(stage.RIG)
+    softest = np.interp(1e-3, stage.SPEEDS, stage.softest_servo(rig_))
+    errors = []
+    for factor in (0.5, 1.5):
+        t, error = stage.error_of_tracking(rig_, factor * softest)
+        errors.append(error[t > 0.7 * t[-1]].std())
+    assert errors[1] < 0.2 * errors[0]
+
+
+def test_a_faster_bow_needs_more_force():
+    string = example("bowed_string")
+    forces, frequencies = zip(*(string.lightest(speed) for speed in (0.05, 0.2, 0.8)), strict=True)
+    assert list(forces) == sorted(forces)
+    harmonics = np.array(frequencies) / string.PITCH
+    np.testing.assert_allclose(harmonics, harmonics.round(), atol=0.02)  # the string chooses the pitch, not the rosin
+
+
+def test_faster_loading_makes_events_more_frequent_not_smaller():
+    rock = example("rock_slab")
+    slab = rig.read(rock.RIG)
+    (wait, drop), (wait_fast, drop_fast) = (rock.recurrence_and_drop(rock.load(slab, f)) for f in (1.0, 10.0))
+    assert wait / wait_fast == pytest.approx(10.0, rel=0.05)
+    assert drop / drop_fast == pytest.approx(1.0, rel=0.1)
+
+
+def test_a_stiffer_spring_turns_stick_slip_into_sliding():
+    import stickslip as ss
+
+    bench = example("teaching_bench")
+    rig_ = rig.read(bench.RIG)
+    kinds = [ss.regime(bench.pull(rig_, stiffness)).kind for stiffness in bench.SPRINGS]
+    assert kinds == ["stick-slip", "stick-slip", "smooth sliding"]
