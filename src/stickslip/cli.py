@@ -230,8 +230,8 @@ def plot(
 
     _check_target(output)
     if data.is_dir():
-        _draw_sweep(_cut(_open_sweep(data), at), output, bistable=bistable)
-        print(f"picture: {output}")
+        theory = _draw_sweep(_cut(_open_sweep(data), at), output, bistable=bistable)
+        print(f"on top: {theory}\npicture: {output}")
         return
     trace = _read_data(data, force, time, step)
     if kind == "overview":
@@ -314,7 +314,7 @@ def sweep(
         if plans.plan_of(result).document != plan.document:
             raise InputError(f"store = {str(store)!r}: holds another sweep than {file}; draw it with `stickslip plot`")
     else:
-        with _executor(workers, processes, scheduler) as executor, _bar(plan.name) as report:
+        with _executor(workers, processes, scheduler) as executor, _bar(plan.name) as report, _stoppable():
             try:
                 result = plan.run(
                     store=store,
@@ -324,9 +324,8 @@ def sweep(
                 )
             except KeyboardInterrupt:
                 return _fail(f"interrupted; {_resume(store)}", code=130)
-    if plot is not None:
-        _draw_sweep(result, plot, bistable=bistable)
-    return _report_sweep(result, store, plot, json=json)
+    theory = None if plot is None else _draw_sweep(result, plot, bistable=bistable)
+    return _report_sweep(result, store, plot, theory, json=json)
 
 
 @app.command
@@ -441,6 +440,26 @@ def _executor(workers: int | None, processes: bool, scheduler: str | None) -> It
 
 
 @contextmanager
+def _stoppable() -> Iterator[None]:
+    """Take the signal that a cluster sends before it kills for a Ctrl-C: what is done is written down first."""
+    import signal
+    import threading
+
+    if threading.current_thread() is not threading.main_thread():  # only that one may
+        yield
+        return
+
+    def stop(_number: int, _frame: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
 def _dask(scheduler: str) -> Iterator[Any]:
     import logging
 
@@ -450,7 +469,7 @@ def _dask(scheduler: str) -> Iterator[Any]:
         raise InputError("--scheduler needs the dask.distributed package: pip install stickslip[sweep]") from None
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what concerns the user is said in our line
     try:
-        client: Any = Client(scheduler, timeout="10s", set_as_default=False)  # type: ignore[no-untyped-call]
+        client: Any = Client(scheduler, timeout=_PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, ValueError, TimeoutError) as error:
         reason = " ".join(str(error).split())
         raise InputError(
@@ -485,12 +504,15 @@ def _cut(result: xr.Dataset, at: str | None) -> xr.Dataset:
     return result
 
 
-def _draw_sweep(result: xr.Dataset, picture: Path, *, bistable: bool) -> None:
+def _draw_sweep(result: xr.Dataset, picture: Path, *, bistable: bool) -> str:
+    """Draw a sweep with what theory says on top; return what that is, or why there is nothing."""
     from stickslip import plot as drawing
     from stickslip.sweep import plan as plans
 
     with _bar("drawing") as progress:
-        drawing.save(drawing.sweep_picture(plans.with_theory(result, bistable=bistable, progress=progress)), picture)
+        result = plans.with_theory(result, bistable=bistable, progress=progress)
+    drawing.save(drawing.sweep_picture(result), picture)
+    return str(result.attrs["theory"])
 
 
 def _resume(store: Path) -> str:
@@ -504,19 +526,21 @@ def _resume(store: Path) -> str:
     return f"{kept}; the same command goes on from there"
 
 
-def _report_sweep(result: xr.Dataset, store: Path, picture: Path | None, *, json: bool) -> int:
+def _report_sweep(result: xr.Dataset, store: Path, picture: Path | None, theory: str | None, *, json: bool) -> int:
     """Say what became of the cases; the last line and the exit code say whether some failed."""
     from stickslip.sweep import plan as plans
 
     report = plans.report(result)
     if json:
-        _print_json(_plain(report) | {"store": str(store), "picture": str(picture) if picture else None})
+        _print_json(
+            _plain(report) | {"store": str(store), "picture": str(picture) if picture else None, "theory": theory}
+        )
         return 1 if report.failures else 0
     for kind, count in report.regimes.items():
         print(f"{kind}: {count}")
     print(f"store: {store}")
     if picture is not None:
-        print(f"picture: {picture}")
+        print(f"picture: {picture}, on top: {theory}")
     for failure in report.failures[:_FAILURES_SHOWN]:
         print(f"failed: {failure}")
     if len(report.failures) > _FAILURES_SHOWN:
@@ -526,6 +550,8 @@ def _report_sweep(result: xr.Dataset, store: Path, picture: Path | None, *, json
 
 
 _FAILURES_SHOWN = 5
+_PATIENCE = "10s"
+"""How long a scheduler is waited for."""
 
 
 def _check_target(path: Path | None) -> None:

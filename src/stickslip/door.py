@@ -205,6 +205,8 @@ def _one_mistake(item: Any, document: type[Part]) -> str:
         "model_type": f"must be a table, as in [{key}]",
         "dict_type": f"must be a table, as in [{key}]",
         "model_attributes_type": f"must be a table, as in [{key}]",
+        "greater_than_equal": f"must be at least {item.get('ctx', {}).get('ge')}",
+        "less_than": f"must be below {item.get('ctx', {}).get('lt')}",
     }
     return f"{key} = {value!r}: {words.get(kind, item['msg'].lower())}"
 
@@ -224,7 +226,8 @@ def _keys_beside(path: list[str], document: type[Part]) -> list[str]:
         return dict(schema["$defs"][node["$ref"].rsplit("/", 1)[-1]]) if "$ref" in node else node
 
     def alternatives(node: dict[str, Any]) -> list[dict[str, Any]]:
-        return [resolve(one) for one in node.get("anyOf") or node.get("oneOf") or [node]]
+        below = node.get("anyOf") or node.get("oneOf")
+        return [inner for one in below for inner in alternatives(resolve(one))] if below else [node]
 
     node: dict[str, Any] = schema
     for part in path[:-1]:

@@ -582,11 +582,11 @@ def _phase_diagram(data: xr.Dataset, axes: list[str]) -> Figure:
             mine = here == kind
             if not mine.any() or kind == "not run":
                 continue
-            shown = np.where(mine, 1.0, np.nan)
-            ax.pcolormesh(*cells, shown, cmap=ListedColormap([colour]), rasterized=here.size > 10_000, zorder=0.5)
             if hatch:
-                shown = np.ma.masked_invalid(shown)
-                ax.pcolor(*cells, shown, cmap=ListedColormap([colour]), hatch=hatch, alpha=0, linewidth=0, zorder=0.6)
+                ax.add_collection(_hatched(mine, cells, hatch), autolim=False)
+            else:
+                shown = np.where(mine, 1.0, np.nan)
+                ax.pcolormesh(*cells, shown, cmap=ListedColormap([colour]), rasterized=here.size > 10_000, zorder=0.5)
             edge: Any = {"edgecolor": GREY, "linewidth": 0.5}
             legend.setdefault(kind, Patch(facecolor=colour, hatch=hatch, label=kind, **edge))
         legend |= _draw_theory(ax, data, across, up)
@@ -596,6 +596,15 @@ def _phase_diagram(data: xr.Dataset, axes: list[str]) -> Figure:
     order = [kind for kind in _REGIMES if kind in legend] + [name for name in legend if name not in _REGIMES]
     _legend_below(figure, [legend[name] for name in order])
     return figure
+
+
+def _hatched(mine: NDArray[np.bool_], cells: list[Array], hatch: str) -> PolyCollection:
+    """Hatch some cells of a grid."""
+    x, y = cells
+    corners = [
+        [(x[j], y[i]), (x[j + 1], y[i]), (x[j + 1], y[i + 1]), (x[j], y[i + 1])] for i, j in np.argwhere(mine).tolist()
+    ]
+    return PolyCollection(corners, facecolor="white", edgecolor=GREY, hatch=hatch, linewidth=0, zorder=0.5)
 
 
 def _panels_of_starts(data: xr.Dataset) -> tuple[Figure, list[tuple[Axes, Any]]]:
@@ -683,6 +692,7 @@ def _refined_picture(data: xr.Dataset) -> Figure:
         legend |= {"crossing": drawn} | _draw_theory(ax, data, across, up)
         _axis_of_sweep(ax.xaxis, data[across])
         _axis_of_sweep(ax.yaxis, data[up])
+        ax.label_outer()
     _legend_below(figure, list(legend.values()))
     return figure
 
@@ -715,4 +725,5 @@ def _cell_edges(axis: xr.DataArray) -> Array:
 
 
 def _legend_below(figure: Figure, handles: list[Any]) -> None:
-    figure.legend(handles=handles, loc="outside lower center", ncols=min(4, len(handles)), columnspacing=1.4)
+    columns = len(handles) if len(handles) <= 4 else -(-len(handles) // 2)
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns, columnspacing=1.4)

@@ -39,8 +39,9 @@ SECONDS = 1.0
 
 LARGEST_BATCH = 1000
 
-LANDING = 0.05
-"""Share of the time that goes into writing, at most: results that come faster are written together."""
+LANDING, LATEST = 0.02, 30.0
+"""Share of the time that goes into writing, at most: results that come faster are written together, but not later than
+so many seconds after those before."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -377,7 +378,7 @@ class _Run:
         self._finished += len(results)
         self._failed += sum(isinstance(outcome, str) for outcome in results.values())
         now = time.monotonic()
-        self._land_at = now + (now - begin) / LANDING
+        self._land_at = now + min((now - begin) / LANDING, LATEST)
         self._tell()
 
     def _tell(self) -> None:

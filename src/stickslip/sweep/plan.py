@@ -39,8 +39,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 EXAMPLE = "examples/phase_diagram.toml"
-SHORTEST = 120.0
-"""``x_s`` that a run lasts unless the file says otherwise: transients last 40 to 100."""
+SHORTEST, CYCLES = 120.0, 30.0
+"""``x_s`` and cycles that a run lasts unless the file says otherwise: transients last 40 to 100 ``x_s``."""
 REFINED = "refined.nc"
 
 
@@ -284,6 +284,8 @@ def read_plan(path: str | os.PathLike[str]) -> Plan:
 def from_document(document: Mapping[str, Any], place: str = "sweep", directory: Path = Path()) -> Plan:
     """Make a plan of the content of a file; a rig file that it names is looked for in `directory`."""
     document = dict(document)
+    if not isinstance(document.get("axes"), dict) or not document["axes"]:
+        raise InputError(f"{place}: axes: must be a table [axes] with at least one of {', '.join(_AXES)}")
     rig = _rig_of(document, place, directory)
     content = validate(_Document, document, place, natural=rig.scales is None)
     try:
@@ -302,8 +304,7 @@ def _rig_of(document: Mapping[str, Any], place: str, directory: Path) -> rigs.Ri
     if not isinstance(given, dict):
         what = "is missing" if given is None else f"= {given!r}"
         raise InputError(f"{place}: rig {what}: must be the name of a rig file, or a table [rig] with what one holds")
-    axes = document.get("axes")
-    speeds = axes.get("velocity") if isinstance(axes, dict) else None
+    speeds = document["axes"].get("velocity")
     if "drive" not in given and speeds:  # the axis sets the speed
         ends = speeds.get("values", [speeds.get("to")]) if isinstance(speeds, dict) else speeds
         given = given | {"drive": {"velocity": ends[-1] if isinstance(ends, list) and ends else ends}}
@@ -366,6 +367,7 @@ class _Run(Part):
     start: Literal["cold", "smooth"] | None = None
     distance: Length | None = None
     duration: Time | None = None
+    cycles: float = CYCLES
     extensions: int = 1
 
 
@@ -384,25 +386,23 @@ class _Document(Part):
 
     def plan(self, rig: rigs.Rig, document: Mapping[str, Any]) -> Plan:
         given = {name: getattr(self.axes, name) for name in document["axes"]}
-        if not given:
-            raise InputError(f"axes: names no axis; known here: {', '.join(_AXES)}")
         study = self._study(rig, given)
         axes = {name: _values(name, axis, ends_only=self.refine is not None) for name, axis in given.items()}
         logarithmic = tuple(name for name, axis in given.items() if getattr(axis, "spacing", "linear") == "log")
         refinement = None
         if self.refine is not None:
-            self._check_refinement(given)
             refinement = Refinement(
                 runs=whole("refine.runs", self.refine.runs, at_least=16),
                 resolution=number("refine.resolution", self.refine.resolution, above=0, below=1),
             )
+            self._check_refinement(given)
         seed = study.method.seed if isinstance(study.method, Contacts) else 0
         return Plan(
             name=self.name,
             study=replace(study, method=replace(study.method, seed=0)) if isinstance(study.method, Contacts) else study,
             axes=axes,
             logarithmic=logarithmic,
-            measures=self._measures(given),
+            measures=self._measures(own_seed="seed" not in given and isinstance(study.method, Contacts)),
             seed=seed,
             refinement=refinement,
             document=document,
@@ -423,7 +423,6 @@ class _Document(Part):
         for name in axes:
             if name in _KNOBS:
                 knob_named(name).get(Setting(interface=rig.interface, rig=rig.slider, velocity=rig.velocity))
-        distance = SHORTEST if self.run.distance is None else natural(self.run.distance, "x_s")
         cold = isinstance(rig.start, Relaxed)
         return Study(
             interface=rig.interface,
@@ -431,7 +430,8 @@ class _Document(Part):
             velocity=number("rig.drive.velocity", rig.velocity, above=0),
             method=method,
             start=self.run.start or ("cold" if cold else "smooth"),
-            distance=0.0 if self.run.duration is not None and self.run.distance is None else distance,
+            distance=SHORTEST if self.run.distance is None else natural(self.run.distance, "x_s"),
+            cycles=number("run.cycles", self.run.cycles, at_least=0),
             duration=0.0 if self.run.duration is None else natural(self.run.duration, "time"),
             extensions=whole("run.extensions", self.run.extensions, at_least=0, at_most=10),
             scales=rig.scales,
@@ -453,7 +453,7 @@ class _Document(Part):
         usual_cells = given.cells if isinstance(given, MasterEquation) else MasterEquation().cells
         return MasterEquation(cells=usual_cells if run.cells is None else run.cells)
 
-    def _measures(self, axes: Mapping[str, Any]) -> tuple[str, ...]:
+    def _measures(self, *, own_seed: bool) -> tuple[str, ...]:
         if self.refine is not None and self.measure is not None:
             raise InputError("measure: [refine] records the regime alone; leave it out")
         names = list(USUAL if self.measure is None else self.measure)
@@ -464,10 +464,8 @@ class _Document(Part):
                 near = difflib.get_close_matches(name, MEASURES, n=1, cutoff=0.5)
                 remedy = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(MEASURES)}"
                 raise InputError(f"measure: {name!r} is nothing that can be measured; {remedy}")
-        if "seed" in axes and "seed" in names:
-            raise InputError("measure: 'seed' is an axis here, and kept as such")
-        own = ["regime"] if "seed" in axes or isinstance(self.run.method, MasterEquation) else ["regime", "seed"]
-        return tuple(dict.fromkeys([*own, *names]))
+        always = ["regime", *(["seed"] if own_seed else [])]
+        return tuple(dict.fromkeys([*always, *(name for name in names if name != "seed")]))
 
     def _check_refinement(self, given: Mapping[str, Any]) -> None:
         knobs = [name for name in given if name in _KNOBS]
@@ -548,10 +546,7 @@ def with_theory(
     if not 1 <= len(turned) <= 2:
         return result.assign_attrs(theory="no linear boundary: it is drawn over one knob or two")
     sizes = [unit_of(name, plan.study.scales)[0] for name in turned]
-    ranges = [
-        (float(result[name].min()) / size, float(result[name].max()) / size)
-        for name, size in zip(turned, sizes, strict=True)
-    ]
+    ranges = [_reach(result[name], size) for name, size in zip(turned, sizes, strict=True)]
     try:
         if any(low <= 0 for low, _ in ranges):
             raise InputError("a knob starts at 0, which linear theory has no logarithm for")
@@ -567,7 +562,21 @@ def with_theory(
             if part in found:
                 found[part] = found[part].copy(data=found[part].to_numpy() * size).assign_attrs(result[name].attrs)
     words = "linear stability of smooth sliding" + (", cycles of the master equation" if bistable else "")
+    if not found.sizes["point"]:
+        words = "no linear boundary in this window"
     return xr.merge([result, found], combine_attrs="override", compat="override").assign_attrs(theory=words)
+
+
+def _reach(axis: xr.DataArray, size: float) -> tuple[float, float]:
+    """Ends of an axis in natural units, half a step beyond its values where that makes sense: cells reach so far."""
+    values = np.unique(axis.to_numpy().astype(float)) / size
+    low, high = float(values[0]), float(values[-1])
+    if "run" in axis.dims or values.size < 2:
+        return low, high
+    if axis.attrs.get("spacing") == "log":
+        return low * math.sqrt(low / values[1]), high * math.sqrt(high / values[-2])
+    below = low - 0.5 * (values[1] - low)
+    return (below if below > 0 else low), high + 0.5 * (high - values[-2])
 
 
 def _theory_in_plane(

@@ -33,8 +33,9 @@ class Study:
     method : Contacts or MasterEquation
     start : {"cold", "smooth"}
         At rest with relaxed contacts, or from steady smooth sliding.
-    distance, duration : float
-        A run lasts until the drive has gone this far, and for this long: natural units.
+    distance, duration, cycles : float
+        A run lasts until the drive has gone this far, for this long (natural units), and this many times as far as a
+        spring of this stiffness takes for one cycle of loading, ``x_s (1 + k/K)``.
     extensions : int
         How often a run that cannot be judged is made again, twice as long.
     scales : Scales, optional
@@ -48,6 +49,7 @@ class Study:
     start: str
     distance: float
     duration: float
+    cycles: float
     extensions: int
     scales: Scales | None
 
@@ -68,7 +70,8 @@ class Study:
         method = self.method
         if isinstance(method, Contacts):
             method = Contacts(method.count if count is None else count, seed)
-        duration = max(self.distance / setting.velocity, self.duration)
+        distance = max(self.distance, self.cycles * (1.0 + 1.0 / setting.rig.stiffness))
+        duration = max(distance / setting.velocity, self.duration)
         for extension in range(self.extensions + 1):
             drive = hold(setting.velocity, duration * 2.0**extension)
             run = simulate(setting.interface, setting.rig, drive, method, start=_beginning(start, method))
