@@ -32,6 +32,7 @@ from stickslip.sweep import (
     summary,
     sweep,
 )
+from stickslip.sweep import _run as run_module
 from stickslip.sweep import _store as store_module
 from stickslip.sweep._content import cell_seed, code_parts, encode
 
@@ -350,7 +351,7 @@ def test_another_sweep_is_refused_and_the_difference_named(tmp_path, change, par
 
 def test_the_version_of_the_package_is_part_of_the_case(tmp_path, monkeypatch):
     sweep(product, {"a": [1], "b": [1]}, itself, store=tmp_path / "s.zarr")
-    monkeypatch.setattr(store_module, "package_version", lambda: "99.0")
+    monkeypatch.setattr(run_module, "package_version", lambda: "99.0")
     with pytest.raises(InputError, match="stickslip version"):
         sweep(product, {"a": [1], "b": [1]}, itself, store=tmp_path / "s.zarr")
 

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip import stability
-from stickslip.cycles import bistable_band, lasts
+from stickslip.cycles import bistable_region, lasts
 from stickslip.drive import hold
 from stickslip.errors import InputError, UndecidedError, number, whole
 from stickslip.measure import Regime, regime
@@ -45,8 +45,6 @@ _CLEARANCE = 0.05
 _STEPS = (1.0, 1.1, 1.25, 1.6, 2.2, 3.5, 6.0, 10.0, 20.0)
 _HALVINGS = 2
 """How a knob is turned in search of where stick-slip dies: by these factors, then by halving the last step."""
-_BAND_PLACES, _BAND_STEP, _BAND_TOLERANCE = 7, 0.15, 0.02
-"""Where and how finely a map looks for the bistable band."""
 _TRIES = 12
 _JUDGE = Contacts(10_000, seed=20)
 """The contacts that a remedy must calm, and how often it is pushed on until it does."""
@@ -505,10 +503,16 @@ def chart(
     ).rename({name: f"edge_{name}" for name in (*names, "frequency")})
     found = found.merge(edge, combine_attrs="override")
     if bistable:
-        found = found.merge(
-            _bistable_band(setting, (knobs[0], knobs[1]), edge, window[1], lambda share: report(0.7 + 0.3 * share)),
-            combine_attrs="override",
+        bands = bistable_region(
+            rig.interface,
+            rig.slider,
+            rig.velocity,
+            over=names,
+            edge=edge.rename({f"edge_{name}": name for name in names}),
+            between=window[1],
+            progress=lambda share: report(0.7 + 0.3 * share),
         )
+        found = found.merge(bands, combine_attrs="override")
     report(1.0)
     modes = stability.unstable_modes(rig.interface, rig.slider, rig.velocity)
     for name, value in zip(names, here, strict=True):
@@ -521,38 +525,6 @@ def chart(
         + f" within a factor {around:g} of it in {names[0]} and {names[1]}"
     )
     return rig.in_its_units(found)
-
-
-def _bistable_band(
-    setting: Setting, knobs: tuple[Knob, Knob], edge: xr.Dataset, within: tuple[float, float], report: Progress
-) -> xr.Dataset:
-    """Ends of the bistable band along the second knob, at values of the first spread over the boundary."""
-    import xarray as xr
-
-    across, up = knobs
-    stable = edge["other_unstable"].to_numpy() == 0
-    reached = edge[f"edge_{across.name}"].to_numpy()[stable]
-    places = np.geomspace(reached.min(), reached.max(), _BAND_PLACES + 2)[1:-1] if reached.size else np.empty(0)
-    rows = []
-    for i, place in enumerate(places):
-        report(i / len(places))
-        here = across.set(setting, float(place))
-        assert isinstance(here.rig, Slider)
-        try:
-            bands = bistable_band(
-                here.interface, here.rig, here.velocity, up, between=within, step=_BAND_STEP, tolerance=_BAND_TOLERANCE
-            )
-        except (InputError, UndecidedError):
-            continue
-        rows += [(float(place), band.low.value, band.high.value) for band in bands]
-    table = np.array(rows).reshape(-1, 3)
-    return xr.Dataset(
-        {
-            f"band_{across.name}": ("band", table[:, 0], {"units": across.unit, "long_name": across.name}),
-            f"band_{up.name}_low": ("band", table[:, 1], {"units": up.unit, "long_name": f"{up.name}, lower end"}),
-            f"band_{up.name}_high": ("band", table[:, 2], {"units": up.unit, "long_name": f"{up.name}, upper end"}),
-        }
-    )
 
 
 def _widest(knob: Knob) -> float:

@@ -34,7 +34,7 @@ Plot = Annotated[Path | None, Parameter(help="Also draw a picture: .png, .svg or
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; return the exit code: 2 for input that cannot be used, 1 for a claim that fails."""
+    """Run the command line; return the exit code: 2 for input that cannot be used, 1 for a claim or case that fails."""
     try:
         result = app(list(sys.argv[1:] if arguments is None else arguments), exit_on_error=False, print_error=False)
     except (InputError, UndecidedError) as error:
@@ -215,22 +215,28 @@ def plot(
     force: str | None = None,
     time: str | None = None,
     step: float | None = None,
+    at: Annotated[str | None, Parameter(help="Of a sweep, the cut to draw: delay=0.1,start=cold.")] = None,
+    bistable: Annotated[bool, Parameter(help="Of a sweep: show where stick-slip dies, too.", negative="")] = False,
 ) -> None:
-    """Draw a run or a measured trace.
+    """Draw a run, a measured trace or a sweep.
 
     Parameters
     ----------
     data
-        A run (NetCDF), or a table in plain text.
+        A run (NetCDF), a table in plain text, or the store of a sweep.
     output
         The picture: .png, .svg or .pdf.
     kind
-        What to draw.
+        What to draw of a run.
     """
     from stickslip import measure as measures
     from stickslip import plot as drawing
 
     _check_target(output)
+    if data.is_dir():
+        theory = _draw_sweep(_cut(_open_sweep(data), at), output, bistable=bistable)
+        print(f"on top: {theory}\npicture: {output}")
+        return
     trace = _read_data(data, force, time, step)
     if kind == "overview":
         figure: Any = drawing.overview(trace, events=measures.events(trace))
@@ -276,6 +282,54 @@ def map(
         return
     print(found.attrs["summary"])
     print(f"picture: {output}")
+
+
+@app.command
+def sweep(
+    file: Path,
+    *,
+    store: Annotated[Path, Parameter(help="Directory of the results; one that is there is gone on with.")],
+    workers: Annotated[int | None, Parameter(help="Cases that run at a time; by default one per core.")] = None,
+    processes: Annotated[bool, Parameter(help="Run them in processes, not in threads.", negative="")] = False,
+    scheduler: Annotated[str | None, Parameter(help="Run them on a Dask cluster: tcp://HOST:PORT.")] = None,
+    retry_failed: Annotated[bool, Parameter(help="Run cases again that failed before.", negative="")] = False,
+    replot: Annotated[bool, Parameter(help="Run nothing: draw what the store holds.", negative="")] = False,
+    bistable: Annotated[bool, Parameter(help="Draw where stick-slip dies, too; takes seconds.", negative="")] = False,
+    json: Json = False,
+    plot: Plot = None,
+) -> int:
+    """Run many cases over the knobs of a rig; a second start with the same store runs what is missing.
+
+    The exit code is 1 if cases failed: they are recorded, and the others are done.
+
+    Parameters
+    ----------
+    file
+        A sweep file in TOML; see examples/phase_diagram.toml.
+    """
+    from stickslip.sweep import plan as plans
+
+    _check_target(plot)
+    plan = plans.read_plan(file)
+    if replot and plot is None:
+        raise InputError("--replot: needs --plot FILE, the picture to draw")
+    if replot:
+        result = _open_sweep(store)
+        if plans.plan_of(result).document != plan.document:
+            raise InputError(f"store = {str(store)!r}: holds another sweep than {file}; draw it with `stickslip plot`")
+    else:
+        with _executor(workers, processes, scheduler) as executor, _bar(plan.name) as report, _stoppable():
+            try:
+                result = plan.run(
+                    store=store,
+                    executor=executor,
+                    progress=lambda p: report(p.finished / p.total),
+                    retry_failed=retry_failed,
+                )
+            except KeyboardInterrupt:
+                return _fail(f"interrupted; {_resume(store)}", code=130)
+    theory = None if plot is None else _draw_sweep(result, plot, bistable=bistable)
+    return _report_sweep(result, store, plot, theory, json=json)
 
 
 @app.command
@@ -371,6 +425,137 @@ def _bar(title: str) -> Iterator[Callable[[float], None]]:
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=1.0)
         yield lambda share: bar.update(task, completed=share)
+
+
+@contextmanager
+def _executor(workers: int | None, processes: bool, scheduler: str | None) -> Iterator[Any]:
+    """Where the cases of a sweep run."""
+    from stickslip.sweep import Processes, Threads
+
+    if scheduler is None:
+        yield Processes(workers) if processes else Threads(workers)
+        return
+    if processes or workers is not None:
+        raise InputError("--scheduler: the cluster has its own workers; leave out --workers and --processes")
+    with _dask(scheduler) as client:
+        if not client.nthreads():
+            print(f"no workers yet; start one with: dask worker {scheduler}", file=sys.stderr)
+        yield client.get_executor()
+
+
+@contextmanager
+def _stoppable() -> Iterator[None]:
+    """Take the signal that a cluster sends before it kills for a Ctrl-C: what is done is written down first."""
+    import signal
+    import threading
+
+    if threading.current_thread() is not threading.main_thread():  # only that one may
+        yield
+        return
+
+    def stop(_number: int, _frame: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def _dask(scheduler: str) -> Iterator[Any]:
+    import logging
+
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError("--scheduler needs the dask.distributed package: pip install stickslip[sweep]") from None
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what concerns the user is said in our line
+    try:
+        client: Any = Client(scheduler, timeout=_PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
+    except (OSError, ValueError, TimeoutError) as error:
+        reason = " ".join(str(error).split())
+        raise InputError(
+            f"--scheduler {scheduler}: cannot be reached ({reason}); start one with: dask scheduler"
+        ) from None
+    try:
+        yield client
+    finally:
+        client.close(timeout=5)
+
+
+def _open_sweep(store: Path) -> xr.Dataset:
+    from stickslip.sweep import open_sweep
+    from stickslip.sweep import plan as plans
+
+    return plans.open_refined(store) if plans.is_refined(store) else open_sweep(store)
+
+
+def _cut(result: xr.Dataset, at: str | None) -> xr.Dataset:
+    """Select from a sweep, each axis at the value nearest to the one given."""
+    for part in (at or "").split(",") if at else ():
+        name, _, value = (word.strip() for word in part.partition("="))
+        if name not in result.dims or not value:
+            axes = ", ".join(str(dim) for dim in result.dims)
+            raise InputError(f"--at {part}: must be an axis and a value, as in delay=0.1; this sweep has {axes}")
+        numbers = result[name].dtype.kind in "iuf"
+        try:
+            result = result.sel({name: float(value)}, method="nearest") if numbers else result.sel({name: value})
+        except (KeyError, ValueError):
+            there = ", ".join(str(item) for item in result[name].values.tolist())
+            raise InputError(f"--at {part}: no such value; this sweep has {there}") from None
+    return result
+
+
+def _draw_sweep(result: xr.Dataset, picture: Path, *, bistable: bool) -> str:
+    """Draw a sweep with what theory says on top; return what that is, or why there is nothing."""
+    from stickslip import plot as drawing
+    from stickslip.sweep import plan as plans
+
+    with _bar("drawing") as progress:
+        result = plans.with_theory(result, bistable=bistable, progress=progress)
+    drawing.save(drawing.sweep_picture(result), picture)
+    return str(result.attrs["theory"])
+
+
+def _resume(store: Path) -> str:
+    """What is kept, and how to go on."""
+    from stickslip.sweep import open_sweep, summary
+
+    try:
+        kept = f"{summary(open_sweep(store))} are kept in {str(store)!r}"
+    except InputError:  # it had not begun, or is a refinement
+        kept = f"what was done is kept in {str(store)!r}" if store.exists() else "nothing was done yet"
+    return f"{kept}; the same command goes on from there"
+
+
+def _report_sweep(result: xr.Dataset, store: Path, picture: Path | None, theory: str | None, *, json: bool) -> int:
+    """Say what became of the cases; the last line and the exit code say whether some failed."""
+    from stickslip.sweep import plan as plans
+
+    report = plans.report(result)
+    if json:
+        _print_json(
+            _plain(report) | {"store": str(store), "picture": str(picture) if picture else None, "theory": theory}
+        )
+        return 1 if report.failures else 0
+    for kind, count in report.regimes.items():
+        print(f"{kind}: {count}")
+    print(f"store: {store}")
+    if picture is not None:
+        print(f"picture: {picture}, on top: {theory}")
+    for failure in report.failures[:_FAILURES_SHOWN]:
+        print(f"failed: {failure}")
+    if len(report.failures) > _FAILURES_SHOWN:
+        print(f"failed: ... and {len(report.failures) - _FAILURES_SHOWN} more, in the variable error of the store")
+    print(report.line)
+    return 1 if report.failures else 0
+
+
+_FAILURES_SHOWN = 5
+_PATIENCE = "10s"
+"""How long a scheduler is waited for."""
 
 
 def _check_target(path: Path | None) -> None:

@@ -1133,3 +1133,73 @@ def bistable_band(
         crossings=crossings,
         notes=tuple(notes),
     )
+
+
+def bistable_region(
+    interface: Interface,
+    slider: Slider,
+    velocity: float,
+    *,
+    over: tuple[str, str],
+    edge: xr.Dataset,
+    between: tuple[float, float],
+    places: int = 7,
+    step: float = 0.15,
+    tolerance: float = 0.02,
+    progress: Callable[[float], None] | None = None,
+) -> xr.Dataset:
+    """Find the ends of the bistable band along one knob at some values of another; takes seconds for each.
+
+    Parameters
+    ----------
+    interface, slider, velocity
+        The setting; the values of the two knobs in it do not matter.
+    over : (str, str)
+        Names of two knobs: bands lie along the second.
+    edge : xarray.Dataset
+        The linear boundary over the two knobs, from `stickslip.stability.boundary`: the places are spread over it.
+    between : (float, float)
+        Range of the second knob.
+    places : int
+        Values of the first knob.
+    step, tolerance : float
+        As in `cycle_branch`.
+    progress : callable, optional
+        Called with the share that is done.
+
+    Returns
+    -------
+    xarray.Dataset
+        Along ``band``: ``band_<first>``, ``band_<second>_low`` and ``band_<second>_high``, and ``band_<second>_fold``,
+        whichever of the two is where stick-slip dies (NaN if that lies beyond the range). Places at which no band was
+        found, or a run could not be judged, are left out.
+    """
+    import xarray as xr
+
+    across, up = (knob_named(name) for name in over)
+    stable = edge["other_unstable"].to_numpy() == 0
+    reached = edge[across.name].to_numpy()[stable]
+    values = np.geomspace(reached.min(), reached.max(), places + 2)[1:-1] if reached.size else np.empty(0)
+    rows = []
+    for i, value in enumerate(values.tolist()):
+        if progress is not None:
+            progress(i / places)
+        here = across.set(_check(interface, slider, velocity, METHOD), value)
+        try:
+            bands = bistable_band(
+                here.interface, _slider(here), here.velocity, up, between=between, step=step, tolerance=tolerance
+            )
+        except (InputError, UndecidedError):
+            continue
+        for band in bands:
+            fold = next((end.value for end in (band.low, band.high) if end.kind == "fold"), math.nan)
+            rows.append((value, band.low.value, band.high.value, fold))
+    table = np.array(rows).reshape(-1, 4)
+    return xr.Dataset(
+        {
+            f"band_{across.name}": ("band", table[:, 0], {"units": across.unit, "long_name": across.name}),
+            f"band_{up.name}_low": ("band", table[:, 1], {"units": up.unit, "long_name": f"{up.name}, lower end"}),
+            f"band_{up.name}_high": ("band", table[:, 2], {"units": up.unit, "long_name": f"{up.name}, upper end"}),
+            f"band_{up.name}_fold": ("band", table[:, 3], {"units": up.unit, "long_name": f"{up.name}, fold"}),
+        }
+    )

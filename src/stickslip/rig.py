@@ -4,46 +4,30 @@
 >>> rig.interface, rig.slider, rig.drive        # natural units
 >>> rig.scales.si(rig.slider.stiffness, "stiffness")
 
-Quantities in SI files are strings with a unit, ``"4 MN/m"``; a number without one is refused, because nobody can tell
-what it meant. Stretchings of the laws of thresholds are relative to ``interface.threshold_stretching``.
+Stretchings of the laws of thresholds are relative to ``interface.threshold_stretching``. How quantities are written:
+`stickslip.door`.
 """
 
 from __future__ import annotations
 
-import difflib
 import math
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Discriminator,
-    Tag,
-    TypeAdapter,
-    ValidationError,
-    ValidationInfo,
-    model_validator,
-)
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from stickslip import model, thresholds
+from stickslip.door import Force, Lag, Length, Mass, Part, Rate, Stiffness, Time, Velocity, read_toml, validate
 from stickslip.drive import Drive, hold, ramp
 from stickslip.errors import InputError
 from stickslip.simulate import Contacts, MasterEquation, Method, Record, Relaxed, Sliding, Start
 from stickslip.units import Quantity, Scales, in_si
 
 if TYPE_CHECKING:
-    import pint
     import xarray as xr
-
-LARGEST_FILE = 1_000_000
-"""Bytes beyond which a file is no rig."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,37 +123,13 @@ def read(path: str | os.PathLike[str]) -> Rig:
         names file, key, value and remedy.
     """
     source = Path(path)
-    if not source.exists():
-        raise InputError(f"{source}: no such file")
-    if source.is_dir():
-        raise InputError(f"{source}: is a directory, not a rig file")
-    try:
-        content = source.read_bytes() if source.stat().st_size <= LARGEST_FILE else None
-    except OSError as error:
-        raise InputError(f"{source}: cannot be read ({error.strerror})") from None
-    if content is None:
-        raise InputError(f"{source}: larger than {LARGEST_FILE // 1_000_000} MB: this is not a rig file")
-    if not content.strip():
-        raise InputError(f"{source}: is empty; see examples/pmma_slider.toml for what a rig file holds")
-    try:
-        text = content.decode()
-        if "\0" in text:
-            raise InputError(f"{source}: is a binary file; a rig file is TOML text")
-        document = tomllib.loads(text)
-    except UnicodeDecodeError:
-        raise InputError(f"{source}: is a binary file; a rig file is TOML text") from None
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{source}: is not valid TOML: {error}") from None
-    return from_document(document, source.name)
+    return from_document(read_toml(source, "rig file", "examples/pmma_slider.toml"), source.name)
 
 
 def from_document(document: Mapping[str, Any], place: str = "rig") -> Rig:
     """Make a rig of the content of a file; `place` begins the message of an error."""
     natural = document.get("units", "SI") == "natural"
-    try:
-        content = _Document.model_validate(document, context={"natural": natural})
-    except ValidationError as error:
-        raise InputError(f"{place}: {_in_our_words(error)}") from None
+    content = validate(_Document, document, place, natural=natural)
     try:
         return content.rig(document)
     except InputError as error:
@@ -188,73 +148,7 @@ def to_toml(rig: Rig) -> str:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-@lru_cache(maxsize=1)
-def _registry() -> pint.UnitRegistry[Any]:
-    import pint
-
-    return pint.UnitRegistry()
-
-
-def _quantity(unit: str, example: str, sign: Literal["above 0", "at least 0", ""] = "above 0") -> BeforeValidator:
-    """How a quantity is read: a string with a unit in SI files, a plain number in natural ones."""
-
-    def to_si(value: object, info: ValidationInfo) -> object:
-        result = _read(value, natural=bool(info.context and info.context["natural"]))
-        if not math.isfinite(result):
-            raise ValueError("must be finite")
-        if (sign == "above 0" and result <= 0) or (sign == "at least 0" and result < 0):
-            raise ValueError(f"must be {sign}")
-        return result
-
-    def _read(value: object, natural: bool) -> float:
-        if isinstance(value, (int, float)) and not isinstance(value, bool):
-            if natural:
-                return float(value)
-            raise ValueError(f"has no unit; write it as a string, such as {example!r}")
-        if not isinstance(value, str):
-            raise ValueError(f"must be a quantity, such as {example!r}")
-        if natural:
-            raise ValueError("must be a plain number, as the file says units = 'natural'")
-        return _parse(value, unit, example)
-
-    return BeforeValidator(to_si)
-
-
-def _parse(text: str, unit: str, example: str) -> float:
-    import pint
-    from pint.errors import PintError
-
-    try:
-        quantity: Any = _registry().Quantity(text)
-        if quantity.dimensionless and unit:
-            raise ValueError(f"has no unit; write it as in {example!r}")
-        result = float(quantity.to(unit).magnitude)
-    except pint.DimensionalityError:
-        raise ValueError(f"is not in a unit of {unit!r}; write it as in {example!r}") from None
-    except (PintError, AttributeError, TypeError, ValueError, ArithmeticError, AssertionError, SyntaxError) as error:
-        if "unit" in str(error) and "write" in str(error):
-            raise
-        raise ValueError(f"cannot be read as a quantity; write it as in {example!r}") from None
-    except Exception:  # pint lets errors of the tokenizer through
-        raise ValueError(f"cannot be read as a quantity; write it as in {example!r}") from None
-    return result
-
-
-_Mass = Annotated[float, _quantity("kg", "75.6 g", "at least 0")]
-_Stiffness = Annotated[float, _quantity("N/m", "4 MN/m")]
-_Rate = Annotated[float, _quantity("1/s", "200 1/s", "at least 0")]
-_Force = Annotated[float, _quantity("N", "768 N")]
-_Length = Annotated[float, _quantity("m", "2 um")]
-_Time = Annotated[float, _quantity("s", "2 ms")]
-_Delay = Annotated[float, _quantity("s", "2 ms", "at least 0")]
-_Velocity = Annotated[float, _quantity("m/s", "0.4 mm/s", "")]
-
-
-class _Part(BaseModel):
-    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
-
-
-class _Gaussian(_Part):
+class _Gaussian(Part):
     law: Literal["gaussian"]
     mean: float = 1.0
     spread: float
@@ -263,7 +157,7 @@ class _Gaussian(_Part):
         return thresholds.Gaussian(mean=self.mean, spread=self.spread)
 
 
-class _Uniform(_Part):
+class _Uniform(Part):
     law: Literal["uniform"]
     low: float
     high: float
@@ -272,7 +166,7 @@ class _Uniform(_Part):
         return thresholds.Uniform(low=self.low, high=self.high)
 
 
-class _Exponential(_Part):
+class _Exponential(Part):
     law: Literal["exponential"]
     mean: float = 1.0
 
@@ -280,7 +174,7 @@ class _Exponential(_Part):
         return thresholds.Exponential(mean=self.mean)
 
 
-class _Gamma(_Part):
+class _Gamma(Part):
     law: Literal["gamma"]
     mean: float = 1.0
     spread: float
@@ -289,7 +183,7 @@ class _Gamma(_Part):
         return thresholds.Gamma(mean=self.mean, spread=self.spread)
 
 
-class _LogNormal(_Part):
+class _LogNormal(Part):
     law: Literal["lognormal"]
     mean: float = 1.0
     spread: float
@@ -298,7 +192,7 @@ class _LogNormal(_Part):
         return thresholds.LogNormal(mean=self.mean, spread=self.spread)
 
 
-class _Weibull(_Part):
+class _Weibull(Part):
     law: Literal["weibull"]
     scale: float = 1.0
     shape: float
@@ -307,7 +201,7 @@ class _Weibull(_Part):
         return thresholds.Weibull(scale=self.scale, shape=self.shape)
 
 
-class _Empirical(_Part):
+class _Empirical(Part):
     law: Literal["empirical"]
     samples: list[float] | None = None
     edges: list[float] | None = None
@@ -330,9 +224,9 @@ _AnyLaw = Annotated[
 ]
 
 
-class _RandomDelay(_Part):
-    mean: _Delay
-    spread: _Time
+class _RandomDelay(Part):
+    mean: Lag
+    spread: Time
     negative: model.NegativeDelay = "clip"
 
 
@@ -341,38 +235,36 @@ def _kind_of_delay(value: object) -> str:
 
 
 _AnyDelay = Annotated[
-    Annotated[_RandomDelay, Tag("random")]
-    | Annotated[Literal["never"], Tag("never")]
-    | Annotated[_Delay, Tag("fixed")],
+    Annotated[_RandomDelay, Tag("random")] | Annotated[Literal["never"], Tag("never")] | Annotated[Lag, Tag("fixed")],
     Discriminator(_kind_of_delay),
 ]
 
 
-class _Langevin(_Part):
+class _Langevin(Part):
     law: Literal["langevin"]
-    time: _Time
+    time: Time
     newborn: float = 0.0
 
 
-class _ExponentialGrowth(_Part):
+class _ExponentialGrowth(Part):
     law: Literal["exponential"]
-    time: _Time
+    time: Time
     newborn: float = 0.0
 
 
-class _LogarithmicGrowth(_Part):
+class _LogarithmicGrowth(Part):
     law: Literal["logarithmic"]
     slope: float
-    time: _Time
+    time: Time
 
 
 _AnyAgeing = Annotated[_Langevin | _ExponentialGrowth | _LogarithmicGrowth, Discriminator("law")]
 
 
-class _Slider(_Part):
-    mass: _Mass
-    stiffness: _Stiffness
-    damping: _Rate | None = None
+class _Slider(Part):
+    mass: Mass
+    stiffness: Stiffness
+    damping: Rate | None = None
     relative_damping: float | None = None
 
     @model_validator(mode="after")
@@ -384,27 +276,27 @@ class _Slider(_Part):
         return self
 
 
-class _Interface(_Part):
-    total_threshold: _Force | None = None
-    normal_load: _Force | None = None
+class _Interface(Part):
+    total_threshold: Force | None = None
+    normal_load: Force | None = None
     friction_coefficient: float | None = None
-    threshold_stretching: _Length | None = None
+    threshold_stretching: Length | None = None
     thresholds: _AnyLaw
     initial: _AnyLaw = _Gaussian(law="gaussian", mean=0.0, spread=0.01)
     delay: _AnyDelay | None = None
     ageing: _AnyAgeing | None = None
 
 
-class _Piece(_Part):
-    start: _Velocity
-    end: _Velocity
-    duration: _Time
+class _Piece(Part):
+    start: Velocity
+    end: Velocity
+    duration: Time
 
 
-class _Drive(_Part):
-    velocity: _Velocity | None = None
-    distance: _Length | None = None
-    duration: _Time | None = None
+class _Drive(Part):
+    velocity: Velocity | None = None
+    distance: Length | None = None
+    duration: Time | None = None
     pieces: list[_Piece] | None = None
 
     @model_validator(mode="after")
@@ -418,23 +310,23 @@ class _Drive(_Part):
         return self
 
 
-class _Simulation(_Part):
+class _Simulation(Part):
     method: Literal["contacts", "master equation"] = "contacts"
     contacts: int = 10_000
     seed: int = 1
     cells: int = 400
     start: Literal["relaxed", "sliding"] = "relaxed"
-    interval: _Time | None = None
+    interval: Time | None = None
 
 
-class _Document(_Part):
+class _Document(Part):
     name: str = "rig"
     units: Literal["SI", "natural"] = "SI"
     slider: _Slider
     interface: _Interface
     drive: _Drive
     simulation: _Simulation = _Simulation()
-    assumed: dict[str, str] = {}
+    assumed: dict[str, str] = Field(default_factory=dict)
     source: str = ""
 
     def rig(self, document: Mapping[str, Any]) -> Rig:
@@ -552,91 +444,3 @@ def _inverse(time: float) -> float:
     if time <= 0:
         raise InputError("interface.ageing.time: must be above 0")
     return 1.0 / time
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Errors in the user's words
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-def _in_our_words(error: ValidationError) -> str:
-    """Say what is wrong with a file: every mistake on its own, with key, value and remedy."""
-    mistakes = [_one_mistake(item) for item in error.errors()]
-    return "; ".join(dict.fromkeys(mistakes))
-
-
-def _one_mistake(item: Any) -> str:
-    path = [str(part) for part in item["loc"] if part not in ("random", "fixed", "never")]
-    kind, value = item["type"], item["input"]
-    # Names of the alternatives of a union are no keys of the file.
-    laws = {
-        "gaussian",
-        "uniform",
-        "exponential",
-        "gamma",
-        "lognormal",
-        "weibull",
-        "empirical",
-        "langevin",
-        "logarithmic",
-    }
-    path = [part for part in path if part not in laws]
-    key = ".".join(path) or "the file"
-    if kind == "extra_forbidden":
-        near = difflib.get_close_matches(path[-1], _keys_beside(path), n=1, cutoff=0.5)
-        remedy = f"; did you mean {near[0]!r}?" if near else f"; known here: {', '.join(_keys_beside(path))}"
-        return f"{key}: unknown key{remedy}"
-    if kind == "missing":
-        return f"{key}: is missing"
-    if kind in ("union_tag_not_found", "union_tag_invalid"):
-        return f"{key}: must name its law, such as {{law = 'gaussian', spread = 0.1}}; known laws: {_tags(item)}"
-    if kind == "literal_error":
-        return f"{key} = {value!r}: must be {item['ctx']['expected']}"
-    if kind == "value_error":
-        shown = "" if isinstance(value, dict) else f" = {value!r}"
-        return f"{key}{shown}: {item['ctx']['error']}"
-    words = {
-        "float_type": "must be a number",
-        "int_type": "must be a whole number",
-        "string_type": "must be text in quotes",
-        "list_type": "must be a list",
-        "model_type": f"must be a table, as in [{key}]",
-        "dict_type": f"must be a table, as in [{key}]",
-        "model_attributes_type": f"must be a table, as in [{key}]",
-    }
-    return f"{key} = {value!r}: {words.get(kind, item['msg'].lower())}"
-
-
-_LAWS = ("gaussian", "uniform", "exponential", "gamma", "lognormal", "weibull", "empirical")
-
-
-def _tags(item: Any) -> str:
-    return str(item.get("ctx", {}).get("expected_tags", ", ".join(_LAWS)))
-
-
-def _keys_beside(path: list[str]) -> list[str]:
-    """Keys that the file may hold beside the last of a path."""
-    node: Any = _schema()
-    for part in path[:-1]:
-        alternatives = node.get("anyOf") or node.get("oneOf") or [node]
-        following = [
-            alternative["properties"][part]
-            for alternative in map(_resolve, alternatives)
-            if part in alternative.get("properties", {})
-        ]
-        if not following:
-            return []
-        node = _resolve(following[0])
-    alternatives = [_resolve(a) for a in node.get("anyOf") or node.get("oneOf") or [node]]
-    return sorted({key for alternative in alternatives for key in alternative.get("properties", {})})
-
-
-@lru_cache(maxsize=1)
-def _schema() -> dict[str, Any]:
-    return TypeAdapter(_Document).json_schema()
-
-
-def _resolve(node: dict[str, Any]) -> dict[str, Any]:
-    if "$ref" in node:
-        return dict(_schema()["$defs"][node["$ref"].rsplit("/", 1)[-1]])
-    return node

@@ -104,6 +104,22 @@ def quantity(unit: str) -> Quantity:
     return named[unit]
 
 
+def si_unit(unit: str, scales: Scales) -> tuple[float, str] | None:
+    """Size of a natural unit in SI units, and the name of that; None if it is not one of ours.
+
+    Parameters
+    ----------
+    unit : str
+        As variables carry it: ``"x_s/time"``.
+    scales : Scales
+    """
+    known = _SI_OF.get(unit)
+    if known is None:
+        return None
+    quantity, power, name = known
+    return scales.unit(quantity) ** power, name
+
+
 def in_si(data: xr.Dataset, scales: Scales) -> xr.Dataset:
     """Return a result in SI units: each variable scaled by its ``units``, and labelled anew.
 
@@ -113,12 +129,12 @@ def in_si(data: xr.Dataset, scales: Scales) -> xr.Dataset:
     converted = {}
     for name in map(str, [*data.data_vars, *data.coords]):
         variable = data[name]
-        known = _SI_OF.get(str(variable.attrs.get("units")))
+        known = si_unit(str(variable.attrs.get("units")), scales)
         if known is None:
             continue
-        quantity, power, unit = known
+        size, unit = known
         title = str(variable.attrs.get("long_name", name)).replace(", per contact", "").replace(" per contact", "")
-        values = variable.to_numpy() * scales.unit(quantity) ** power
+        values = variable.to_numpy() * size
         converted[name] = (variable.dims, values, {"units": unit, "long_name": title})
     coords = {name: value for name, value in converted.items() if name in data.coords}
     return data.assign({name: v for name, v in converted.items() if name not in coords}).assign_coords(coords)

@@ -1,4 +1,7 @@
-"""Many cases over named axes, on any executor, resumable; and boundaries found with few runs."""
+"""Many cases over named axes, on any executor, resumable; and boundaries found with few runs.
+
+Sweeps that a file describes are read by `stickslip.sweep.plan`.
+"""
 
 from stickslip.sweep._pools import Processes, Threads
 from stickslip.sweep._refine import Span, refine

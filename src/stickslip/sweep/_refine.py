@@ -20,7 +20,7 @@ from stickslip.sweep import _store
 from stickslip.sweep._content import AxisValue, cell_content, cell_key, identity_digest
 from stickslip.sweep._pools import Pool, Processes, Threads, open_pool
 from stickslip.sweep._run import Progress, check_case, check_measure, died, identity_of_code, name_of
-from stickslip.sweep._worker import CannotLoadError, Case, Job, Outcome
+from stickslip.sweep._worker import CannotLoadError, Case, Job, Outcome, package_version
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -388,7 +388,7 @@ def _provenance(
     record = {
         "format": FORMAT,
         "format_version": _store.VERSION,
-        "stickslip": _store.package_version(),
+        "stickslip": package_version(),
         "case": name_of(job.case),
         "label": name_of(label),
         "box": {name: [span.low, span.high, span.log] for name, span in spans.items()},

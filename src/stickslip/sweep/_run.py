@@ -21,7 +21,15 @@ from stickslip.errors import InputError, whole
 from stickslip.sweep import _store
 from stickslip.sweep._content import AxisValue, code_parts, digest, encode
 from stickslip.sweep._pools import Pool, Processes, Threads, open_pool
-from stickslip.sweep._worker import CannotLoadError, Case, Job, Measure, Outcome
+from stickslip.sweep._worker import (
+    CannotLoadError,
+    Case,
+    Job,
+    Measure,
+    OtherVersionError,
+    Outcome,
+    package_version,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -31,8 +39,9 @@ SECONDS = 1.0
 
 LARGEST_BATCH = 1000
 
-LANDING = 0.05
-"""Share of the time that goes into writing, at most: results that come faster are written together."""
+LANDING, LATEST = 0.02, 30.0
+"""Share of the time that goes into writing, at most: results that come faster are written together, but not later than
+so many seconds after those before."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,6 +108,7 @@ def sweep(
     progress: Callable[[Progress], object] | None = None,
     attributes: Mapping[str, Mapping[str, Any]] | None = None,
     fingerprint: object = None,
+    notes: Mapping[str, str] | None = None,
     retry_failed: bool = False,
 ) -> xr.Dataset:
     """Run a case at every combination of the values of some axes.
@@ -134,6 +144,8 @@ def sweep(
     fingerprint : object, optional
         Anything else that results depend on (the text of a configuration file, the version of another
         package).
+    notes : mapping of str to str, optional
+        Texts to keep with the results, as attributes of the Dataset; what a case is does not depend on them.
     retry_failed : bool
         Whether cases that failed in an earlier start are run again.
 
@@ -157,10 +169,10 @@ def sweep(
     seed = whole("seed", seed, at_least=0)
     job = Job(case=case, measure=measure, seed=seed if asks_seed else None)
     identity = _identity(job, grid, seed, fingerprint)
-    provenance = _provenance(job, grid, seed, identity)
+    attrs = dict(notes or {}) | {_store.PROVENANCE: _provenance(job, grid, seed, identity)}
     with ExitStack() as stack:
         if store is None:
-            sink: _store.Sink = _store.Memory(grid, provenance)
+            sink: _store.Sink = _store.Memory(grid, attrs)
         else:
             path = Path(store)
             if path.exists() and not retry_failed:
@@ -169,7 +181,7 @@ def sweep(
                     _report(complete, progress)
                     return complete
             stack.enter_context(_store.locked(path))
-            sink = _open_sink(path, grid, identity, provenance)
+            sink = _open_sink(path, grid, identity, attrs)
         _Run(sink, job, identity, batch, retry_failed, progress).run(executor)
         return sink.dataset()
 
@@ -366,7 +378,7 @@ class _Run:
         self._finished += len(results)
         self._failed += sum(isinstance(outcome, str) for outcome in results.values())
         now = time.monotonic()
-        self._land_at = now + (now - begin) / LANDING
+        self._land_at = now + min((now - begin) / LANDING, LATEST)
         self._tell()
 
     def _tell(self) -> None:
@@ -388,6 +400,8 @@ class _Run:
                 f"case, measure: the workers cannot load them ({error}); define them in a module that the "
                 f"workers can import, or use Threads(n); {self._kept()}"
             )
+        if isinstance(error, OtherVersionError):
+            return f"executor: {error}; {self._kept()}"
         return f"executor: dropped a batch of cases ({reason}); {self._kept()}"
 
 
@@ -486,7 +500,7 @@ def _identity(job: Job, grid: _store.Grid, seed: int, fingerprint: object) -> di
 def identity_of_code(functions: Mapping[str, Callable[..., object]], seed: int, fingerprint: object) -> dict[str, str]:
     """Digest what decides the result of a case besides the values of its axes, part by part."""
     parts = {
-        "stickslip version": _store.package_version(),
+        "stickslip version": package_version(),
         "seed": str(seed),
         "fingerprint": digest(encode(fingerprint, "fingerprint")),
     }
@@ -500,7 +514,7 @@ def _provenance(job: Job, grid: _store.Grid, seed: int, identity: Mapping[str, s
     record = {
         "format": _store.FORMAT,
         "format_version": _store.VERSION,
-        "stickslip": _store.package_version(),
+        "stickslip": package_version(),
         "case": name_of(job.case),
         "measure": name_of(job.measure),
         "seed": seed,
@@ -516,9 +530,9 @@ def name_of(function: object) -> str:
     return str(getattr(function, "__qualname__", type(function).__qualname__))
 
 
-def _open_sink(path: Path, grid: _store.Grid, identity: Mapping[str, str], provenance: str) -> _store.Store:
+def _open_sink(path: Path, grid: _store.Grid, identity: Mapping[str, str], attrs: Mapping[str, str]) -> _store.Store:
     if not path.exists() or (path.is_dir() and not any(path.iterdir())):
-        _store.new_store(path, grid, provenance)
+        _store.new_store(path, grid, attrs)
     group, found = _store.read_group(path)
     _store.check_identity(path, found["identity"], identity)
     _store.sweep_up(path)

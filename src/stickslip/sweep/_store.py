@@ -3,7 +3,7 @@
 Layout of a store, a directory::
 
     zarr.json       the group: lists all arrays (one that it does not list does not count); its attribute
-                    ``provenance`` is JSON: format, version, what the sweep is made of
+                    ``provenance`` is JSON: format, version, what the sweep is made of; its others are notes
     <axis>/         values of one axis
     <measured>/     one array per measured name, dimensions = axes, then its own; NaN where there is nothing
     error/          text of the error of a case that failed, empty for all others
@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import errno
 import fcntl
-import importlib.metadata
 import itertools
 import json
 import math
@@ -40,7 +39,7 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError
 from stickslip.sweep._content import AxisValue, axis_encodings, cell_key, identity_digest
-from stickslip.sweep._worker import Outcome, Packed, Value
+from stickslip.sweep._worker import Outcome, Packed, Value, package_version
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -49,6 +48,7 @@ FORMAT = "stickslip-sweep"
 VERSION = 1
 ERROR = "error"
 KEY = "case_key"
+PROVENANCE = "provenance"
 LARGEST_BLOCK = 1000
 BLOCKS = 8
 RECENT, RECENT_BYTES = 64, 2**20
@@ -202,10 +202,10 @@ class Sink(Protocol):
 class Memory:
     """Results in memory."""
 
-    def __init__(self, grid: Grid, provenance: str) -> None:
+    def __init__(self, grid: Grid, attrs: Mapping[str, str]) -> None:
         self.grid = grid
         self.template: dict[str, Variable] = {}
-        self._provenance = provenance
+        self._attrs = dict(attrs)
         self._arrays: dict[str, NDArray[Any]] = {}
         for name, variable in _own_variables().items():
             self._arrays[name] = _blank(variable, grid.shape)
@@ -236,7 +236,7 @@ class Memory:
             data[name] = (dims, _as_read(self._arrays[name]), variable.attributes)
             for dim, values in variable.coordinates.items():
                 coordinates[dim] = ((dim,), _as_read(values), self.grid.attributes_of(dim))
-        return xr.Dataset(data, coordinates, {"provenance": self._provenance})
+        return xr.Dataset(data, coordinates, self._attrs)
 
 
 class Store:
@@ -376,14 +376,14 @@ def land(sink: Sink, keys: NDArray[np.uint64], results: Mapping[int, Outcome]) -
             sink.write(name, where, values)
 
 
-def new_store(path: Path, grid: Grid, provenance: str) -> None:
+def new_store(path: Path, grid: Grid, attrs: Mapping[str, str]) -> None:
     """Make an empty store, all of it or nothing."""
     zarr = import_zarr()
     with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         draft = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}")
         try:
-            group = zarr.create_group(draft, zarr_format=3, attributes={"provenance": provenance})
+            group = zarr.create_group(draft, zarr_format=3, attributes=dict(attrs))
             for name, values in grid.axes.items():
                 _add_coordinate(group, name, values, grid.attributes_of(name))
             for name, variable in _own_variables().items():
@@ -411,7 +411,7 @@ def read_group(path: Path) -> tuple[Any, dict[str, Any]]:
         raise InputError(f"store = {str(path)!r}: is a file, not the directory of a sweep; {remedy}")
     try:
         group = zarr.open_group(path, mode="r+", zarr_format=3, use_consolidated=True)
-        provenance = json.loads(group.attrs["provenance"])
+        provenance = json.loads(group.attrs[PROVENANCE])
         form, version = provenance["format"], provenance["format_version"]
     except OSError as error:
         if isinstance(error, FileNotFoundError):
@@ -520,14 +520,6 @@ def import_zarr() -> Any:
     if int(zarr.__version__.split(".")[0]) < 3:
         raise InputError(f"zarr {zarr.__version__} is too old for a store, 3 is needed: pip install stickslip[sweep]")
     return zarr
-
-
-def package_version() -> str:
-    """Version of this package; ``unknown`` for a tree that is not installed."""
-    try:
-        return importlib.metadata.version("stickslip")
-    except importlib.metadata.PackageNotFoundError:
-        return "unknown"
 
 
 def check_name(place: str, name: object) -> None:

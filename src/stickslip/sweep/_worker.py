@@ -6,6 +6,7 @@ Imported by every worker process at its start, so nothing slow is loaded here.
 from __future__ import annotations
 
 import functools
+import importlib.metadata
 import multiprocessing
 import multiprocessing.connection
 import os
@@ -27,8 +28,27 @@ Case = Callable[..., Any]
 Measure = Callable[[Any], Mapping[str, Any]]
 
 
+def package_version() -> str:
+    """Version of this package; ``unknown`` for a tree that is not installed."""
+    try:
+        return importlib.metadata.version("stickslip")
+    except importlib.metadata.PackageNotFoundError:
+        return "unknown"
+
+
 class CannotLoadError(RuntimeError):
     """A worker cannot load the functions that it was sent."""
+
+
+class OtherVersionError(RuntimeError):
+    """A worker runs another version of this package than the sweep."""
+
+    def __init__(self, there: str, here: str) -> None:
+        super().__init__(there, here)
+        self.there, self.here = there, here
+
+    def __str__(self) -> str:
+        return f"a worker has stickslip {self.there}, but the sweep {self.here}; install the same on both sides"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,11 +61,14 @@ class Job:
         The user's functions.
     seed : int, optional
         Seed of the sweep, if `case` asks for one.
+    version : str
+        Of this package where the sweep was started; a worker of another one refuses the job.
     """
 
     case: Case
     measure: Measure
     seed: int | None
+    version: str = field(default_factory=package_version)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,6 +196,8 @@ def _load(job: bytes) -> Job:
         raise CannotLoadError(f"{type(error).__name__}: {error}") from None
     if not isinstance(loaded, Job):
         raise CannotLoadError(f"a {type(loaded).__name__} came instead of a job")
+    if loaded.version != package_version():
+        raise OtherVersionError(package_version(), loaded.version)
     return loaded
 
 

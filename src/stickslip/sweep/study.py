@@ -1,0 +1,158 @@
+"""The case of a sweep that a file describes: a rig with its knobs turned, run and judged. Workers load this."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, get_args
+
+from stickslip.drive import hold
+from stickslip.measure import Regime, regime
+from stickslip.measure.verdict import Kind
+from stickslip.model import Interface, Slider
+from stickslip.simulate import Contacts, Method, Relaxed, Sliding, Start, simulate
+from stickslip.stability import Setting
+from stickslip.stability.knobs import knob_named
+from stickslip.units import Scales, si_unit
+
+KINDS: tuple[str, ...] = get_args(Kind)
+"""What a regime can be; its place here is its code in the results."""
+KICK = 0.02
+"""Share of the velocity by which the master equation's smooth start is disturbed; contacts disturb themselves."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """What all cases of a sweep share; called with the values of its axes, it runs one.
+
+    Parameters
+    ----------
+    interface, slider, velocity
+        The rig, in natural units; the axes replace what they name.
+    method : Contacts or MasterEquation
+    start : {"cold", "smooth"}
+        At rest with relaxed contacts, or from steady smooth sliding.
+    distance, duration, cycles : float
+        A run lasts until the drive has gone this far, for this long (natural units), and this many times as far as a
+        spring of this stiffness takes for one cycle of loading, ``x_s (1 + k/K)``.
+    extensions : int
+        How often a run that cannot be judged is made again, twice as long.
+    scales : Scales, optional
+        From the units of the axes, and to those of the results; none for natural units.
+    """
+
+    interface: Interface
+    slider: Slider
+    velocity: float
+    method: Method
+    start: str
+    distance: float
+    duration: float
+    cycles: float
+    extensions: int
+    scales: Scales | None
+
+    def __call__(self, *, seed: int = 0, **values: Any) -> dict[str, float | str]:
+        """Run one case; return all that can be measured of it.
+
+        Parameters
+        ----------
+        seed : int
+            Of the contacts. A seed of the sweep's own making is cut to 53 bits, which a float64 keeps.
+        **values
+            Of the axes, in their units.
+        """
+        start, count = values.pop("start", self.start), values.pop("contacts", None)
+        seed = seed >> 10 if seed >= 2**53 else seed
+        setting = self.at(values)
+        assert isinstance(setting.rig, Slider)
+        method = self.method
+        if isinstance(method, Contacts):
+            method = Contacts(method.count if count is None else count, seed)
+        distance = max(self.distance, self.cycles * (1.0 + 1.0 / setting.rig.stiffness))
+        duration = max(distance / setting.velocity, self.duration)
+        for extension in range(self.extensions + 1):
+            drive = hold(setting.velocity, duration * 2.0**extension)
+            run = simulate(setting.interface, setting.rig, drive, method, start=_beginning(start, method))
+            seen = regime(run)
+            if seen.kind != "undecided":
+                break
+        return self._measured(seen) | {"travel": self._in_units(drive.duration * setting.velocity, "x_s"), "seed": seed}
+
+    def at(self, values: Mapping[str, float]) -> Setting:
+        """Return the rig with its knobs turned to the values of the axes, in natural units."""
+        setting = Setting(interface=self.interface, rig=self.slider, velocity=self.velocity)
+        for name, value in values.items():
+            setting = knob_named(name).set(setting, value / unit_of(name, self.scales)[0])
+        return setting
+
+    def _measured(self, seen: Regime) -> dict[str, float | str]:
+        drive = seen.drive_velocity or math.nan
+        numbers = {
+            "regime_code": float(KINDS.index(seen.kind)),
+            "slips": float(seen.cycles),
+            "largest_velocity": drive * (math.nan if seen.largest_velocity is None else seen.largest_velocity),
+        }
+        for name in ("peak_to_peak", "mean_force", "period", "period_variation", "drop", "drop_variation", "trend"):
+            numbers[name] = getattr(seen, name)
+        inside = {name: self._in_units(value, MEASURES[name][0]) for name, value in numbers.items()}
+        return {"regime": seen.kind, "reason": seen.reason} | inside
+
+    def _in_units(self, value: float, unit: str) -> float:
+        return value if self.scales is None else value * (si_unit(unit, self.scales) or (1.0, ""))[0]
+
+
+def _beginning(start: str, method: Method) -> Start:
+    if start == "cold":
+        return Relaxed()
+    return Sliding() if isinstance(method, Contacts) else Sliding(kick=KICK)
+
+
+MEASURES: dict[str, tuple[str, str]] = {
+    "regime": ("text", "regime of motion"),
+    "regime_code": ("1", "regime of motion as a number"),
+    "peak_to_peak": ("f_s", "peak to peak of the driving force, per contact"),
+    "mean_force": ("f_s", "mean driving force, per contact"),
+    "period": ("time", "mean time from one slip to the next"),
+    "period_variation": ("1", "coefficient of variation of the period"),
+    "slips": ("1", "complete falls of the force in the time judged"),
+    "drop": ("f_s", "mean fall of the force, per contact"),
+    "drop_variation": ("1", "coefficient of variation of the falls"),
+    "largest_velocity": ("x_s/time", "largest velocity of the slider"),
+    "trend": ("1", "falls in the second half of the time judged over those in the first"),
+    "travel": ("x_s", "distance that the drive went"),
+    "reason": ("text", "why the regime was called so"),
+    "seed": ("1", "seed of the contacts"),
+}
+"""What can be measured of a case: natural unit, and what it is."""
+
+USUAL = ("regime_code", "peak_to_peak", "mean_force", "period", "slips", "largest_velocity", "travel", "reason")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chosen:
+    """Measure of a sweep: the named parts of what a case gave."""
+
+    names: tuple[str, ...]
+
+    def __call__(self, result: Mapping[str, float | str]) -> dict[str, float | str]:
+        """Pick them."""
+        return {name: result[name] for name in self.names}
+
+
+@dataclass(frozen=True, kw_only=True)
+class RegimeOf:
+    """Label of a refinement."""
+
+    def __call__(self, result: Mapping[str, float | str]) -> float | str:
+        """Pick the regime."""
+        return result["regime"]
+
+
+def unit_of(knob: str, scales: Scales | None) -> tuple[float, str]:
+    """Size and name of the unit in which the values of a knob are kept: SI if there are scales."""
+    unit = knob_named(knob).unit
+    if knob == "spread":  # relative to the mean threshold, in either system
+        return 1.0, "1" if scales else unit
+    return (1.0, unit) if scales is None else si_unit(unit, scales) or (1.0, unit)

@@ -1,0 +1,708 @@
+"""Sweeps from the shell: files that an engineer writes, one line for every mistake, results that survive a kill."""
+
+import copy
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+import warnings
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tomli_w
+import xarray as xr
+
+import stickslip as ss
+from stickslip import cli, plot
+from stickslip.errors import InputError
+from stickslip.measure import regime
+from stickslip.simulate import Contacts, MasterEquation, Relaxed, Sliding
+from stickslip.sweep import Threads, open_sweep, study, summary
+from stickslip.sweep import _store as store_module
+from stickslip.sweep.plan import from_document, plan_of, read_plan, with_theory
+
+pytest.importorskip("zarr", reason="the store of a sweep needs zarr: pip install stickslip[sweep]")
+
+ROOT = Path(__file__).parents[1]
+EXAMPLE = ROOT / "examples" / "phase_diagram.toml"
+BENCH = ROOT / "examples" / "pmma_slider.toml"
+
+NATURAL = {
+    "name": "small",
+    "axes": {
+        "stiffness": {"from": 0.5, "to": 8.0, "count": 3, "spacing": "log"},
+        "velocity": [0.3, 1.0],
+        "start": ["cold", "smooth"],
+    },
+    "run": {"contacts": 100, "distance": 12.0, "cycles": 0.0, "extensions": 0},
+    "rig": {
+        "units": "natural",
+        "slider": {"stiffness": 2.0, "mass": 1e-4, "damping": 200.0},
+        "interface": {"thresholds": {"law": "gaussian", "spread": 0.1}, "delay": 0.2},
+    },
+}
+
+
+def changed(path, value, document=NATURAL):
+    """The document with one key set, or left out."""
+    result = copy.deepcopy(document)
+    node = result
+    *parents, last = path.split(".")
+    for part in parents:
+        node = node.setdefault(part, {})
+    if value is None:
+        node.pop(last, None)
+    else:
+        node[last] = value
+    return result
+
+
+def written(tmp_path, document=NATURAL, name="sweep.toml"):
+    file = tmp_path / name
+    file.write_text(tomli_w.dumps(document))
+    return file
+
+
+def run(*arguments):
+    return cli.main([str(argument) for argument in arguments])
+
+
+def refused(capsys, *arguments):
+    """Run a command that must refuse; return its one line."""
+    assert run(*arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    (line,) = captured.err.strip().splitlines()
+    assert line.startswith("stickslip: ")
+    return line
+
+
+# ---------------------------------------------------------------- files
+
+
+def test_the_axes_of_a_file_are_as_written():
+    plan = from_document(NATURAL)
+    assert plan.axes["stiffness"].tolist() == pytest.approx([0.5, 2.0, 8.0])
+    assert plan.axes["velocity"].tolist() == [0.3, 1.0]
+    assert plan.axes["start"].tolist() == ["cold", "smooth"]
+    assert (plan.total, plan.knobs) == (12, ("stiffness", "velocity"))
+    assert plan.study.method == Contacts(100, 0)
+    seeds = from_document(changed("axes.seed", {"from": 7, "count": 3})).axes["seed"]
+    assert seeds.tolist() == [7, 8, 9]
+    counts = {"from": 10, "to": 1000, "count": 5, "spacing": "log"}
+    assert from_document(changed("axes.contacts", counts)).axes["contacts"].tolist() == [10, 32, 100, 316, 1000]
+    linear = from_document(changed("axes.delay", {"from": 0.0, "to": 0.2, "count": 3})).axes["delay"]
+    assert linear.tolist() == pytest.approx([0.0, 0.1, 0.2])
+
+
+def test_a_file_may_name_a_rig_file_beside_it(tmp_path):
+    (tmp_path / "rigs").mkdir()
+    (tmp_path / "rigs" / "bench.toml").write_text(BENCH.read_text())
+    document = {"rig": "rigs/bench.toml", "axes": {"velocity": ["0.1 mm/s", "1 m/min"]}}
+    plan = read_plan(written(tmp_path, document))
+    assert plan.axes["velocity"].tolist() == pytest.approx([1e-4, 1 / 60])
+    assert plan.study.method.count == 2000  # as the rig file says
+    assert plan.attributes()["velocity"]["units"] == "m/s"
+    again = from_document(tomllib.loads(plan.to_toml()))  # the rig is in it: the file may go
+    assert again.study == plan.study
+
+
+def test_knobs_are_turned_in_the_units_of_the_file():
+    document = {
+        "rig": tomllib.loads(BENCH.read_text()),
+        "axes": {
+            "stiffness": ["1 MN/m"], "velocity": ["2 mm/s"], "mass": ["10 g"],
+            "damping": ["100 1/s"], "delay": ["1 ms"], "spread": [0.2],
+        },
+    }  # fmt: skip
+    plan = from_document(document)
+    scales = plan.study.scales
+    setting = plan.study.at({name: float(values[0]) for name, values in plan.axes.items()})
+    assert scales.si(setting.rig.stiffness, "stiffness") == pytest.approx(1e6)
+    assert scales.si(setting.rig.mass, "mass") == pytest.approx(0.01)
+    assert scales.si(setting.rig.damping, "rate") == pytest.approx(100.0)
+    assert scales.si(setting.velocity, "velocity") == pytest.approx(2e-3)
+    assert scales.si(setting.interface.delay.time, "time") == pytest.approx(1e-3)
+    assert setting.interface.thresholds == ss.Gaussian(mean=1.0, spread=0.2)
+
+
+MISTAKES = [
+    ("axes.stifness", [1.0], "axes.stifness", "did you mean 'stiffness'"),
+    ("axes.stiffness", {"from": 1, "to": 2, "cout": 3}, "axes.stiffness.cout", "did you mean 'count'"),
+    ("axes.stiffness", {"valus": [1.0]}, "axes.stiffness.valus", "did you mean 'values'"),
+    ("axes.stiffness", {"from": 1, "to": 0.5, "count": 3}, "axes.stiffness: to = 0.5", "above from = 1"),
+    ("axes.stiffness", {"from": 1, "to": 2}, "axes.stiffness", "count of at least 2"),
+    ("axes.stiffness", {"from": 1, "to": 2, "count": 3, "spacing": "cubic"}, "spacing = 'cubic'", "'linear' or 'log'"),
+    ("axes.stiffness", {"values": []}, "axes.stiffness", "holds no value"),
+    ("axes.stiffness", ["4 MN/m"], "axes.stiffness.0 = '4 MN/m'", "plain number"),
+    ("axes.stiffness", [2.0, 2.0], "axes.stiffness", "holds a value twice"),
+    ("axes.stiffness", [-1.0], "axes.stiffness.0 = -1.0", "above 0"),
+    ("axes.delay", {"from": 0.0, "to": 1.0, "count": 3, "spacing": "log"}, "axes.delay: from = 0", "above 0"),
+    ("axes.start", ["warm"], "axes.start.0 = 'warm'", "'cold' or 'smooth'"),
+    ("axes.seed", [-1], "axes.seed.0 = -1", "at least 0"),
+    ("axes.contacts", [0], "axes.contacts.0 = 0", "at least 1"),
+    ("axes", {}, "axes", "at least one of stiffness"),
+    ("rig", None, "rig is missing", "name of a rig file"),
+    ("rig", "none.toml", "none.toml", "no such file"),
+    ("rig.slider.mas", 1.0, "rig: slider.mas", "did you mean 'mass'"),
+    ("rig.slider.mass", 0.0, "rig.slider.mass = 0", "above 0"),
+    ("rig.drive", {"pieces": [{"start": 1.0, "end": 2.0, "duration": 1.0}]}, "rig.drive.pieces", "drive.velocity"),
+    ("rig.interface.thresholds", {"law": "exponential"}, "Interface.thresholds", "has no spread of its own to vary"),
+    ("run.contcts", 3, "run.contcts", "did you mean 'contacts'"),
+    ("run.contacts", 0, "Contacts.count = 0", "at least 1"),
+    ("run.method", "monte carlo", "run.method", "'contacts' or 'master equation'"),
+    ("run.method", "master equation", "run.contacts", "method = 'contacts'"),
+    ("run.cells", 400, "run.cells", "method = 'master equation'"),
+    ("run.distance", "4 mm", "run.distance = '4 mm'", "plain number"),
+    ("run.extensions", -1, "run.extensions = -1", "at least 0"),
+    ("measure", ["perod"], "'perod'", "did you mean 'period'"),
+    ("measure", "period", "measure = 'period'", "list"),
+    ("refine", {"runs": 3}, "refine.runs = 3", "at least 16"),
+    ("refine", {"run": 30}, "refine.run", "did you mean 'runs'"),
+    ("refine", {}, "axes.velocity", "give from, to and spacing"),
+    ("nme", "x", "nme", "did you mean 'name'"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("path", "value", "place", "remedy"), MISTAKES)
+def test_a_mistake_names_its_place_and_its_remedy(tmp_path, capsys, path, value, place, remedy):
+    document = changed(path, value)
+    if path == "rig.interface.thresholds":
+        document = changed("axes.spread", [0.1], document)
+    line = refused(capsys, "sweep", written(tmp_path, document), "--store", tmp_path / "s.zarr")
+    assert line.startswith("stickslip: sweep.toml: ")
+    assert place in line
+    assert remedy in line
+    assert not (tmp_path / "s.zarr").exists()
+
+
+def test_what_changes_nothing_is_no_axis():
+    equation = changed("run", {"method": "master equation"})
+    with pytest.raises(InputError, match=r"axes\.seed: changes nothing with the master equation"):
+        from_document(changed("axes.seed", [1], equation))
+    assert from_document(equation).study.method == MasterEquation()
+
+
+# ---------------------------------------------------------------- one case
+
+
+def test_a_case_can_be_made_again_from_what_the_store_says(tmp_path, capsys):
+    document = changed("measure", ["peak_to_peak", "mean_force", "period", "largest_velocity", "regime_code"])
+    assert run("sweep", written(tmp_path, document), "--store", tmp_path / "s.zarr") == 0
+    assert capsys.readouterr().out.strip().splitlines()[-1] == "12 of 12 cases done"
+    result = open_sweep(tmp_path / "s.zarr")
+    assert len(np.unique(result["seed"])) == 12
+    for start, of_start in (("cold", Relaxed()), ("smooth", Sliding())):
+        here = result.isel(stiffness=1, velocity=0).sel(start=start)
+        interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, spread=0.1), delay=ss.Delay(0.2))
+        slider = ss.Slider(stiffness=float(here["stiffness"]), mass=1e-4, damping=200.0)
+        drive = ss.hold(0.3, 12.0 / 0.3)
+        seen = regime(ss.simulate(interface, slider, drive, Contacts(100, int(here["seed"])), start=of_start))
+        assert here["regime"].item() == seen.kind == study.KINDS[int(here["regime_code"])]
+        for name in ("peak_to_peak", "mean_force", "period"):
+            np.testing.assert_equal(float(here[name]), getattr(seen, name))
+        assert float(here["largest_velocity"]) == pytest.approx(0.3 * seen.largest_velocity)
+
+
+def test_results_come_in_the_units_of_the_file():
+    rig = tomllib.loads(BENCH.read_text())
+    document = {
+        "rig": rig,
+        "axes": {"velocity": ["0.4 mm/s"], "seed": [3]},
+        "run": {"contacts": 100, "distance": "40 um", "cycles": 0.0, "extensions": 0},
+    }
+    plan = from_document(document)
+    result = plan.run().isel(velocity=0, seed=0)
+    scales = plan.study.scales
+    setting = plan.study.at({})
+    inside = regime(ss.simulate(setting.interface, setting.rig, ss.hold(setting.velocity, 20 / setting.velocity),
+                                Contacts(100, 3)))  # fmt: skip
+    assert float(result["peak_to_peak"]) == pytest.approx(scales.si(inside.peak_to_peak, "force"))
+    assert float(result["travel"]) == pytest.approx(40e-6)
+    assert result["peak_to_peak"].attrs["units"] == "N"
+    assert "per contact" not in result["peak_to_peak"].attrs["long_name"]
+    assert from_document(NATURAL).attributes()["peak_to_peak"]["units"] == "f_s"
+
+
+def test_a_run_lasts_as_long_as_the_file_asks():
+    base = changed("run", {"contacts": 20, "distance": 5.0, "cycles": 0.0, "extensions": 0})
+    for key, value, travel in [("duration", 100.0, 30.0), ("cycles", 20.0, 20 * 1.5), ("distance", 8.0, 8.0)]:
+        case = from_document(changed(f"run.{key}", value, base)).study
+        assert case(seed=1, stiffness=2.0, velocity=0.3)["travel"] == pytest.approx(travel)
+    short = from_document(changed("run.distance", 0.5, base)).study
+    assert short(seed=1, velocity=0.3)["regime"] == "undecided"
+    longer = from_document(changed("run.extensions", 3, changed("run.distance", 0.5, base))).study
+    assert longer(seed=1, velocity=0.3)["travel"] > 0.5
+
+
+def test_the_master_equation_needs_no_seed_and_feels_the_smooth_start():
+    document = changed("run", {"method": "master equation", "cells": 50, "distance": 20.0, "cycles": 0.0})
+    plan = from_document(document)
+    assert "seed" not in plan.measures
+    case = plan.study
+    assert case(stiffness=0.5, velocity=1.0, start="smooth")["regime"] == "stick-slip"
+    assert case(stiffness=8.0, velocity=0.3, start="smooth")["regime"] == "smooth sliding"
+
+
+# ---------------------------------------------------------------- the command
+
+
+def test_a_second_start_runs_nothing_and_says_the_same(tmp_path, capsys, monkeypatch):
+    file, store = written(tmp_path), tmp_path / "s.zarr"
+    assert run("sweep", file, "--store", store, "--workers", 2, "--json") == 0
+    first = json.loads(capsys.readouterr().out)
+    assert (first["total"], first["done"], first["failed"]) == (12, 12, 0)
+    assert sum(first["regimes"].values()) == 12
+
+    def no(*_arguments, **_options):
+        raise AssertionError("a case was run")
+
+    monkeypatch.setattr(study, "simulate", no)
+    assert run("sweep", file, "--store", store, "--json") == 0
+    assert json.loads(capsys.readouterr().out) == first
+    assert run("sweep", file, "--store", store, "--replot", "--plot", tmp_path / "a.png") == 0
+    assert run("plot", store, tmp_path / "b.png") == 0
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+@pytest.mark.parametrize(
+    "options", [["--workers", "3"], pytest.param(["--processes", "--workers", "2"], marks=pytest.mark.slow)], ids=len
+)
+def test_workers_of_any_kind_give_the_same_bits(tmp_path, options):
+    file = written(tmp_path)
+    assert run("sweep", file, "--store", tmp_path / "one.zarr", "--workers", 1) == 0
+    assert run("sweep", file, "--store", tmp_path / "other.zarr", *options) == 0
+    xr.testing.assert_identical(open_sweep(tmp_path / "other.zarr"), open_sweep(tmp_path / "one.zarr"))
+
+
+def test_seeds_of_an_ensemble_are_those_of_the_file():
+    document = changed("axes", {"velocity": [1.0], "seed": {"count": 3}})
+    plan = from_document(document)
+    result = plan.run(executor=Threads(1)).isel(velocity=0)
+    assert result["seed"].values.tolist() == [1, 2, 3]
+    assert len(np.unique(result["peak_to_peak"])) == 3
+    alone = plan.study(velocity=1.0, seed=2)
+    assert float(result["peak_to_peak"].sel(seed=2)) == alone["peak_to_peak"]
+
+
+def test_cases_that_fail_are_recorded_and_told(tmp_path, capsys):
+    document = changed("axes", {"spread": [0.1, -0.1, 0.2], "velocity": [0.5, 1.0]})
+    file, store = written(tmp_path, document), tmp_path / "s.zarr"
+    assert run("sweep", file, "--store", store, "--plot", tmp_path / "s.png") == 1
+    lines = capsys.readouterr().out.strip().splitlines()
+    assert lines[-1] == "4 of 6 cases done, 2 failed"
+    told = [line for line in lines if line.startswith("failed: ")]
+    assert len(told) == 2
+    assert "spread = -0.1, velocity = 0.5: InputError: Gaussian.spread = -0.1: must be" in told[0]
+    result = open_sweep(store)
+    assert (result["error"].sel(spread=-0.1) != "").all()
+    assert (result["peak_to_peak"].sel(spread=[0.1, 0.2]) > 0).all()
+    assert run("sweep", file, "--store", store, "--json") == 1  # it still says so
+    assert json.loads(capsys.readouterr().out)["failures"][1]["parameters"] == {"spread": -0.1, "velocity": 1.0}
+
+
+def test_stores_that_will_not_do(tmp_path, capsys, monkeypatch):
+    file, store = written(tmp_path), tmp_path / "s.zarr"
+    assert run("sweep", file, "--store", store) == 0
+    capsys.readouterr()
+    before = open_sweep(store).load()
+
+    other = written(tmp_path, changed("rig.slider.mass", 2e-4), "other.toml")
+    assert "holds another sweep; what differs: code of case: its object" in refused(
+        capsys, "sweep", other, "--store", store
+    )
+    assert "holds another sweep than" in refused(
+        capsys, "sweep", other, "--store", store, "--replot", "--plot", tmp_path / "a.png"
+    )
+    wider = written(tmp_path, changed("axes.velocity", [0.3, 1.0, 2.0]), "wider.toml")
+    assert "what differs: axis velocity" in refused(capsys, "sweep", wider, "--store", store)
+    assert "is a file" in refused(capsys, "sweep", file, "--store", file)
+    assert "not the store of a sweep" in refused(capsys, "sweep", file, "--store", tmp_path)
+    assert "no such directory" in refused(
+        capsys, "sweep", file, "--store", tmp_path / "no", "--replot", "--plot", tmp_path / "a.png"
+    )
+    assert "needs --plot" in refused(capsys, "sweep", file, "--store", store, "--replot")
+    assert "leave out" in refused(capsys, "sweep", file, "--store", store, "--scheduler", "tcp://a:1", "--processes")
+    assert "Threads.workers = 0" in refused(capsys, "sweep", file, "--store", store, "--workers", 0)
+
+    meta = store / "zarr.json"
+    content = json.loads(meta.read_text())
+    provenance = json.loads(content["attributes"]["provenance"])
+    newer = provenance | {"format_version": 99}
+    for changed_provenance, words in (
+        (newer, "has the format stickslip-sweep 99"),
+        (
+            provenance | {"identity": provenance["identity"] | {"stickslip version": "99"}},
+            "what differs: stickslip version",
+        ),
+    ):
+        content["attributes"]["provenance"] = json.dumps(changed_provenance)
+        meta.write_text(json.dumps(content))
+        assert words in refused(capsys, "sweep", file, "--store", store)
+    content["attributes"]["provenance"] = json.dumps(provenance)
+    meta.write_text(json.dumps(content))
+    xr.testing.assert_identical(open_sweep(store), before)  # no refusal touched it
+
+    def read_only(*_arguments, **_options):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    monkeypatch.setattr(store_module.os, "open", read_only)
+    assert run("sweep", file, "--store", store) == 0  # finished: nothing to write
+    capsys.readouterr()
+    line = refused(capsys, "sweep", file, "--store", tmp_path / "t.zarr")
+    assert "cannot be written (Read-only file system)" in line
+    assert "make it writable or choose another place" in line
+
+
+def test_a_scheduler_that_is_not_there(tmp_path, capsys, monkeypatch):
+    pytest.importorskip("distributed", reason="dask.distributed is not installed")
+    monkeypatch.setattr(cli, "_PATIENCE", "0.5s")
+    file = written(tmp_path)
+    line = refused(capsys, "sweep", file, "--store", tmp_path / "s.zarr", "--scheduler", "tcp://127.0.0.1:9")
+    assert "--scheduler tcp://127.0.0.1:9: cannot be reached" in line
+    assert "dask scheduler" in line
+    assert "cannot be reached" in refused(
+        capsys, "sweep", file, "--store", tmp_path / "s.zarr", "--scheduler", "nonsense://1"
+    )
+    assert not (tmp_path / "s.zarr").exists()
+
+
+# ---------------------------------------------------------------- theory on top
+
+
+def test_the_boundary_on_top_is_the_computed_one():
+    plan = from_document(NATURAL)
+    shown = with_theory(plan.run())
+    setting = plan.study.at({})
+    for i in (0, -1):
+        stiffness, velocity = (float(shown[f"edge_{name}"][i]) for name in ("stiffness", "velocity"))
+        slider = ss.Slider(stiffness=stiffness, mass=1e-4, damping=200.0)
+        edges = ss.critical_velocities(setting.interface, slider, between=(0.05, 5.0)).edges
+        assert min(abs(edge.value / velocity - 1) for edge in edges) < 1e-6
+    plan = from_document(changed("axes", {"velocity": {"from": 0.2, "to": 3.0, "count": 3}, "seed": [1]}))
+    assert with_theory(plan.run())["edge_velocity"].values == pytest.approx([0.7142311], rel=1e-6)
+
+
+def test_the_boundary_of_a_rig_in_si_units_is_in_si_units():
+    rig = tomllib.loads(BENCH.read_text())
+    axes = {
+        "stiffness": {"from": "200 MN/m", "to": "2000 MN/m", "count": 2, "spacing": "log"},
+        "velocity": ["0.3 mm/s", "3 mm/s"],
+    }
+    run_ = {"contacts": 20, "distance": "2 um", "cycles": 0.0, "extensions": 0}
+    plan = from_document({"rig": rig, "axes": axes, "run": run_})
+    shown = with_theory(plan.run())
+    assert shown.attrs["theory"] == "linear stability of smooth sliding"
+    x, y = (shown[f"edge_{name}"].to_numpy() for name in ("stiffness", "velocity"))
+    setting = plan.study.at({"stiffness": float(x[0]), "velocity": float(y[0])})
+    critical = ss.critical_velocities(
+        setting.interface, setting.rig, between=(0.5 * setting.velocity, 2 * setting.velocity)
+    )
+    assert min(abs(edge.value / setting.velocity - 1) for edge in critical.edges) < 1e-6
+    assert shown["edge_velocity"].attrs["units"] == "m/s"
+
+
+def test_where_there_is_no_theory_it_says_why():
+    document = changed(
+        "rig.interface.delay", "never", changed("axes", {"stiffness": [1.0, 2.0], "velocity": [1.0, 2.0]})
+    )
+    shown = with_theory(from_document(document).run())
+    assert "no linear boundary: " in shown.attrs["theory"]
+    assert "edge_velocity" not in shown
+    with pytest.raises(InputError, match="not made from a sweep file"):
+        plan_of(xr.Dataset())
+
+
+# ---------------------------------------------------------------- pictures
+
+
+def colours_of(figure):
+    return {tuple(np.round(c, 3)) for ax in figure.axes for mesh in ax.collections for c in mesh.get_facecolor()}
+
+
+def test_a_phase_diagram_shows_every_kind_of_cell():
+    from matplotlib.colors import to_rgba
+
+    result = from_document(NATURAL).run()
+    kinds = ["smooth sliding", "stick-slip", "small oscillation", "undecided", "smooth sliding", "stick-slip"]
+    result["regime"] = (("stiffness", "velocity", "start"), np.array([kinds, kinds], dtype=object).T.reshape(3, 2, 2))
+    result["error"][0, 0, 0] = "ValueError: no"
+    result["case_key"][2, 1, 1] = 0
+    figure = plot.sweep_picture(with_theory(result))
+    names = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert names == [
+        "smooth sliding",
+        "small oscillation",
+        "stick-slip",
+        "undecided",
+        "failed",
+        "linear boundary, computed",
+    ]
+    assert [ax.get_title(loc="left") for ax in figure.axes] == ["(a) from a start at rest", "(b) from smooth sliding"]
+    filled = {
+        mesh.get_facecolor()[0][:3].round(3).tobytes()
+        for ax in figure.axes
+        for mesh in ax.collections
+        if len(mesh.get_facecolor())
+    }
+    assert np.round(to_rgba(plot.BLUE)[:3], 3).tobytes() in filled
+    assert all(ax.get_xscale() == "log" and ax.get_yscale() == "linear" for ax in figure.axes)
+    assert "velocity of the drive" in " ".join(figure.axes[0].get_ylabel().split())
+
+
+def test_cells_whose_seeds_differ_are_shown_as_such():
+    result = from_document(changed("axes.seed", [1, 2])).run()
+    result["regime"][...] = "smooth sliding"
+    result["regime"][0, 0, 0, 1] = "stick-slip"
+    names = [text.get_text() for text in plot.sweep_picture(result).legends[0].get_texts()]
+    assert names == ["smooth sliding", "seeds differ"]
+
+
+def test_a_sweep_along_one_axis_is_a_line(tmp_path):
+    document = changed("axes", {"velocity": [0.5, 1.0, 2.0], "start": ["cold", "smooth"], "seed": [1, 2]})
+    file, store = written(tmp_path, document), tmp_path / "s.zarr"
+    assert run("sweep", file, "--store", store, "--plot", tmp_path / "s.svg") == 0
+    assert "<svg" in (tmp_path / "s.svg").read_text()
+    figure = plot.sweep_picture(with_theory(open_sweep(store)))
+    (ax,) = figure.axes
+    swing = open_sweep(store)["peak_to_peak"]
+    lines = {line.get_label(): line for line in ax.lines}
+    assert lines["from a start at rest"].get_ydata() == pytest.approx(swing.sel(start="cold").median("seed").values)
+    marks = sum(np.isfinite(line.get_ydata()).sum() for line in ax.lines if line.get_linestyle() == "None")
+    assert marks == 12
+    assert lines["linear boundary, computed"].get_xdata()[0] == pytest.approx(0.7142311)
+
+
+def test_a_cut_through_three_axes(tmp_path, capsys):
+    store = tmp_path / "s.zarr"
+    assert run("sweep", written(tmp_path, changed("axes.delay", [0.1, 0.2])), "--store", store) == 0
+    capsys.readouterr()
+    picture = tmp_path / "s.png"
+    assert "a picture holds two; select the others" in refused(capsys, "plot", store, picture)
+    assert run("plot", store, picture, "--at", "delay=0.19,start=cold") == 0
+    assert "linear stability" in capsys.readouterr().out
+    assert "must be an axis and a value" in refused(capsys, "plot", store, picture, "--at", "colour=3")
+    assert "no such value" in refused(capsys, "plot", store, picture, "--at", "start=warm")
+
+
+# ---------------------------------------------------------------- refinement
+
+
+def test_a_refinement_is_kept_drawn_and_gone_on_with(tmp_path, capsys, monkeypatch):
+    pytest.importorskip("adaptive", reason="refine needs adaptive")
+    axes = {
+        "stiffness": {"from": 0.5, "to": 8.0, "spacing": "log"},
+        "velocity": {"from": 0.1, "to": 1.0, "spacing": "log"},
+        "start": ["cold", "smooth"],
+    }
+    file = written(tmp_path, changed("refine", {"runs": 24}, changed("axes", axes)))
+    store = tmp_path / "s"
+    assert run("sweep", file, "--store", store, "--json", "--plot", tmp_path / "a.png") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["total"] <= 48
+    assert found["crossings"] >= 2
+    counted = Counter()
+    real = study.simulate
+
+    def simulate(interface, slider, drive, method, **options):
+        counted[slider.stiffness, drive] += 1
+        return real(interface, slider, drive, method, **options)
+
+    monkeypatch.setattr(study, "simulate", simulate)
+    assert run("sweep", file, "--store", store, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["crossings"] == found["crossings"]
+    assert not counted
+    assert run("plot", store, tmp_path / "b.png") == 0
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+    assert "holds another sweep" in refused(
+        capsys,
+        "sweep",
+        written(
+            tmp_path, changed("rig.slider.mass", 2e-4, changed("refine", {"runs": 24}, changed("axes", axes))), "o.toml"
+        ),
+        "--store",
+        store,
+    )
+
+
+# ---------------------------------------------------------------- interrupted, killed
+
+SLOW = changed(
+    "run",
+    {"contacts": 3000, "distance": 300.0, "extensions": 0},
+    changed("axes", {"stiffness": {"from": 0.5, "to": 8.0, "count": 10, "spacing": "log"}, "velocity": [0.2, 0.5, 1.0],
+                     "start": ["cold", "smooth"]}),
+)  # fmt: skip
+
+
+def start_command(file, store, *options):
+    command = [sys.executable, "-m", "stickslip.cli", "sweep", str(file), "--store", str(store), *options]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+
+
+def finished(store):
+    """Cases that count as finished."""
+    try:
+        return set(map(tuple, np.argwhere(open_sweep(store)["case_key"].values != 0).tolist()))
+    except InputError:  # not begun
+        return set()
+
+
+def wait_for(condition, process, seconds=120.0):
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "nothing happened"
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.02)
+
+
+def children_of(pid):
+    """Worker processes of a command."""
+    found = []
+    for status in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            parent = int(status.read_text().rpartition(")")[2].split()[1])
+            command = (status.parent / "cmdline").read_text()
+        except OSError:
+            continue
+        if parent == pid and "spawn_main" in command:
+            found.append(int(status.parent.name))
+    return found
+
+
+@pytest.fixture
+def expected(tmp_path):
+    return from_document(SLOW).run(store=tmp_path / "expected.zarr").load()
+
+
+def resumed(file, store, monkeypatch):
+    """Go on with a store; return its results and how often each case was run now."""
+    counted = Counter()
+    real = study.simulate
+
+    def simulate(interface, slider, drive, method, **options):
+        counted[slider.stiffness, drive.pieces[0].start, type(options["start"])] += 1
+        return real(interface, slider, drive, method, **options)
+
+    monkeypatch.setattr(study, "simulate", simulate)
+    assert run("sweep", file, "--store", store) == 0
+    return open_sweep(store), counted
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("number", "options"),
+    [(signal.SIGKILL, []), (signal.SIGKILL, ["--processes"]), (signal.SIGINT, []), (signal.SIGTERM, ["--processes"])],
+)
+def test_stop_the_command_and_go_on(tmp_path, monkeypatch, expected, number, options):
+    file, store = written(tmp_path, SLOW), tmp_path / "s.zarr"
+    process = start_command(file, store, "--workers", "2", *options)
+    wait_for(lambda: len(finished(store)) >= 4, process)
+    children = children_of(process.pid)
+    process.send_signal(number)
+    out, errors = process.communicate(timeout=60)
+    kept = finished(store)
+    assert 4 <= len(kept) < 60
+    if number != signal.SIGKILL:
+        assert process.returncode == 130
+        assert f"{len(kept)} of 60 cases done, {60 - len(kept)} not run yet are kept in" in errors
+        assert "the same command goes on from there" in errors
+        assert len(errors.strip().splitlines()) == 1
+    assert out == ""
+    deadline = time.monotonic() + 15
+    while any(os.path.exists(f"/proc/{pid}") for pid in children):
+        assert time.monotonic() < deadline, "workers outlive their sweep"
+        time.sleep(0.1)
+    result, counted = resumed(file, store, monkeypatch)
+    xr.testing.assert_identical(result, expected)
+    assert sum(counted.values()) == len(counted) == 60 - len(kept)  # what was missing, each once
+
+
+@pytest.mark.slow
+def test_kill_a_worker_of_the_command(tmp_path, expected):
+    file, store = written(tmp_path, SLOW), tmp_path / "s.zarr"
+    process = start_command(file, store, "--workers", "2", "--processes")
+    wait_for(lambda: len(finished(store)) >= 4, process)
+    os.kill(children_of(process.pid)[0], signal.SIGKILL)
+    out, errors = process.communicate(timeout=120)
+    assert process.returncode == 0, errors
+    assert out.strip().splitlines()[-1] == "60 of 60 cases done"
+    xr.testing.assert_identical(open_sweep(store), expected)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_gives_the_same_bits_and_survives_a_worker(tmp_path, expected, monkeypatch):
+    distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, sys.path)))
+    file, store = written(tmp_path, SLOW), tmp_path / "s.zarr"
+    options = {"n_workers": 2, "threads_per_worker": 1, "host": "127.0.0.1", "dashboard_address": None}
+    with (
+        warnings.catch_warnings(),
+        distributed.LocalCluster(**options, processes=True, silence_logs=50) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        warnings.simplefilter("ignore")
+        process = start_command(file, store, "--scheduler", cluster.scheduler_address)
+        wait_for(lambda: len(finished(store)) >= 4, process)
+        victim = next(iter(client.run(os.getpid).values()))
+        os.kill(victim, signal.SIGKILL)
+        out, errors = process.communicate(timeout=120)
+        assert process.returncode == 0, errors
+        assert out.strip().splitlines()[-1] == "60 of 60 cases done"
+        xr.testing.assert_identical(open_sweep(store), expected)
+
+        other = tmp_path / "t.zarr"
+        process = start_command(file, other, "--scheduler", cluster.scheduler_address)
+        wait_for(lambda: len(finished(other)) >= 4, process)
+        cluster.close()
+        out, errors = process.communicate(timeout=120)
+        assert process.returncode == 2
+        assert len(errors.strip().splitlines()) == 1, errors
+        assert "cases are kept in" in errors
+    kept = finished(other)
+    result, counted = resumed(file, other, monkeypatch)
+    xr.testing.assert_identical(result, expected)
+    assert sum(counted.values()) == len(counted) == 60 - len(kept)
+
+
+@pytest.mark.slow
+def test_a_disk_that_is_full(tmp_path):
+    # A limit on the size of files stands for the full disk.
+    file, store = written(tmp_path), tmp_path / "s.zarr"
+    code = (
+        "import resource, sys\n"
+        "from stickslip import cli\n"
+        "from stickslip.sweep import _store\n"
+        "create = _store.Store.create\n"
+        "def then_full(*arguments):\n"
+        "    create(*arguments)\n"
+        "    resource.setrlimit(resource.RLIMIT_FSIZE, (100, resource.RLIM_INFINITY))\n"
+        "_store.Store.create = then_full\n"
+        "sys.exit(cli.main(sys.argv[1:]))\n"
+    )
+    command = [sys.executable, "-c", code, "sweep", str(file), "--store", str(store)]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=120, check=False)
+    assert done.returncode == 2
+    (line,) = done.stderr.strip().splitlines()
+    assert "cannot be written (File too large); what was written is kept: free some space and start again" in line
+    assert run("sweep", file, "--store", store) == 0
+    assert summary(open_sweep(store)).done == 12
+
+
+def test_the_example_is_the_interface_of_fig_4():
+    from stickslip.model import FIG4
+
+    plan = read_plan(EXAMPLE)
+    assert plan.study.interface == FIG4.interface
+    assert plan.study.slider == FIG4.slider
+    assert plan.total == 3200
+    assert plan.study.method.count == 2000
