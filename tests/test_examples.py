@@ -37,7 +37,7 @@ def test_the_page_names_its_own_command(name):
 
 
 def test_every_figure_has_its_page():
-    pages = {f"plot_{name[:3]}{int(name[3:]):02d}.py" for name in FIGURES}
+    pages = {f"{name[:3]}{int(name[3:]):02d}.py" for name in FIGURES}
     assert {path.name for path in (EXAMPLES / "figures").glob("*.py")} == pages
 
 
