@@ -251,7 +251,7 @@ _Velocity = Annotated[float, _quantity("m/s", "0.4 mm/s", "")]
 
 
 class _Part(BaseModel):
-    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, use_attribute_docstrings=True)
 
 
 class _Gaussian(_Part):
@@ -310,8 +310,11 @@ class _Weibull(_Part):
 class _Empirical(_Part):
     law: Literal["empirical"]
     samples: list[float] | None = None
+    """Measured values, to be put into a histogram."""
     edges: list[float] | None = None
+    """Or the edges of a histogram."""
     weights: list[float] | None = None
+    """With ``edges``: the weight of each bin."""
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -334,6 +337,7 @@ class _RandomDelay(_Part):
     mean: _Delay
     spread: _Time
     negative: model.NegativeDelay = "clip"
+    """What becomes of a draw below 0: set to 0, drawn again, or its sign changed."""
 
 
 def _kind_of_delay(value: object) -> str:
@@ -351,18 +355,23 @@ _AnyDelay = Annotated[
 class _Langevin(_Part):
     law: Literal["langevin"]
     time: _Time
+    """Time ``1/beta**2`` in which thresholds approach their law, Eq. (15)."""
     newborn: float = 0.0
+    """Threshold of a newborn contact, relative to the mean."""
 
 
 class _ExponentialGrowth(_Part):
     law: Literal["exponential"]
     time: _Time
+    """Time constant of the growth."""
     newborn: float = 0.0
+    """Threshold of a newborn contact, relative to the mean."""
 
 
 class _LogarithmicGrowth(_Part):
     law: Literal["logarithmic"]
     slope: float
+    """Growth per unit of ``ln(1 + age/time)``, relative to the mean."""
     time: _Time
 
 
@@ -371,9 +380,13 @@ _AnyAgeing = Annotated[_Langevin | _ExponentialGrowth | _LogarithmicGrowth, Disc
 
 class _Slider(_Part):
     mass: _Mass
+    """What moves with the slider; 0 for the massless limit of the theory."""
     stiffness: _Stiffness
+    """Of the driving spring: fixture, load cell and slider in series."""
     damping: _Rate | None = None
+    """``eta`` of Eq. (11): twice the rate at which the free slider's ringing decays."""
     relative_damping: float | None = None
+    """Or ``eta/sqrt(stiffness/mass)``; one of the two must be given."""
 
     @model_validator(mode="after")
     def _one_damping(self) -> Self:
@@ -386,13 +399,21 @@ class _Slider(_Part):
 
 class _Interface(_Part):
     total_threshold: _Force | None = None
+    """Sum of the mean threshold forces of all contacts, ``N f_s``."""
     normal_load: _Force | None = None
+    """Or the normal force, with ``friction_coefficient``: their product is ``N f_s``."""
     friction_coefficient: float | None = None
+    """With ``normal_load``."""
     threshold_stretching: _Length | None = None
+    """Mean stretching at which a contact breaks, ``x_s``; must be given in SI units."""
     thresholds: _AnyLaw
+    """Law of the thresholds, relative to ``threshold_stretching``."""
     initial: _AnyLaw = _Gaussian(law="gaussian", mean=0.0, spread=0.01)
+    """Law of the stretchings at the start, in the same unit."""
     delay: _AnyDelay | None = None
+    """Time until a broken contact is attached again; by default none."""
     ageing: _AnyAgeing | None = None
+    """How thresholds grow with the age of a contact; by default they do not."""
 
 
 class _Piece(_Part):
@@ -403,9 +424,13 @@ class _Piece(_Part):
 
 class _Drive(_Part):
     velocity: _Velocity | None = None
+    """Constant speed of the far end of the spring."""
     distance: _Length | None = None
+    """With ``velocity``: how far to pull; by default 120 ``x_s``."""
     duration: _Time | None = None
+    """With ``velocity``, in place of ``distance``: how long to pull."""
     pieces: list[_Piece] | None = None
+    """In place of ``velocity``: speeds that change linearly, piece after piece."""
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -421,21 +446,29 @@ class _Drive(_Part):
 class _Simulation(_Part):
     method: Literal["contacts", "master equation"] = "contacts"
     contacts: int = 10_000
+    """Number of contacts, for the method ``contacts``."""
     seed: int = 1
+    """Of the random numbers: the same seed gives the same run."""
     cells: int = 400
+    """Resolution of the master equation: cohorts per ``x_s``."""
     start: Literal["relaxed", "sliding"] = "relaxed"
+    """From rest with the initial law, or from steady smooth sliding."""
     interval: _Time | None = None
+    """Between two samples of the run; by default fine enough for the slider's oscillation."""
 
 
 class _Document(_Part):
     name: str = "rig"
     units: Literal["SI", "natural"] = "SI"
+    """Natural: plain numbers, threshold force, contact stiffness and threshold stretching 1, all per contact."""
     slider: _Slider
     interface: _Interface
     drive: _Drive
     simulation: _Simulation = _Simulation()
     assumed: dict[str, str] = {}
+    """Keys whose value was chosen and not measured, each with a sentence on how to measure it."""
     source: str = ""
+    """Where the numbers come from."""
 
     def rig(self, document: Mapping[str, Any]) -> Rig:
         scales = self._scales() if self.units == "SI" else None
