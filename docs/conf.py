@@ -13,7 +13,7 @@ os.environ["NUMBA_DISABLE_JIT"] = "1"  # kernels as plain functions, with their 
 
 project = "stickslip"
 author = "The stickslip developers"
-copyright = f"2026, {author}"  # noqa: A001
+copyright = f"2026, {author}"
 release = importlib.metadata.version("stickslip")
 version = release.split("+")[0]
 
@@ -44,6 +44,7 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
+autodoc_type_aliases = {name: name for name in ("ArrayLike", "Array", "ComplexArray", "Law", "DelayLaw", "Rig")}
 autodoc_default_options = {"members": True}
 maximum_signature_line_length = 80
 add_module_names = False

@@ -1,8 +1,11 @@
 """The door for rigs: a TOML file in SI units (or natural ones) in, records of the model out, and back.
 
+>>> from stickslip.rig import read
 >>> rig = read("examples/pmma_slider.toml")
->>> rig.interface, rig.slider, rig.drive        # natural units
->>> rig.scales.si(rig.slider.stiffness, "stiffness")
+>>> rig.interface.delay, rig.velocity  # natural units
+(Delay(time=0.4), 1.0)
+>>> round(rig.scales.si(rig.slider.stiffness, "stiffness"))  # N/m
+4000000
 
 Quantities in SI files are strings with a unit, ``"4 MN/m"``; a number without one is refused, because nobody can tell
 what it meant. Stretchings of the laws of thresholds are relative to ``interface.threshold_stretching``.
