@@ -2,9 +2,10 @@
 
 Drives are values: comparable, printable, joined by `Drive.then`.
 
+>>> from stickslip import hold, ramp
 >>> loop = ramp(0.1, 3.0, duration=200).then(ramp(3.0, 0.1, duration=200))
->>> loop.duration
-400.0
+>>> loop.then(hold(0.1, duration=50)).duration
+450.0
 """
 
 from __future__ import annotations

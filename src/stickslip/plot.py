@@ -3,7 +3,12 @@
 Every function draws what the Dataset holds, a run of the model or a measured trace, in its own units: labels come from
 ``long_name`` and ``units`` of the variables. Without `ax` a function makes a figure of its own; write it with `save`:
 
->>> save(overview(run), "run.png")
+>>> import stickslip as ss
+>>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, spread=0.1))
+>>> run = ss.simulate(interface, ss.Slider(stiffness=2.0, mass=1e-3, damping=20.0), ss.hold(1.0, duration=3))
+>>> from stickslip.plot import overview, save
+>>> save(overview(run), "run.png").name
+'run.png'
 
 Figures are plain `matplotlib.figure.Figure` objects, unknown to pyplot: nothing to close, no window system needed.
 """

@@ -1,8 +1,11 @@
 """The door for rigs: a TOML file in SI units (or natural ones) in, records of the model out, and back.
 
+>>> from stickslip.rig import read
 >>> rig = read("examples/pmma_slider.toml")
->>> rig.interface, rig.slider, rig.drive        # natural units
->>> rig.scales.si(rig.slider.stiffness, "stiffness")
+>>> rig.interface.delay, rig.velocity  # natural units
+(Delay(time=0.4), 1.0)
+>>> round(rig.scales.si(rig.slider.stiffness, "stiffness"))  # N/m
+4000000
 
 Stretchings of the laws of thresholds are relative to ``interface.threshold_stretching``. How quantities are written:
 `stickslip.door`.
@@ -204,8 +207,11 @@ class _Weibull(Part):
 class _Empirical(Part):
     law: Literal["empirical"]
     samples: list[float] | None = None
+    """Measured values, to be put into a histogram."""
     edges: list[float] | None = None
+    """Or the edges of a histogram."""
     weights: list[float] | None = None
+    """With ``edges``: the weight of each bin."""
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -228,6 +234,7 @@ class _RandomDelay(Part):
     mean: Lag
     spread: Time
     negative: model.NegativeDelay = "clip"
+    """What becomes of a draw below 0: set to 0, drawn again, or its sign changed."""
 
 
 def _kind_of_delay(value: object) -> str:
@@ -244,12 +251,14 @@ class _Langevin(Part):
     law: Literal["langevin"]
     time: Time
     newborn: float = 0.0
+    """Threshold of a newborn contact, relative to the mean."""
 
 
 class _ExponentialGrowth(Part):
     law: Literal["exponential"]
     time: Time
     newborn: float = 0.0
+    """Threshold of a newborn contact, relative to the mean."""
 
 
 class _LogarithmicGrowth(Part):
@@ -266,6 +275,7 @@ class _Slider(Part):
     stiffness: Stiffness
     damping: Rate | None = None
     relative_damping: float | None = None
+    """Or ``eta/sqrt(stiffness/mass)``; one of the two must be given."""
 
     @model_validator(mode="after")
     def _one_damping(self) -> Self:
@@ -282,9 +292,13 @@ class _Interface(Part):
     friction_coefficient: float | None = None
     threshold_stretching: Length | None = None
     thresholds: _AnyLaw
+    """Law of the thresholds, relative to ``threshold_stretching``."""
     initial: _AnyLaw = _Gaussian(law="gaussian", mean=0.0, spread=0.01)
+    """Law of the stretchings at the start, in the same unit."""
     delay: _AnyDelay | None = None
+    """Time until a broken contact is attached again; by default none."""
     ageing: _AnyAgeing | None = None
+    """How thresholds grow with the age of a contact; by default they do not."""
 
 
 class _Piece(Part):
@@ -298,6 +312,7 @@ class _Drive(Part):
     distance: Length | None = None
     duration: Time | None = None
     pieces: list[_Piece] | None = None
+    """In place of ``velocity``: speeds that change linearly, piece after piece."""
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -313,8 +328,11 @@ class _Drive(Part):
 class _Simulation(Part):
     method: Literal["contacts", "master equation"] = "contacts"
     contacts: int = 10_000
+    """Number of contacts, for the method ``contacts``."""
     seed: int = 1
+    """Of the random numbers: the same seed gives the same run."""
     cells: int = 400
+    """Resolution of the master equation: cohorts per ``x_s``."""
     start: Literal["relaxed", "sliding"] = "relaxed"
     interval: Time | None = None
 
@@ -322,12 +340,14 @@ class _Simulation(Part):
 class _Document(Part):
     name: str = "rig"
     units: Literal["SI", "natural"] = "SI"
+    """Natural: plain numbers, threshold force, contact stiffness and threshold stretching 1, all per contact."""
     slider: _Slider
     interface: _Interface
     drive: _Drive
     simulation: _Simulation = _Simulation()
     assumed: dict[str, str] = Field(default_factory=dict)
     source: str = ""
+    """Where the numbers come from."""
 
     def rig(self, document: Mapping[str, Any]) -> Rig:
         scales = self._scales() if self.units == "SI" else None

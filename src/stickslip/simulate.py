@@ -1,6 +1,11 @@
 """One door to all solvers: an interface, a slider, a drive and a method in, a labelled Dataset out.
 
->>> run = simulate(interface, slider, hold(velocity=1.0, duration=20), method=Contacts(10_000, seed=1))
+>>> import stickslip as ss
+>>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, spread=0.1), delay=ss.Delay(0.2))
+>>> slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0)
+>>> run = ss.simulate(interface, slider, ss.hold(1.0, duration=20), method=ss.Contacts(10_000, seed=1))
+>>> print(*run.sizes, *list(run.data_vars)[:4])
+t X velocity F_d F_c
 
 The method is a value: `Contacts` (N contacts, event by event) or `MasterEquation` (N to infinity, on cohorts).
 Thresholds that age by `Langevin` have solvers of their own behind the same two names: N contacts in small exact steps,

@@ -860,7 +860,7 @@ def dynamic_stiffness_ageing(
         Delays after breaking, equally likely; they need a newborn threshold above 0.
     cells : int
         Cells of the gap on the coarser of two grids, which one Richardson extrapolation joins; 80 gives some 2e-4
-        for |s| below ten times rate^2, 2e-3 at a hundred times.
+        for ``|s|`` below ten times rate^2, 2e-3 at a hundred times.
 
     Returns
     -------

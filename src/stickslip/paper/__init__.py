@@ -1,7 +1,8 @@
 """The figures of the paper: data, picture, and the claims that the data must satisfy, with verdicts.
 
->>> figure = FIGURES["fig4"]
->>> data = figure.compute()
+>>> from stickslip.paper import FIGURES
+>>> figure = FIGURES["fig2"]
+>>> data = figure.compute(quick=True)
 >>> picture = figure.draw(data)
 >>> all(claim.ok for claim in figure.check(data))
 True

@@ -1,0 +1,145 @@
+"""Every code block of the pages, the README and the docstrings is a test.
+
+- ``python`` runs; what a page defines stays known further down the page.
+- ``bash`` holds commands of ours alone; each goes through the command line, in a folder of the page's own.
+- ``text`` after either is what they print, ``...`` standing for anything, blanks not compared.
+- ``toml`` that begins with ``# name.toml`` becomes that file, and is read as a rig.
+- ``>>>`` in a docstring is a doctest.
+
+A block after ``<!-- slow -->`` is marked slow.
+"""
+
+import contextlib
+import doctest
+import io
+import os
+import re
+import shlex
+import shutil
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+
+import pytest
+from sybil import Document, Example, Region, Sybil
+from sybil.document import PythonDocStringDocument
+from sybil.evaluators.doctest import DocTestEvaluator
+from sybil.evaluators.python import PythonEvaluator
+from sybil.integration.pytest import SybilItem
+from sybil.parsers.abstract import DocTestStringParser
+from sybil.parsers.myst import CodeBlockParser
+
+ROOT = Path(__file__).parent
+SHARED = Path(os.environ.get("STICKSLIP_SHARED", ROOT.parent / "shared"))
+BENCH = SHARED / "data" / "guldstrand_force7.txt"  # measured by others; stays where it is
+
+FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+
+os.environ["MPLBACKEND"] = "Agg"
+
+
+def _begin(namespace):
+    folder = Path(tempfile.mkdtemp(prefix="stickslip-docs-"))
+    rig = ROOT / "examples" / "pmma_slider.toml"
+    (folder / "examples").mkdir()
+    shutil.copy(rig, folder / "examples")
+    shutil.copy(rig, folder)
+    stage = re.search(r"```toml\n(# stage\.toml\n.*?)```", (ROOT / "docs/howto/predict.md").read_text(), re.DOTALL)[1]
+    for name in ("stage.toml", "rig.toml"):
+        (folder / name).write_text(stage)
+    teeth = [3.0 + 0.8 * (i % 55) / 54 if i % 55 < 52 else 3.8 - 0.26 * (i % 55 - 51) for i in range(2000)]
+    (folder / "trace.csv").write_text("force [N]\n" + "\n".join(f"{f:.4f}" for f in teeth) + "\n")
+    if BENCH.exists():
+        shutil.copy(BENCH, folder / "force7.txt")
+    namespace.update(_folder=folder, _printed="")
+
+
+def _end(namespace):
+    shutil.rmtree(namespace["_folder"], ignore_errors=True)
+
+
+@contextlib.contextmanager
+def _stage(example: Example):
+    """In the page's folder, with what is printed kept for the block that follows."""
+    if "force7.txt" in example.parsed and not BENCH.exists():
+        pytest.skip(f"no {BENCH}; name the folder of measured data with STICKSLIP_SHARED")
+    example.namespace["_printed"] = None
+    with contextlib.chdir(example.namespace["_folder"]), contextlib.redirect_stdout(io.StringIO()) as printed:
+        yield
+    example.namespace["_printed"] = printed.getvalue()
+
+
+def _run_python(example: Example) -> None:
+    with _stage(example):
+        PythonEvaluator()(example)
+
+
+def _run_commands(example: Example) -> None:
+    from stickslip.cli import main
+
+    with _stage(example), pytest.MonkeyPatch.context() as patch:
+        patch.setenv("COLUMNS", "110")
+        for line in example.parsed.replace("\\\n", " ").splitlines():
+            words = shlex.split(line, comments=True)
+            if words:
+                assert words[0] == "stickslip", f"{line}: only commands of ours belong into a bash block"
+                assert main(words[1:]) == 0, line
+
+
+def _compare(example: Example) -> None:
+    printed = example.namespace["_printed"]
+    if printed is None:
+        pytest.skip("the block above was skipped")
+    same = doctest.OutputChecker().check_output(example.parsed, printed, FLAGS)
+    assert same, f"printed:\n{printed}\nthe page says:\n{example.parsed}"
+
+
+def _write_rig(example: Example) -> None:
+    from stickslip import rig
+
+    name = re.match(r"# (\w+\.toml)\n", example.parsed)
+    assert name, "a toml block begins with the name of its file: # rig.toml"
+    file = example.namespace["_folder"] / name[1]
+    file.write_text(example.parsed)
+    rig.read(file)
+
+
+def _run_doctest(example: Example) -> str:
+    with contextlib.chdir(example.namespace["_folder"]):
+        return DocTestEvaluator(FLAGS)(example)
+
+
+def _doctests(document: Document) -> Iterable[Region]:
+    return DocTestStringParser(_run_doctest)(document.text, document.path)
+
+
+pages = Sybil(
+    parsers=[
+        CodeBlockParser(language="python", evaluator=_run_python),
+        CodeBlockParser(language="bash", evaluator=_run_commands),
+        CodeBlockParser(language="text", evaluator=_compare),
+        CodeBlockParser(language="toml", evaluator=_write_rig),
+    ],
+    patterns=["README.md", "docs/*.md", "docs/theory/*.md", "docs/howto/*.md", "docs/reference/*.md"],
+    excludes=["docs/_build/**"],
+    path=str(ROOT),
+    setup=_begin,
+    teardown=_end,
+)
+docstrings = Sybil(
+    parsers=[_doctests],
+    patterns=["src/stickslip/**/*.py"],
+    path=str(ROOT),
+    document_types={".py": PythonDocStringDocument},
+    setup=_begin,
+    teardown=_end,
+)
+pytest_collect_file = (pages + docstrings).pytest()
+
+
+def pytest_collection_modifyitems(items):
+    for item in items:
+        if isinstance(item, SybilItem):
+            before = item.example.document.text[: item.example.start].rstrip()
+            if before.endswith("<!-- slow -->"):
+                item.add_marker("slow")

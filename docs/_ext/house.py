@@ -1,0 +1,251 @@
+"""What the pages hold that is made from the code: commands, keys of a rig file, claims; and MathJax from its wheel."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+from docutils import nodes
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+ROOT = Path(__file__).parents[2]
+REPORT = ROOT / "docs" / "verification.json"
+
+
+class _Made(SphinxDirective):
+    """A directive whose content is Markdown that a function writes."""
+
+    def text(self) -> str:
+        raise NotImplementedError
+
+    def run(self) -> list[nodes.Node]:
+        return self.parse_text_to_nodes(self.text(), allow_section_headings=True)
+
+
+# ---------------------------------------------------------------- commands
+
+
+def commands() -> str:
+    """Every command with its options, from the command line's own help."""
+    from stickslip.cli import app
+
+    pages = app.generate_docs(output_format="markdown")
+    # From the first command on; what precedes lists them once more.
+    body = pages[pages.index("\n## ") :]
+    # An option without help ends in a colon; an empty default says nothing.
+    return re.sub(r":\s*$", "", body, flags=re.MULTILINE)
+
+
+class Commands(_Made):
+    """``{commands}``"""
+
+    def text(self) -> str:
+        return commands()
+
+
+# ---------------------------------------------------------------- keys of a rig file
+
+UNITS = {
+    "_Mass": 'mass, such as `"75.6 g"`',
+    "_Stiffness": 'stiffness, such as `"4 MN/m"`',
+    "_Rate": 'rate, such as `"200 1/s"`',
+    "_Force": 'force, such as `"768 N"`',
+    "_Length": 'length, such as `"2 um"`',
+    "_Time": 'time, such as `"2 ms"`',
+    "_Delay": 'time, such as `"2 ms"`, or 0',
+    "_Velocity": 'speed, such as `"0.4 mm/s"`',
+}
+
+
+def rig_keys() -> str:
+    """Every key that a rig file may hold, from the models that read it."""
+    from pydantic import BaseModel
+
+    from stickslip import rig
+
+    parts = {
+        name: part
+        for name, part in vars(rig).items()
+        if isinstance(part, type) and issubclass(part, BaseModel) and part.__module__ == rig.__name__
+    }
+    names = {getattr(rig, name).__metadata__[0]: words for name, words in UNITS.items()}
+    content = parts["_Document"]
+    lines = ["### At the top of the file", "", *_table(content, names)]
+    for key, field in content.model_fields.items():
+        inner = _models(field.annotation)
+        for part in inner:
+            lines += [f"### `[{key}]`", "", *_table(part, names)]
+            for sub, subfield in part.model_fields.items():
+                for law in _models(subfield.annotation):
+                    heading = _heading(key, sub, law)
+                    if heading not in lines:
+                        lines += [heading, "", *_table(law, names)]
+    return "\n".join(lines)
+
+
+def _heading(key: str, sub: str, law: Any) -> str:
+    tag = law.model_fields.get("law")
+    if tag is None:
+        return f"#### `{key}.{sub}`"
+    kind = tag.annotation.__args__[0]
+    where = "thresholds` and `interface.initial" if sub in ("thresholds", "initial") else sub
+    return f'#### `{key}.{where}` with `law = "{kind}"`'
+
+
+def _models(annotation: Any) -> list[Any]:
+    """The models that an annotation can stand for."""
+    from typing import get_args
+
+    from pydantic import BaseModel
+
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for inner in get_args(annotation) for model in _models(inner)]
+
+
+def _table(part: Any, names: dict[Any, str]) -> list[str]:
+    from pydantic_core import PydanticUndefined
+
+    rows = ["| key | value | if left out | meaning |", "|---|---|---|---|"]
+    for key, field in part.model_fields.items():
+        if key == "law":
+            continue
+        if field.is_required():
+            default = "must be given"
+        elif field.default is None or field.default in ("", {}):
+            default = "—"
+        elif _models(field.annotation) and field.default is not PydanticUndefined:
+            given = field.default.model_dump(exclude_defaults=False)
+            default = _toml(given) if "law" in given else "all its defaults"
+        else:
+            default = f"`{json.dumps(field.default)}`"
+        meaning = " ".join((field.description or "").replace("``", "`").split())
+        rows.append(f"| `{key}` | {_words(_full(part, key), names)} | {default} | {meaning} |")
+    return [*rows, ""]
+
+
+def _full(part: Any, key: str) -> Any:
+    """The annotation with what pydantic has moved into the field's metadata."""
+    from typing import get_type_hints
+
+    return get_type_hints(part, include_extras=True)[key]
+
+
+def _toml(values: dict[str, Any]) -> str:
+    return "`{ " + ", ".join(f"{k} = {json.dumps(v)}" for k, v in values.items()) + " }`"
+
+
+def _words(annotation: Any, names: dict[Any, str]) -> str:
+    """An annotation in words."""
+    from types import NoneType
+    from typing import Literal, get_args, get_origin
+
+    from pydantic import BaseModel
+
+    for checked in getattr(annotation, "__metadata__", ()):
+        if checked in names:
+            return names[checked]
+    if get_origin(annotation) is Literal:
+        return " or ".join(f"`{json.dumps(value)}`" for value in get_args(annotation))
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return "a table, see below"
+    simple = {float: "number", int: "whole number", str: "text", NoneType: ""}
+    if annotation in simple:
+        return simple[annotation]
+    origin, arguments = get_origin(annotation), get_args(annotation)
+    if origin is list:
+        inner = {"number": "numbers", "a table, see below": "tables, see below"}[_words(arguments[0], names)]
+        return f"list of {inner}"
+    if origin is dict:
+        return "table of text"
+    if hasattr(annotation, "__metadata__"):
+        return _words(arguments[0], names)
+    return " or ".join(dict.fromkeys(filter(None, (_words(inner, names) for inner in arguments))))
+
+
+class RigKeys(_Made):
+    """``{rig-keys}``"""
+
+    def text(self) -> str:
+        return rig_keys()
+
+
+# ---------------------------------------------------------------- claims
+
+
+def claims(report: Path = REPORT) -> str:
+    """The table of claims with verdicts, from the report of ``make verify``."""
+    if not report.exists():
+        return (
+            ":::{note}\nThis copy of the documentation was built without a report. `make verify` computes every figure "
+            f"and writes one, `docs/{report.name}`; build the pages again after it. One figure at a time: "
+            "`stickslip paper fig3 --check`.\n:::"
+        )
+    rows: list[dict[str, Any]] = json.loads(report.read_text(encoding="utf-8"))
+    groups = dict.fromkeys(row["group"] for row in rows)
+    lines: list[str] = []
+    for group in groups:
+        lines += [f"### {group}", "", "| claim | verdict | expected | measured |", "|---|---|---|---|"]
+        for row in rows:
+            if row["group"] == group:
+                note = f"<br>*{_cell(row['note'])}*" if row.get("note") else ""
+                cells = (_cell(row["name"]) + note, row["verdict"], _cell(row["expected"]), _cell(row["measured"]))
+                lines.append("| " + " | ".join(map(str, cells)) + " |")
+        lines.append("")
+    count = {verdict: sum(row["verdict"] == verdict for row in rows) for verdict in {row["verdict"] for row in rows}}
+    said = ", ".join(f"{n} {verdict}" for verdict, n in sorted(count.items()))
+    return "\n".join([f"{len(rows)} statements: {said}.", "", *lines])
+
+
+def _cell(value: object) -> str:
+    text = ", ".join(map(str, value)) if isinstance(value, list) else str(value)
+    return re.sub(r"([|*_`<>\\$])", r"\\\1", " ".join(text.split()))
+
+
+class Claims(_Made):
+    """``{claims}``"""
+
+    def text(self) -> str:
+        if REPORT.exists():
+            self.env.note_dependency(str(REPORT))
+        return claims()
+
+
+# ---------------------------------------------------------------- maths
+
+
+def mathjax() -> Path:
+    """MathJax with SVG output in one file, from the wheel that the extra ``docs`` names."""
+    for file in importlib.metadata.files("sphinx-mathjax-offline") or ():
+        if file.name == "tex-svg.js":
+            return Path(str(file.locate()))
+    raise FileNotFoundError("tex-svg.js in sphinx-mathjax-offline; pip install -e '.[docs]'")
+
+
+def _bring_mathjax(app: Sphinx) -> None:
+    place = Path(app.outdir) / "_static"
+    if app.builder.format == "html":
+        place.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(mathjax(), place / "mathjax.js")
+
+
+# ---------------------------------------------------------------- the gallery, where there is one
+
+
+def _list_gallery(app: Sphinx, docname: str, source: list[str]) -> None:
+    if docname == "index" and "sphinx_gallery.gen_gallery" in app.extensions:
+        source[0] = source[0].replace("\nhowto/index\n", "\nhowto/index\ngallery/index\n")
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    app.add_directive("commands", Commands)
+    app.add_directive("rig-keys", RigKeys)
+    app.add_directive("claims", Claims)
+    app.connect("builder-inited", _bring_mathjax)
+    app.connect("source-read", _list_gallery)
+    return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}
