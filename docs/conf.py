@@ -9,7 +9,6 @@ HERE = Path(__file__).parent
 ROOT = HERE.parent
 sys.path.insert(0, str(HERE / "_ext"))
 os.environ["MPLBACKEND"] = "Agg"
-os.environ["NUMBA_DISABLE_JIT"] = "1"  # kernels as plain functions, with their own signatures
 
 project = "stickslip"
 author = "The stickslip developers"
@@ -18,7 +17,6 @@ release = importlib.metadata.version("stickslip")
 version = release.split("+")[0]
 
 EXAMPLES = ROOT / "examples"
-HAS_GALLERY = any(EXAMPLES.glob("*.py"))
 
 extensions = [
     "myst_parser",
@@ -27,7 +25,7 @@ extensions = [
     "sphinx.ext.viewcode",
     "sphinx.ext.mathjax",
     "house",
-    *(["sphinx_gallery.gen_gallery"] if HAS_GALLERY else []),
+    "sphinx_gallery.gen_gallery",
 ]
 exclude_patterns = ["_build", "_ext", "gallery/**/*.py", "gallery/**/*.ipynb", "**/GALLERY_HEADER.rst"]
 
@@ -76,13 +74,15 @@ pygments_dark_style = "monokai"
 
 # ---------------------------------------------------------------- the gallery
 
-if HAS_GALLERY:
-    sphinx_gallery_conf = {
-        "examples_dirs": [str(EXAMPLES)],
-        "gallery_dirs": ["gallery"],
-        "filename_pattern": r"\.py$",
-        "abort_on_example_error": True,
-        "download_all_examples": False,
-        "remove_config_comments": True,
-        "show_signature": False,
-    }
+sphinx_gallery_conf = {
+    "examples_dirs": [str(EXAMPLES)],
+    "gallery_dirs": ["gallery"],
+    "subsection_order": ["../examples/practice", "../examples/figures"],
+    "within_subsection_order": "FileNameSortKey",
+    "filename_pattern": r"\.py$",
+    "image_scrapers": ("house.keep_figure",),
+    "abort_on_example_error": True,
+    "download_all_examples": False,
+    "remove_config_comments": True,
+    "show_signature": False,
+}

@@ -51,14 +51,14 @@ class Commands(_Made):
 # ---------------------------------------------------------------- keys of a rig file
 
 UNITS = {
-    "_Mass": 'mass, such as `"75.6 g"`',
-    "_Stiffness": 'stiffness, such as `"4 MN/m"`',
-    "_Rate": 'rate, such as `"200 1/s"`',
-    "_Force": 'force, such as `"768 N"`',
-    "_Length": 'length, such as `"2 um"`',
-    "_Time": 'time, such as `"2 ms"`',
-    "_Delay": 'time, such as `"2 ms"`, or 0',
-    "_Velocity": 'speed, such as `"0.4 mm/s"`',
+    "Mass": 'mass, such as `"75.6 g"`',
+    "Stiffness": 'stiffness, such as `"4 MN/m"`',
+    "Rate": 'rate, such as `"200 1/s"`',
+    "Force": 'force, such as `"768 N"`',
+    "Length": 'length, such as `"2 um"`',
+    "Time": 'time, such as `"2 ms"`',
+    "Lag": 'time, such as `"2 ms"`, or 0',
+    "Velocity": 'speed, such as `"0.4 mm/s"`',
 }
 
 
@@ -66,14 +66,14 @@ def rig_keys() -> str:
     """Every key that a rig file may hold, from the models that read it."""
     from pydantic import BaseModel
 
-    from stickslip import rig
+    from stickslip import door, rig
 
     parts = {
         name: part
         for name, part in vars(rig).items()
         if isinstance(part, type) and issubclass(part, BaseModel) and part.__module__ == rig.__name__
     }
-    names = {getattr(rig, name).__metadata__[0]: words for name, words in UNITS.items()}
+    names = {getattr(door, name).__metadata__[0]: words for name, words in UNITS.items()}
     content = parts["_Document"]
     lines = ["### At the top of the file", "", *_table(content, names)]
     for key, field in content.model_fields.items():
@@ -109,21 +109,19 @@ def _models(annotation: Any) -> list[Any]:
 
 
 def _table(part: Any, names: dict[Any, str]) -> list[str]:
-    from pydantic_core import PydanticUndefined
-
     rows = ["| key | value | if left out | meaning |", "|---|---|---|---|"]
     for key, field in part.model_fields.items():
         if key == "law":
             continue
         if field.is_required():
             default = "must be given"
-        elif field.default is None or field.default in ("", {}):
+        elif (value := field.get_default(call_default_factory=True)) is None or value in ("", {}):
             default = "—"
-        elif _models(field.annotation) and field.default is not PydanticUndefined:
-            given = field.default.model_dump(exclude_defaults=False)
+        elif _models(field.annotation):
+            given = value.model_dump(exclude_defaults=False)
             default = _toml(given) if "law" in given else "all its defaults"
         else:
-            default = f"`{json.dumps(field.default)}`"
+            default = f"`{json.dumps(value)}`"
         meaning = " ".join((field.description or "").replace("``", "`").split())
         rows.append(f"| `{key}` | {_words(_full(part, key), names)} | {default} | {meaning} |")
     return [*rows, ""]
@@ -237,9 +235,36 @@ def _bring_mathjax(app: Sphinx) -> None:
 # ---------------------------------------------------------------- the gallery, where there is one
 
 
-def _list_gallery(app: Sphinx, docname: str, source: list[str]) -> None:
-    if docname == "index" and "sphinx_gallery.gen_gallery" in app.extensions:
-        source[0] = source[0].replace("\nhowto/index\n", "\nhowto/index\ngallery/index\n")
+def keep_figure(block: Any, variables: dict[str, Any], gallery: dict[str, Any]) -> str:
+    """Keep the figure that a script has made: ours come without pyplot, which the gallery would look into."""
+    from sphinx_gallery.scrapers import figure_rst
+
+    from stickslip import plot
+
+    del block
+    figure = variables["example_globals"].pop("figure", None)
+    if figure is None:
+        return ""
+    path = next(variables["image_path_iterator"])
+    plot.save(figure, path)
+    return str(figure_rst([path], gallery["src_dir"]))
+
+
+def _show_kernels_plain(app: Sphinx) -> None:
+    """Put the plain functions in place of the compiled ones, which hide their signatures; the gallery has been made."""
+    from importlib import import_module
+    from pkgutil import iter_modules
+
+    from numba.core.dispatcher import Dispatcher
+
+    from stickslip import kernels
+
+    del app
+    for found in iter_modules(kernels.__path__, f"{kernels.__name__}."):
+        module = import_module(found.name)
+        for name, value in list(vars(module).items()):
+            if isinstance(value, Dispatcher):
+                setattr(module, name, value.py_func)
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
@@ -247,5 +272,5 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("rig-keys", RigKeys)
     app.add_directive("claims", Claims)
     app.connect("builder-inited", _bring_mathjax)
-    app.connect("source-read", _list_gallery)
+    app.connect("builder-inited", _show_kernels_plain, priority=900)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 import stickslip as ss
 from stickslip import advise, plot, rig
 
-RIG = Path(__file__).parents[1] / "brake_pad.toml"
+RIG = rig.example("brake_pad")
 
 
 def groaning(path: Path = RIG, *, damping: float = 1.0) -> tuple[float, float]:

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 import stickslip as ss
 from stickslip import plot, rig
 
-RIG = Path(__file__).parents[1] / "precision_stage.toml"
+RIG = rig.example("precision_stage")
 SPEEDS = np.geomspace(0.2e-3, 20e-3, 25)
 """In m/s."""
 

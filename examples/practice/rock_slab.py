@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 import stickslip as ss
 from stickslip import plot, rig
 
-RIG = Path(__file__).parents[1] / "rock_slab.toml"
+RIG = rig.example("rock_slab")
 FACTORS = (1.0, 10.0, 100.0)
 """Speeds of loading, as multiples of the rig's."""
 

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 import stickslip as ss
 from stickslip import plot, rig
 
-RIG = Path(__file__).parents[1] / "teaching_bench.toml"
+RIG = rig.example("teaching_bench")
 SPRINGS = (100.0, 500.0, 10_000.0)
 """In N/m."""
 

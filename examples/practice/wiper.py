@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 import stickslip as ss
 from stickslip import plot, rig
 
-RIG = Path(__file__).parents[1] / "wiper.toml"
+RIG = rig.example("wiper")
 
 
 def chattering(wiper: rig.Rig) -> tuple[float, float]:

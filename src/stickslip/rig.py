@@ -116,6 +116,25 @@ def engineering(value: float, unit: str) -> str:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
+EXAMPLES = Path(__file__).parent / "examples"
+"""Folder of the rigs that come with the package, and of scripts about them."""
+
+
+def example(name: str) -> Path:
+    """Return the file of a rig that comes with the package, such as ``"pmma_slider"``.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name.
+    """
+    file = EXAMPLES / f"{name}.toml"
+    if not file.is_file():
+        known = ", ".join(sorted(f.stem for f in EXAMPLES.glob("*.toml")))
+        raise InputError(f"{name}: no such example; there are {known}")
+    return file
+
+
 def read(path: str | os.PathLike[str]) -> Rig:
     """Read a rig from a TOML file.
 

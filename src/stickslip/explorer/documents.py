@@ -10,7 +10,6 @@ import re
 import tomllib
 from collections.abc import Mapping
 from copy import deepcopy
-from pathlib import Path
 from typing import Any
 
 from stickslip import model
@@ -332,7 +331,7 @@ def presets() -> list[dict[str, Any]]:
     for figure, (case, words) in _FIGURES.items():
         title = f"Fig. {figure}: {words}"
         found.append({"group": "The paper", "title": title, "document": paper(case, f"Fig. {figure}")})
-    for file in sorted((Path(__file__).parent / "examples").glob("*.toml")):
+    for file in sorted(rigs.EXAMPLES.glob("*.toml")):
         try:
             document = tomllib.loads(file.read_text())
             rig_of(document)
