@@ -17,7 +17,7 @@ help:
 	@echo 'make demo      predict and simulate $(RIG), with pictures in demo/'
 	@echo 'make test      every check: style, types, imports, equations, tests'
 	@echo 'make lint      the same without the tests'
-	@echo "make verify    the paper's claims, solver against solver, slow tests (half an hour); a report in verification/report"
+	@echo "make verify    the paper's claims, solver against solver, slow tests (half an hour); report in verification/"
 	@echo 'make coverage  lines that the tests go through, slow ones too; the kernels as plain Python'
 	@echo 'make bench     each fast path beside the plain loop it replaces'
 	@echo 'make docs      the documentation, in docs/_build'
@@ -47,7 +47,7 @@ unit: $(VENV)/.dev
 	$(BIN)/python -m pytest -q -n $(WORKERS) --dist loadfile -m "not slow"
 
 verify: $(VENV)/.dev
-	$(BIN)/python -m verification --report verification/report --workers $(WORKERS)
+	$(BIN)/python -m verification --report verification --workers $(WORKERS)
 	$(BIN)/python -m pytest -q -n $(WORKERS) --dist loadfile -m slow
 
 coverage: $(VENV)/.dev

@@ -23,13 +23,13 @@ def test_one_part_gives_a_report_for_machines_and_one_for_people(tmp_path):
     done = verify("gamma", "energy", "--report", str(tmp_path))
     assert done.returncode == 0, done.stderr
     assert "2 of 2 studies came out as settled" in done.stdout
-    report = json.loads((tmp_path / "verification.json").read_text())
+    report = json.loads((tmp_path / "report.json").read_text())
     assert report["ok"]
     assert [study["study"] for study in report["studies"]] == ["gamma", "energy"]
     gamma = report["studies"][0]["findings"][0]
     assert gamma["ok"]
     assert all(number["low"] is None or number["low"] <= number["value"] for number in gamma["measured"])
-    page = (tmp_path / "verification.html").read_text()
+    page = (tmp_path / "report.html").read_text()
     assert "Every study came out as settled" in page
     assert gamma["statement"] in page
     assert "http" not in page  # it asks nobody for anything

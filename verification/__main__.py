@@ -21,7 +21,7 @@ app = App(name="verification", help="The verification programme, with one report
 @app.default
 def run(
     *names: str,
-    report: Annotated[Path, Parameter(help="Folder for verification.json and verification.html.")] = Path(),
+    report: Annotated[Path, Parameter(help="Folder for report.json and report.html.")] = Path(),
     workers: Annotated[int, Parameter(help="Studies at a time.")] = 2,
     listing: Annotated[bool, Parameter(name="--list", help="List the studies and stop.", negative="")] = False,
 ) -> int:

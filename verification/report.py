@@ -15,7 +15,7 @@ from stickslip.paper import Claim
 from stickslip.store import whole_file
 from verification import STUDIES
 
-_TEMPLATE = Path(__file__).with_name("report.html")
+_TEMPLATE = Path(__file__).with_name("template.html")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,14 +70,14 @@ class Report:
         }
 
     def save(self, folder: Path) -> tuple[Path, Path]:
-        """Write ``verification.json`` and ``verification.html``."""
+        """Write ``report.json`` and ``report.html``."""
         from jinja2 import Environment
 
         folder.mkdir(parents=True, exist_ok=True)
         page = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True).from_string(_TEMPLATE.read_text())
         texts = {
-            "verification.json": json.dumps(self.plain(), indent=1) + "\n",
-            "verification.html": page.render(self.plain()),
+            "report.json": json.dumps(self.plain(), indent=1) + "\n",
+            "report.html": page.render(self.plain()),
         }
         for name, text in texts.items():
             with whole_file(folder / name, example=name) as part:

@@ -14,7 +14,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 ROOT = Path(__file__).parents[2]
-REPORT = ROOT / "docs" / "verification.json"
+REPORT = ROOT / "verification" / "report.json"
 
 
 class _Made(SphinxDirective):
@@ -177,27 +177,40 @@ class RigKeys(_Made):
 
 
 def claims(report: Path = REPORT) -> str:
-    """The table of claims with verdicts, from the report of ``make verify``."""
+    """The tables of claims with verdicts and numbers, from the report of ``make verify``."""
     if not report.exists():
         return (
             ":::{note}\nThis copy of the documentation was built without a report. `make verify` computes every figure "
-            f"and writes one, `docs/{report.name}`; build the pages again after it. One figure at a time: "
-            "`stickslip paper fig3 --check`.\n:::"
+            "and writes one; build the pages again after it. One figure at a time: `stickslip paper fig3 --check`.\n:::"
         )
-    rows: list[dict[str, Any]] = json.loads(report.read_text(encoding="utf-8"))
-    groups = dict.fromkeys(row["group"] for row in rows)
-    lines: list[str] = []
-    for group in groups:
-        lines += [f"### {group}", "", "| claim | verdict | expected | measured |", "|---|---|---|---|"]
-        for row in rows:
-            if row["group"] == group:
-                note = f"<br>*{_cell(row['note'])}*" if row.get("note") else ""
-                cells = (_cell(row["name"]) + note, row["verdict"], _cell(row["expected"]), _cell(row["measured"]))
-                lines.append("| " + " | ".join(map(str, cells)) + " |")
+    content: dict[str, Any] = json.loads(report.read_text(encoding="utf-8"))
+    studies: list[dict[str, Any]] = content["studies"]
+    lines = [f"Made by version {_cell(content['stickslip'])} on {content['when']}.", ""]
+    for group in dict.fromkeys(study["group"] for study in studies):
+        lines += [f"### {group}", "", "| study | verdict | what was found |", "|---|---|---|"]
+        for study in studies:
+            if study["group"] == group:
+                lines += [f"| {study['study']} | {_verdict(claim)} | {_found(claim)} |" for claim in study["findings"]]
         lines.append("")
-    count = {verdict: sum(row["verdict"] == verdict for row in rows) for verdict in {row["verdict"] for row in rows}}
-    said = ", ".join(f"{n} {verdict}" for verdict, n in sorted(count.items()))
-    return "\n".join([f"{len(rows)} statements: {said}.", "", *lines])
+    return "\n".join(lines)
+
+
+def _verdict(claim: dict[str, Any]) -> str:
+    if not claim["ok"]:
+        return "**FAILED**"
+    return "holds" if claim["number"] is None else str(claim["verdict"])
+
+
+def _found(claim: dict[str, Any]) -> str:
+    """The statement, what it rests on, and its numbers to unfold."""
+    number = "" if claim["number"] is None else f"Claim {claim['number']}: "
+    parts = [f"{number}{_cell(claim['statement'])}"]
+    parts += [
+        f"*{word}:* {_cell(claim[key])}" for word, key in (("Reading", "reading"), ("Exact", "exact")) if claim[key]
+    ]
+    values = "<br>".join(_cell(line) for line in claim["lines"])
+    parts.append(f"<details><summary>{_cell(claim['evidence'])}</summary>{values}</details>")
+    return "<br>".join(parts)
 
 
 def _cell(value: object) -> str:

@@ -2,9 +2,9 @@
 A wiper chatters where it turns round
 =====================================
 
-A wiper blade speeds up, slows down and turns round. Does it chatter in the middle of the stroke, or at its ends, and
-what would a stiffer arm change? The theory of linear stability gives the speeds between which smooth wiping cannot
-last; a simulated stroke shows what that looks like.
+A wiper blade speeds up, slows down and turns round. Does it chatter in the middle of the stroke, or at its ends? The
+theory of linear stability gives the speeds between which smooth wiping cannot last; a simulated stroke shows what that
+looks like. Chatter takes its time to grow and to die, so it lags behind the speed.
 
 Run it with ``python examples/practice/wiper.py wiper.png``.
 """
