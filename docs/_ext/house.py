@@ -222,8 +222,7 @@ class Claims(_Made):
     """``{claims}``"""
 
     def text(self) -> str:
-        if REPORT.exists():
-            self.env.note_dependency(str(REPORT))
+        self.env.note_dependency(str(REPORT))
         return claims()
 
 
