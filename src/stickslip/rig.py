@@ -27,7 +27,7 @@ from stickslip.door import Force, Lag, Length, Mass, Part, Rate, Stiffness, Time
 from stickslip.drive import Drive, hold, ramp
 from stickslip.errors import InputError
 from stickslip.simulate import Contacts, MasterEquation, Method, Record, Relaxed, Sliding, Start
-from stickslip.units import Quantity, Scales, in_si
+from stickslip.units import SI, Quantity, Scales, in_si
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -69,23 +69,13 @@ class Rig:
         """A natural value in words: in SI units with a prefix, or in natural units."""
         if self.scales is None:
             return f"{value:.4g} {_NATURAL[quantity]}".rstrip()
-        return engineering(self.scales.si(value, quantity), _SI[quantity])
+        return engineering(self.scales.si(value, quantity), SI[quantity])
 
     def in_its_units(self, result: xr.Dataset) -> xr.Dataset:
         """A result in natural units as the rig's file counts: in SI units if it has scales."""
         return result if self.scales is None else in_si(result, self.scales)
 
 
-_SI: dict[Quantity, str] = {
-    "force": "N",
-    "length": "m",
-    "time": "s",
-    "velocity": "m/s",
-    "stiffness": "N/m",
-    "mass": "kg",
-    "rate": "1/s",
-    "energy": "J",
-}
 _NATURAL: dict[Quantity, str] = {
     "force": "f_s",
     "length": "x_s",

@@ -88,6 +88,8 @@ _SI_OF: dict[str, tuple[Quantity, int, str]] = {
     "f_s time^2/x_s": ("mass", 1, "kg"),
 }
 """Natural unit of a variable: its quantity, the power of it, and the SI unit."""
+SI: dict[Quantity, str] = {kind: unit for kind, power, unit in _SI_OF.values() if power == 1}
+"""SI unit of each quantity."""
 
 
 def quantity(unit: str) -> Quantity:

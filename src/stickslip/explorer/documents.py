@@ -19,7 +19,7 @@ from stickslip.model import PaperCase, RandomDelay
 from stickslip.rig import Rig
 from stickslip.simulate import Contacts
 from stickslip.stability import KNOBS
-from stickslip.units import Quantity, Scales, quantity
+from stickslip.units import SI, Quantity, Scales, quantity
 
 Document = dict[str, Any]
 
@@ -35,15 +35,6 @@ MOST_RADIANS = 2e6
 QUANTITIES: Mapping[str, Quantity] = {knob.name: quantity(knob.unit) for knob in KNOBS}
 """Knobs of the theory of stability, and what they are."""
 
-_UNITS: Mapping[Quantity, str] = {
-    "force": "N",
-    "length": "m",
-    "time": "s",
-    "velocity": "m/s",
-    "stiffness": "N/m",
-    "mass": "kg",
-    "rate": "1/s",
-}
 _BENCH = Scales(force=768.0, stretching=2e-6, time=5e-3)
 """Scales for a rig in natural units that is to be shown in SI: those of examples/pmma_slider.toml."""
 
@@ -299,7 +290,7 @@ def _table(document: Document, name: str) -> Document:
 
 def _written(value: float, quantity: Quantity, scales: Scales | None) -> float | str:
     """A natural value as it stands in a document."""
-    return _short(value) if scales is None else rigs.engineering(scales.si(value, quantity), _UNITS[quantity])
+    return _short(value) if scales is None else rigs.engineering(scales.si(value, quantity), SI[quantity])
 
 
 def _short(value: float) -> float:
