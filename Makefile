@@ -58,14 +58,14 @@ bench: $(VENV)/.dev
 	$(BIN)/python tools/bench_table.py .benchmarks.json README.md
 
 docs: $(VENV)/.docs
-	$(BIN)/python -m sphinx -q -W -b html docs docs/_build/html
+	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
 	@echo 'Open $(CURDIR)/docs/_build/html/index.html'
 
 explore: $(VENV)/.explorer
 	$(BIN)/stickslip explore
 
 clean:
-	rm -rf $(VENV) demo build dist docs/_build htmlcov .benchmarks .coverage .hypothesis
+	rm -rf $(VENV) demo build dist docs/_build docs/gallery htmlcov .benchmarks .coverage .hypothesis
 	rm -rf .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
 	find src tests verification benchmarks tools examples -name __pycache__ -prune -exec rm -rf {} + 2>/dev/null || true
 
@@ -85,7 +85,7 @@ $(VENV)/.runtime: pyproject.toml | $(VENV)/bin/python
 $(VENV)/.dev: pyproject.toml | $(VENV)/bin/python
 	@echo 'Installing stickslip and its development tools into $(VENV) (the first time takes some minutes)'
 	$(PIP) -e '.[dev]'
-	@touch $(VENV)/.runtime $(VENV)/.explorer $@
+	@touch $(VENV)/.runtime $(VENV)/.explorer $(VENV)/.docs $@
 
 $(VENV)/.docs: pyproject.toml | $(VENV)/bin/python
 	$(PIP) -e '.[docs]'

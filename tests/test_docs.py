@@ -1,0 +1,203 @@
+"""The documentation: complete, true to the code, and at peace with a machine that has no network.
+
+Blocks of code in the pages are run by the root conftest.py; here is the rest.
+"""
+
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+from pydantic import TypeAdapter
+
+import stickslip as ss
+from stickslip import rig
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+PAGES = [page for page in sorted(DOCS.rglob("*.md")) if "_build" not in page.parts]
+
+
+@pytest.fixture(scope="module")
+def house():
+    """The module that makes parts of the pages from the code."""
+    pytest.importorskip("sphinx")
+    sys.path.insert(0, str(DOCS / "_ext"))
+    try:
+        yield import_module("house")
+    finally:
+        sys.path.remove(str(DOCS / "_ext"))
+
+
+def found(dotted):
+    """Whether a dotted name leads to something."""
+    parts = dotted.split(".")
+    for cut in range(len(parts), 0, -1):
+        try:
+            thing = import_module(".".join(parts[:cut]))
+        except ModuleNotFoundError:
+            continue
+        for part in parts[cut:]:
+            if not hasattr(thing, part):
+                # a field of a record without a default
+                return part in getattr(thing, "__annotations__", {})
+            thing = getattr(thing, part)
+        return True
+    return False
+
+
+def test_every_public_name_is_in_the_reference():
+    text = "\n".join(page.read_text() for page in (DOCS / "reference").glob("*.md"))
+    named = re.findall(r"^\.\. auto(?:function|class|data):: stickslip\.(\w+)$", text, re.MULTILINE)
+    assert sorted(named) == ss.__all__
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(DOCS).as_posix())
+def test_names_that_a_page_points_at_exist(page):
+    text = page.read_text()
+    roles = re.findall(r"\{(?:func|class|meth|attr|mod|data)\}`(?:[^`<]*<)?~?([\w.]+)>?`", text)
+    directives = re.findall(r"^\.\. auto\w+:: ([\w.]+)$", text, re.MULTILINE)
+    missing = [name for name in (*roles, *directives) if not found(name)]
+    assert not missing
+
+
+def test_the_check_of_names_sees_a_wrong_one():
+    assert found("stickslip.Slider.frequency")
+    assert found("stickslip.kernels.ageing.grown")
+    assert not found("stickslip.slider")
+    assert not found("stickslip.Slider.colour")
+
+
+@pytest.mark.parametrize("number", range(1, 19))
+def test_every_equation_of_the_paper_is_in_the_theory_once_and_can_be_pointed_at(number):
+    text = "\n".join(page.read_text() for page in (DOCS / "theory").glob("*.md"))
+    assert text.count(rf"\tag{{{number}}}") == 1
+    assert re.search(rf"^\(eq-{number}\)=\n\n\\begin\{{equation\*\}}", text, re.MULTILINE)
+
+
+def test_commands_come_with_all_their_options(house):
+    text = house.commands()
+    for command in ("predict", "simulate", "measure", "plot", "map", "paper", "explore"):
+        assert f"## stickslip {command}\n" in text
+    assert "`--minimum-drop FLOAT`: Smallest drop that counts as a slip." in text
+
+
+def test_keys_of_rig_files_come_from_the_models(house):
+    text = house.rig_keys()
+
+    def keys(node):
+        for name, value in node.get("properties", {}).items():
+            yield name
+            yield from keys(value)
+        for part in node.get("$defs", {}).values():
+            yield from keys(part)
+
+    rows = set(re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE))
+    assert rows == set(keys(TypeAdapter(rig._Document).json_schema())) - {"law"}
+    assert '| `delay` | a table, see below or `"never"` or time, such as `"2 ms"`, or 0 |' in text
+    assert "PydanticUndefined" not in text
+
+
+def test_claims_without_a_report_say_how_to_make_one(house, tmp_path):
+    assert "make verify" in house.claims(tmp_path / "none.json")
+
+
+# ---------------------------------------------------------------- the built pages
+
+
+class Resources(HTMLParser):
+    """What a page loads, as against what it links to."""
+
+    def __init__(self):
+        super().__init__()
+        self.loads, self.anchors = [], []
+
+    def handle_starttag(self, tag, attrs):
+        attrs = dict(attrs)
+        if attrs.get("id"):
+            self.anchors.append(attrs["id"])
+        if tag == "link" and attrs.get("rel") not in ("canonical", "index", "search", "next", "prev", "author"):
+            self.loads.append(attrs.get("href"))
+        if tag in ("script", "img", "iframe", "source", "audio", "video", "embed", "object", "input"):
+            self.loads += [attrs.get("src"), attrs.get("data"), attrs.get("srcset")]
+        if "url(" in attrs.get("style", "") or "":
+            self.loads += re.findall(r"url\(['\"]?([^'\")]+)", attrs["style"])
+
+    @classmethod
+    def of(cls, page):
+        parser = cls()
+        parser.feed(page.read_text(encoding="utf-8"))
+        return parser
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """The pages, built as `make docs` does."""
+    pytest.importorskip("sphinx")
+    out = tmp_path_factory.mktemp("html")
+    command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-b", "html", "-d", out / "doctrees"]
+    done = subprocess.run([*command, DOCS, out / "pages"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert not done.stderr, done.stderr
+    return out / "pages"
+
+
+def is_foreign(address):
+    return bool(address) and re.match(r"(?:[a-z]+:)?//", address.strip(), re.IGNORECASE) is not None
+
+
+def test_what_is_foreign():
+    assert is_foreign("https://cdn.example/x.js")
+    assert is_foreign("//cdn.example/x.js")
+    assert not is_foreign("_static/mathjax.js")
+    assert not is_foreign("data:image/png;base64,AAAA")
+    page = Resources()
+    page.feed('<link rel="stylesheet" href="https://a/b.css"><a href="https://c"><script src="//d/e.js"></script>')
+    assert [a for a in page.loads if is_foreign(a)] == ["https://a/b.css", "//d/e.js"]
+
+
+@pytest.mark.slow
+def test_pages_load_nothing_from_another_host(built):
+    pages = sorted(built.rglob("*.html"))
+    assert len(pages) > 25
+    for page in pages:
+        loads = Resources.of(page).loads
+        assert any(load and "house.css" in load for load in loads), page
+        assert not [load for load in loads if is_foreign(load)], page
+    for style in built.rglob("*.css"):
+        text = style.read_text(encoding="utf-8")
+        asked = re.findall(r"url\(\s*['\"]?([^'\")\s]+)", text) + re.findall(r"@import\s+['\"]([^'\"]+)", text)
+        assert not [address for address in asked if is_foreign(address)], style
+
+
+@pytest.mark.slow
+def test_every_public_name_can_be_linked_to(built):
+    anchors = {anchor for page in built.rglob("reference/*.html") for anchor in Resources.of(page).anchors}
+    assert not [name for name in ss.__all__ if f"stickslip.{name}" not in anchors]
+
+
+@pytest.mark.slow
+def test_maths_is_set_offline_and_nothing_is_wider_than_a_phone(built):
+    headless = pytest.importorskip("headless")
+    if headless.CHROMIUM is None:
+        pytest.skip(headless.WHY_NOT)
+    asked = []
+    with headless.browser() as browser:
+        for width in (1280, 390):
+            view = browser.new_context(viewport={"width": width, "height": 900}, offline=True).new_page()
+            view.on("request", lambda request: asked.append(request.url))
+            for name in ("theory/stability", "theory/ageing", "start", "reference/rig-file", "howto/predict"):
+                view.goto((built / f"{name}.html").as_uri())
+                view.wait_for_function(
+                    "window.MathJax?.startup?.promise !== undefined || !document.querySelector('.math')"
+                )
+                view.evaluate("window.MathJax?.startup?.promise")
+                formulas = view.locator(".math").count()
+                assert view.locator(".math mjx-container").count() == formulas, name
+                assert view.locator("mjx-merror, [data-mjx-error]").count() == 0, name
+                assert view.evaluate("document.documentElement.scrollWidth") <= width, (name, width)
+    assert asked
+    assert not [url for url in asked if not url.startswith(("file:", "data:"))]
