@@ -40,10 +40,8 @@ os.environ["MPLBACKEND"] = "Agg"
 
 def _begin(namespace):
     folder = Path(tempfile.mkdtemp(prefix="stickslip-docs-"))
-    rig = ROOT / "examples" / "pmma_slider.toml"
-    (folder / "examples").mkdir()
-    shutil.copy(rig, folder / "examples")
-    shutil.copy(rig, folder)
+    shutil.copytree(ROOT / "examples", folder / "examples", ignore=lambda _, names: [n for n in names if "." not in n])
+    shutil.copy(ROOT / "examples" / "pmma_slider.toml", folder)
     stage = re.search(r"```toml\n(# stage\.toml\n.*?)```", (ROOT / "docs/howto/predict.md").read_text(), re.DOTALL)[1]
     for name in ("stage.toml", "rig.toml"):
         (folder / name).write_text(stage)

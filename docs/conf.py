@@ -27,12 +27,21 @@ extensions = [
     "house",
     "sphinx_gallery.gen_gallery",
 ]
-exclude_patterns = ["_build", "_ext", "gallery/**/*.py", "gallery/**/*.ipynb", "**/GALLERY_HEADER.rst"]
+exclude_patterns = [
+    "**/sg_execution_times.rst",
+    "sg_execution_times.rst",
+    "_build",
+    "_ext",
+    "gallery/**/*.py",
+    "gallery/**/*.ipynb",
+    "**/GALLERY_HEADER.rst",
+]
 
 # ---------------------------------------------------------------- text
 
 myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
+smartquotes_action = "qe"  # options keep their two dashes
 default_role = "obj"  # `name` in a docstring links where there is such a name
 
 napoleon_google_docstring = False
@@ -85,4 +94,5 @@ sphinx_gallery_conf = {
     "download_all_examples": False,
     "remove_config_comments": True,
     "show_signature": False,
+    "write_computation_times": False,  # its pages ask other hosts for scripts
 }

@@ -3,6 +3,7 @@
 Blocks of code in the pages are run by the root conftest.py; here is the rest.
 """
 
+import json
 import re
 import subprocess
 import sys
@@ -15,6 +16,9 @@ from pydantic import TypeAdapter
 
 import stickslip as ss
 from stickslip import rig
+from stickslip.cli import app
+from stickslip.paper import Claim
+from stickslip.paper.record import near
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -80,8 +84,8 @@ def test_every_equation_of_the_paper_is_in_the_theory_once_and_can_be_pointed_at
 
 def test_commands_come_with_all_their_options(house):
     text = house.commands()
-    for command in ("predict", "simulate", "measure", "plot", "map", "paper", "explore"):
-        assert f"## stickslip {command}\n" in text
+    assert "```console\nstickslip predict [OPTIONS] RIG\n```" in text
+    assert re.findall(r"^## stickslip (\w+)$", text, re.MULTILINE) == [name for name in app if name[0] != "-"]
     assert "`--minimum-drop FLOAT`: Smallest drop that counts as a slip." in text
 
 
@@ -103,6 +107,33 @@ def test_keys_of_rig_files_come_from_the_models(house):
 
 def test_claims_without_a_report_say_how_to_make_one(house, tmp_path):
     assert "make verify" in house.claims(tmp_path / "none.json")
+
+
+def test_claims_become_a_table_for_each_group(house, tmp_path):
+    claim = Claim(
+        number=6,
+        statement="K* = 3.59 | N",
+        verdict="not reproduced",
+        settled="not reproduced",
+        measured=(near("K*", 2.98913, 2.989, 0.003, "k"),),
+        evidence="Eq. (8)",
+        exact="2.989 k",
+    )
+    finding = claim.plain() | {"lines": [str(m) for m in claim.measured]}
+    failed = claim.plain() | {"lines": [], "ok": False, "number": None}
+    studies = [
+        {"study": "fig3", "group": "Claims", "findings": [finding]},
+        {"study": "ratio", "group": "Closed forms", "findings": [failed]},
+    ]
+    report = tmp_path / "report.json"
+    report.write_text(json.dumps({"stickslip": "1.0", "when": "today", "studies": studies}))
+    text = house.claims(report)
+    assert "### Claims" in text
+    assert "### Closed forms" in text
+    row = next(line for line in text.splitlines() if line.startswith("| fig3 |"))
+    assert row.startswith(r"| fig3 | not reproduced | Claim 6: K\* = 3.59 \| N")
+    assert r"K\* = 2.98913 k (2.989 ± 0.003)" in row
+    assert "| ratio | **FAILED** |" in text
 
 
 # ---------------------------------------------------------------- the built pages

@@ -6,8 +6,10 @@ import importlib.metadata
 import json
 import re
 import shutil
+import sys
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 from docutils import nodes
 from sphinx.application import Sphinx
@@ -34,9 +36,10 @@ def commands() -> str:
     """Every command with its options, from the command line's own help."""
     from stickslip.cli import app
 
-    pages = app.generate_docs(output_format="markdown")
+    with mock.patch.object(sys, "argv", ["stickslip"]):  # usage lines begin with the program that runs
+        pages = app.generate_docs(output_format="markdown")
     # From the first command on; what precedes lists them once more.
-    body = pages[pages.index("\n## ") :]
+    body = pages[pages.index("\n## stickslip ") :]
     # An option without help ends in a colon; an empty default says nothing.
     return re.sub(r":\s*$", "", body, flags=re.MULTILINE)
 

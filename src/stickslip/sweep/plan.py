@@ -1,7 +1,11 @@
 """The door for sweep files: a rig, the knobs to turn and what to look at, in TOML; a `Plan` out.
 
+>>> from stickslip.sweep.plan import read_plan
 >>> plan = read_plan("examples/phase_diagram.toml")
->>> result = plan.run(store="phase.zarr")
+>>> plan.knobs, plan.total
+(('stiffness', 'velocity'), 3200)
+
+``plan.run(store="phase.zarr")`` runs what the store lacks.
 """
 
 from __future__ import annotations
