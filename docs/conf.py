@@ -41,7 +41,6 @@ exclude_patterns = [
 
 myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
-smartquotes_action = "qe"  # options keep their two dashes
 default_role = "obj"  # `name` in a docstring links where there is such a name
 
 napoleon_google_docstring = False

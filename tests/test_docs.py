@@ -86,6 +86,7 @@ def test_commands_come_with_all_their_options(house):
     text = house.commands()
     assert "```console\nstickslip predict [OPTIONS] RIG\n```" in text
     assert re.findall(r"^## stickslip (\w+)$", text, re.MULTILINE) == [name for name in app if name[0] != "-"]
+    assert "data and, with `--check`, its claims" in text
     assert "`--minimum-drop FLOAT`: Smallest drop that counts as a slip." in text
 
 

@@ -40,7 +40,8 @@ def commands() -> str:
         pages = app.generate_docs(output_format="markdown")
     # From the first command on; what precedes lists them once more.
     body = pages[pages.index("\n## stickslip ") :]
-    # An option without help ends in a colon; an empty default says nothing.
+    # Options in running text keep their dashes; one without help ends in a colon.
+    body = re.sub(r"(`[^`\n]*`)|(?<!\S)(--[a-z][\w-]*)", lambda found: found[1] or f"`{found[2]}`", body)
     return re.sub(r":\s*$", "", body, flags=re.MULTILINE)
 
 
