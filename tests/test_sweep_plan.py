@@ -111,6 +111,15 @@ def test_a_file_may_name_a_rig_file_beside_it(tmp_path):
     assert plan.attributes()["velocity"]["units"] == "m/s"
     again = from_document(tomllib.loads(plan.to_toml()))  # the rig is in it: the file may go
     assert again.study == plan.study
+    assert again.document == plan.document
+
+
+def test_the_order_of_the_axes_is_kept():
+    axes = {"start": ["cold"], "velocity": {"from": 1.0, "to": 2.0, "count": 2}, "stiffness": [1.0]}
+    plan = from_document(changed("axes", axes))
+    assert (
+        list(plan.axes) == list(from_document(tomllib.loads(plan.to_toml())).axes) == ["start", "velocity", "stiffness"]
+    )
 
 
 def test_knobs_are_turned_in_the_units_of_the_file():
@@ -520,15 +529,9 @@ def test_a_refinement_is_kept_drawn_and_gone_on_with(tmp_path, capsys, monkeypat
     assert not counted
     assert run("plot", store, tmp_path / "b.png") == 0
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
-    assert "holds another sweep" in refused(
-        capsys,
-        "sweep",
-        written(
-            tmp_path, changed("rig.slider.mass", 2e-4, changed("refine", {"runs": 24}, changed("axes", axes))), "o.toml"
-        ),
-        "--store",
-        store,
-    )
+    capsys.readouterr()
+    other = written(tmp_path, changed("rig.slider.mass", 2e-4, tomllib.loads(file.read_text())), "other.toml")
+    assert "holds another sweep" in refused(capsys, "sweep", other, "--store", store)
 
 
 # ---------------------------------------------------------------- interrupted, killed
@@ -579,7 +582,7 @@ def children_of(pid):
 
 @pytest.fixture
 def expected(tmp_path):
-    return from_document(SLOW).run(store=tmp_path / "expected.zarr").load()
+    return read_plan(written(tmp_path, SLOW)).run(store=tmp_path / "expected.zarr").load()
 
 
 def resumed(file, store, monkeypatch):
