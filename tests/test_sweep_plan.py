@@ -538,7 +538,7 @@ def test_a_refinement_is_kept_drawn_and_gone_on_with(tmp_path, capsys, monkeypat
 
 SLOW = changed(
     "run",
-    {"contacts": 3000, "distance": 300.0, "extensions": 0},
+    {"contacts": 2000, "distance": 250.0, "extensions": 0},
     changed("axes", {"stiffness": {"from": 0.5, "to": 8.0, "count": 10, "spacing": "log"}, "velocity": [0.2, 0.5, 1.0],
                      "start": ["cold", "smooth"]}),
 )  # fmt: skip
@@ -580,9 +580,10 @@ def children_of(pid):
     return found
 
 
-@pytest.fixture
-def expected(tmp_path):
-    return read_plan(written(tmp_path, SLOW)).run(store=tmp_path / "expected.zarr").load()
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory):
+    directory = tmp_path_factory.mktemp("expected")
+    return read_plan(written(directory, SLOW)).run(store=directory / "expected.zarr").load()
 
 
 def resumed(file, store, monkeypatch):

@@ -467,7 +467,9 @@ def _dask(scheduler: str) -> Iterator[Any]:
         from distributed import Client
     except ImportError:
         raise InputError("--scheduler needs the dask.distributed package: pip install stickslip[sweep]") from None
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what concerns the user is said in our line
+    for name in [*logging.root.manager.loggerDict]:
+        if name.startswith("distributed"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # what concerns the user is said in our line
     try:
         client: Any = Client(scheduler, timeout=_PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, ValueError, TimeoutError) as error:
