@@ -710,3 +710,29 @@ def test_the_example_is_the_interface_of_fig_4():
     assert plan.study.slider == FIG4.slider
     assert plan.total == 3200
     assert plan.study.method.count == 2000
+
+
+def blocks_of(page, language):
+    """Code blocks of a page, the name of the file in the first line of those that have one."""
+    text = (ROOT / "docs" / "howto" / page).read_text()
+    return [block.split("```")[0] for block in text.split(f"```{language}\n")[1:]]
+
+
+def test_what_the_page_on_sweeps_shows_is_true(tmp_path, monkeypatch, capsys):
+    (tmp_path / "pmma_slider.toml").write_text(BENCH.read_text())
+    monkeypatch.chdir(tmp_path)
+    for block in blocks_of("sweep.md", "toml"):
+        file = tmp_path / block.splitlines()[0].removeprefix("# ")
+        file.write_text(block)
+        assert read_plan(file).total in (120, 160)
+    short = "[run]\ncycles = 0\ndistance = '8 um'"
+    whole = Path("wiper.toml").read_text().replace("count = 20", "count = 2").replace("[run]", short)
+    Path("wiper.toml").write_text(whole.replace("contacts = 2000", "contacts = 50"))
+    assert run("sweep", "wiper.toml", "--store", "wiper.zarr", "--plot", "wiper.png") == 0
+    assert run("plot", "wiper.zarr", "wiper.png", "--at", "velocity=4e-4") == 0
+    reading, in_python = blocks_of("sweep.md", "python")
+    capsys.readouterr()
+    exec(compile(reading, "reading", "exec"), {})
+    assert "pmma" in capsys.readouterr().out.lower()
+    exec(compile(in_python.replace("Processes(2)", "None"), "in_python", "exec"), {"__name__": "__main__"})
+    assert "12 of 12 cases done []" in capsys.readouterr().out

@@ -311,7 +311,7 @@ def sweep(
         raise InputError("--replot: needs --plot FILE, the picture to draw")
     if replot:
         result = _open_sweep(store)
-        if plans.plan_of(result).document != plan.document:
+        if not plans.plan_of(result).is_same(plan):
             raise InputError(f"store = {str(store)!r}: holds another sweep than {file}; draw it with `stickslip plot`")
     else:
         with _executor(workers, processes, scheduler) as executor, _bar(plan.name) as report, _stoppable():

@@ -99,6 +99,11 @@ class Plan:
             return self.refinement.runs * len(self.axes.get("start", [""]))
         return math.prod(len(values) for values in self.axes.values())
 
+    def is_same(self, other: Plan) -> bool:
+        """Whether another plan has the same cases."""
+        names = {"name": ""}
+        return {**self.document, **names} == {**other.document, **names}
+
     def attributes(self) -> dict[str, dict[str, Any]]:
         """Units and names of axes and results."""
         found: dict[str, dict[str, Any]] = {}
