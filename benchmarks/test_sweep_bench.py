@@ -1,5 +1,6 @@
 """10,000 cases of about 1 ms on two cores: how busy are they, and what does the sweep itself cost?
 
+Cases that do nothing tell the cost of the sweep on any machine: all CPU time is then its own.
 Wall time and share of two cores are as found. Where other programs run too, the share of what they left says more:
 CPU time of the cases over that time, plus CPU time of the sweep itself, plus time that the cores idled. Processes are
 started and have compiled before the clock starts; their start (about 1 s of CPU each) is printed apart.
@@ -96,3 +97,33 @@ def test_ten_thousand_cases_of_a_millisecond(benchmark, tmp_path, pool, stored):
     print("\n" + "  ".join(f"{name} {value:.3g}" for name, value in figures.items()))
     if figures["left_by_others"] > 0.8:  # on a crowded machine caches and switches are measured, not the sweep
         assert figures["share_of_two_cores"] > 0.85 * figures["left_by_others"]
+
+
+def nothing(i, seed):
+    return i, seed
+
+
+def two_numbers(result):
+    i, seed = result
+    return {"twice": 2 * i, "seed": float(seed), "half": 0.5 * i}
+
+
+@pytest.mark.parametrize("stored", [False, True], ids=["memory", "store"])
+def test_what_a_sweep_costs_without_its_cases(benchmark, tmp_path, stored):
+    sweep(nothing, {"i": range(4)}, two_numbers, store=tmp_path / "warm.zarr")
+    costs = []
+
+    def run(round_):
+        begin = time.process_time()
+        result = sweep(
+            nothing, {"i": np.arange(CASES)}, two_numbers, store=tmp_path / f"{round_}.zarr" if stored else None
+        )
+        costs.append(1e6 * (time.process_time() - begin) / CASES)
+        return result
+
+    rounds = iter(range(100))
+    result = benchmark.pedantic(run, setup=lambda: ((next(rounds),), {}), rounds=5, iterations=1)
+    assert summary(result).done == CASES
+    benchmark.extra_info.update(cpu_us_per_case=min(costs), percent_of_a_millisecond=min(costs) / 10)
+    print(f"\ncpu_us_per_case {min(costs):.3g} (5 rounds: {', '.join(f'{cost:.3g}' for cost in costs)})")
+    assert min(costs) < 1e6 * 0.05 * SECONDS  # less than 5 % of a case of 1 ms

@@ -111,6 +111,15 @@ def test_a_file_may_name_a_rig_file_beside_it(tmp_path):
     assert plan.attributes()["velocity"]["units"] == "m/s"
     again = from_document(tomllib.loads(plan.to_toml()))  # the rig is in it: the file may go
     assert again.study == plan.study
+    assert again.document == plan.document
+
+
+def test_the_order_of_the_axes_is_kept():
+    axes = {"start": ["cold"], "velocity": {"from": 1.0, "to": 2.0, "count": 2}, "stiffness": [1.0]}
+    plan = from_document(changed("axes", axes))
+    assert (
+        list(plan.axes) == list(from_document(tomllib.loads(plan.to_toml())).axes) == ["start", "velocity", "stiffness"]
+    )
 
 
 def test_knobs_are_turned_in_the_units_of_the_file():
@@ -520,22 +529,16 @@ def test_a_refinement_is_kept_drawn_and_gone_on_with(tmp_path, capsys, monkeypat
     assert not counted
     assert run("plot", store, tmp_path / "b.png") == 0
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
-    assert "holds another sweep" in refused(
-        capsys,
-        "sweep",
-        written(
-            tmp_path, changed("rig.slider.mass", 2e-4, changed("refine", {"runs": 24}, changed("axes", axes))), "o.toml"
-        ),
-        "--store",
-        store,
-    )
+    capsys.readouterr()
+    other = written(tmp_path, changed("rig.slider.mass", 2e-4, tomllib.loads(file.read_text())), "other.toml")
+    assert "holds another sweep" in refused(capsys, "sweep", other, "--store", store)
 
 
 # ---------------------------------------------------------------- interrupted, killed
 
 SLOW = changed(
     "run",
-    {"contacts": 3000, "distance": 300.0, "extensions": 0},
+    {"contacts": 2000, "distance": 250.0, "extensions": 0},
     changed("axes", {"stiffness": {"from": 0.5, "to": 8.0, "count": 10, "spacing": "log"}, "velocity": [0.2, 0.5, 1.0],
                      "start": ["cold", "smooth"]}),
 )  # fmt: skip
@@ -577,9 +580,10 @@ def children_of(pid):
     return found
 
 
-@pytest.fixture
-def expected(tmp_path):
-    return from_document(SLOW).run(store=tmp_path / "expected.zarr").load()
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory):
+    directory = tmp_path_factory.mktemp("expected")
+    return read_plan(written(directory, SLOW)).run(store=directory / "expected.zarr").load()
 
 
 def resumed(file, store, monkeypatch):
@@ -706,3 +710,29 @@ def test_the_example_is_the_interface_of_fig_4():
     assert plan.study.slider == FIG4.slider
     assert plan.total == 3200
     assert plan.study.method.count == 2000
+
+
+def blocks_of(page, language):
+    """Code blocks of a page, the name of the file in the first line of those that have one."""
+    text = (ROOT / "docs" / "howto" / page).read_text()
+    return [block.split("```")[0] for block in text.split(f"```{language}\n")[1:]]
+
+
+def test_what_the_page_on_sweeps_shows_is_true(tmp_path, monkeypatch, capsys):
+    (tmp_path / "pmma_slider.toml").write_text(BENCH.read_text())
+    monkeypatch.chdir(tmp_path)
+    for block in blocks_of("sweep.md", "toml"):
+        file = tmp_path / block.splitlines()[0].removeprefix("# ")
+        file.write_text(block)
+        assert read_plan(file).total in (120, 160)
+    short = "[run]\ncycles = 0\ndistance = '8 um'"
+    whole = Path("wiper.toml").read_text().replace("count = 20", "count = 2").replace("[run]", short)
+    Path("wiper.toml").write_text(whole.replace("contacts = 2000", "contacts = 50"))
+    assert run("sweep", "wiper.toml", "--store", "wiper.zarr", "--plot", "wiper.png") == 0
+    assert run("plot", "wiper.zarr", "wiper.png", "--at", "velocity=4e-4") == 0
+    reading, in_python = blocks_of("sweep.md", "python")
+    capsys.readouterr()
+    exec(compile(reading, "reading", "exec"), {})
+    assert "pmma" in capsys.readouterr().out.lower()
+    exec(compile(in_python.replace("Processes(2)", "None"), "in_python", "exec"), {"__name__": "__main__"})
+    assert "12 of 12 cases done []" in capsys.readouterr().out

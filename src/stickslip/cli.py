@@ -315,7 +315,7 @@ def sweep(
         raise InputError("--replot: needs --plot FILE, the picture to draw")
     if replot:
         result = _open_sweep(store)
-        if plans.plan_of(result).document != plan.document:
+        if not plans.plan_of(result).is_same(plan):
             raise InputError(f"store = {str(store)!r}: holds another sweep than {file}; draw it with `stickslip plot`")
     else:
         with _executor(workers, processes, scheduler) as executor, _bar(plan.name) as report, _stoppable():
@@ -471,7 +471,9 @@ def _dask(scheduler: str) -> Iterator[Any]:
         from distributed import Client
     except ImportError:
         raise InputError("--scheduler needs the dask.distributed package: pip install stickslip[sweep]") from None
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what concerns the user is said in our line
+    for name in [*logging.root.manager.loggerDict]:
+        if name.startswith("distributed"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # what concerns the user is said in our line
     try:
         client: Any = Client(scheduler, timeout=_PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, ValueError, TimeoutError) as error:

@@ -512,9 +512,9 @@ _REGIMES: dict[str, tuple[str, str, str]] = {
     "smooth sliding": ("#DDEBF3", "o", ""),
     "small oscillation": (ORANGE, "^", ""),
     "stick-slip": (BLUE, "s", ""),
-    "undecided": ("#FFFFFF", "d", "/////"),
-    "seeds differ": ("#FFFFFF", "d", "....."),
-    "failed": ("#FFFFFF", "x", "xxxxx"),
+    "undecided": ("#FFFFFF", "d", "/////////"),
+    "seeds differ": ("#FFFFFF", "d", "......."),
+    "failed": ("#FFFFFF", "x", "xxxxxxx"),
     "not run": ("#FFFFFF", "", ""),
 }
 """Colour, mark and hatching of what a case of a sweep can be; light to dark in print without colour, too."""

@@ -369,11 +369,8 @@ class _Run:
             first = next((o for _, o in sorted(results.items()) if not isinstance(o, str)), None)
             if first is not None:
                 self._sink.create(_store.describe(first, self._grid))
-        for cell, outcome in results.items():
-            if not isinstance(outcome, str):
-                complaint = _store.mismatch(self._sink.template, outcome)
-                if complaint is not None:
-                    results[cell] = f"ValueError: {complaint}"
+        for cell, complaint in _store.mismatches(self._sink.template, results):
+            results[cell] = f"ValueError: {complaint}"
         _store.land(self._sink, self._keys, results)
         self._finished += len(results)
         self._failed += sum(isinstance(outcome, str) for outcome in results.values())

@@ -49,8 +49,8 @@ VERSION = 1
 ERROR = "error"
 KEY = "case_key"
 PROVENANCE = "provenance"
-LARGEST_BLOCK = 1000
-BLOCKS = 8
+LARGEST_BLOCK = 2500
+BLOCKS = 4
 RECENT, RECENT_BYTES = 64, 2**20
 
 _HELD: set[Path] = set()
@@ -148,7 +148,7 @@ class Grid:
 
 
 def block_shape(shape: Sequence[int], cells: int | None) -> tuple[int, ...]:
-    """Cut a grid into blocks of at most so many cells; by default some 8 blocks of at most 1000 cells."""
+    """Cut a grid into blocks of at most so many cells; by default 4 blocks, more if they had above 2500 cells."""
     size = math.prod(shape)
     wanted = min(LARGEST_BLOCK, -(-size // BLOCKS)) if cells is None else cells
     result: list[int] = []
@@ -332,6 +332,25 @@ def describe(outcome: Mapping[str, Value], grid: Grid) -> dict[str, Variable]:
             coordinates=dict(packed.coordinates),
         )
     return template
+
+
+def mismatches(template: Mapping[str, Variable], results: Mapping[int, Outcome]) -> list[tuple[int, str]]:
+    """Say which results differ from the first, and how."""
+    # Numbers and texts are told by their type; what was found right once need not be looked at again.
+    right: set[tuple[tuple[str, type], ...]] = set()
+    found = []
+    for cell, outcome in results.items():
+        if isinstance(outcome, str):
+            continue
+        looks = tuple(zip(outcome, map(type, outcome.values()), strict=True))
+        if looks in right:
+            continue
+        complaint = mismatch(template, outcome)
+        if complaint is not None:
+            found.append((cell, complaint))
+        elif not any(kind is Packed for _, kind in looks):
+            right.add(looks)
+    return found
 
 
 def mismatch(template: Mapping[str, Variable], outcome: Mapping[str, Value]) -> str | None:

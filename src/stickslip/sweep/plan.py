@@ -79,7 +79,7 @@ class Plan:
     seed : int
     refinement : Refinement, optional
     document : mapping
-        The content of the file, the rig included.
+        The content of the file, the rig included, every axis a table.
     """
 
     name: str
@@ -102,6 +102,11 @@ class Plan:
         if self.refinement is not None:
             return self.refinement.runs * len(self.axes.get("start", [""]))
         return math.prod(len(values) for values in self.axes.values())
+
+    def is_same(self, other: Plan) -> bool:
+        """Whether another plan has the same cases."""
+        names = {"name": ""}
+        return {**self.document, **names} == {**other.document, **names}
 
     def attributes(self) -> dict[str, dict[str, Any]]:
         """Units and names of axes and results."""
@@ -291,9 +296,11 @@ def from_document(document: Mapping[str, Any], place: str = "sweep", directory: 
     if not isinstance(document.get("axes"), dict) or not document["axes"]:
         raise InputError(f"{place}: axes: must be a table [axes] with at least one of {', '.join(_AXES)}")
     rig = _rig_of(document, place, directory)
+    # All of them tables: written as TOML, lists would come first, and the order of the axes be lost.
+    axes = {name: {"values": axis} if isinstance(axis, list) else axis for name, axis in document["axes"].items()}
     content = validate(_Document, document, place, natural=rig.scales is None)
     try:
-        return content.plan(rig, document | {"rig": dict(rig.document)})
+        return content.plan(rig, document | {"axes": axes, "rig": dict(rig.document)})
     except InputError as error:
         raise InputError(f"{place}: {error}") from None
 
@@ -544,7 +551,8 @@ def with_theory(
     import xarray as xr
 
     plan = plan_of(result)
-    turned = tuple(name for name in plan.knobs if name in result and result[name].ndim == 1)
+    order = result["regime"].dims if "regime" in result else plan.knobs
+    turned = tuple(str(name) for name in order if name in plan.knobs)
     fixed = {name: float(result[name]) for name in plan.knobs if name in result and result[name].ndim == 0}
     setting = plan.study.at(fixed)
     if not 1 <= len(turned) <= 2:
@@ -599,7 +607,7 @@ def _theory_in_plane(
     if bistable:
         assert isinstance(slider, Slider)
         bands = bistable_region(
-            interface, slider, velocity, over=over, edge=edge, between=ranges[1], places=9, progress=progress
+            interface, slider, velocity, over=over, edge=edge, between=ranges[1], places=17, progress=progress
         )
         found = found.merge(bands)
     return found.drop_attrs(deep=False)
