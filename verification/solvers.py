@@ -32,6 +32,7 @@ from stickslip.model import FIG4, FIG7, FIG8
 from stickslip.paper import Claim
 from stickslip.paper.record import at_most, near
 from stickslip.theory import driving_force
+from verification import phase_diagram
 from verification.study import Study, finding
 
 _NARROW = Interface(thresholds=Gaussian(mean=1.0, spread=0.1), initial=Gaussian(mean=0.0, spread=0.05))
@@ -209,5 +210,6 @@ STUDIES = (
     Study(name="cycle", group=_GROUP, title="Stick-slip cycle", run=_stick_slip),
     Study(name="energy", group=_GROUP, title="Balance of energy", run=_energy),
     Study(name="linear", group=_GROUP, title="Linear stability against small kicks", run=_linear),
+    Study(name="phase-diagram", group=_GROUP, title="Regimes simulated and computed", run=phase_diagram.regimes),
     Study(name="ageing", group=_GROUP, title="Ageing thresholds in steady sliding", run=_ageing),
 )
