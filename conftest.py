@@ -11,13 +11,15 @@ A block after ``<!-- slow -->`` is marked slow.
 
 import contextlib
 import doctest
+import functools
 import io
 import os
 import re
 import shlex
 import shutil
 import tempfile
-from collections.abc import Iterable
+import traceback
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import pytest
@@ -67,11 +69,29 @@ def _stage(example: Example):
     example.namespace["_printed"] = printed.getvalue()
 
 
+def _plainly(evaluate: Callable[[Example], object]) -> Callable[[Example], None]:
+    """A block that fails says so in one plain text: pytest stumbles over the chain of causes that sybil leaves."""
+
+    @functools.wraps(evaluate)
+    def told(example: Example) -> None:
+        try:
+            evaluate(example)
+        except Exception as error:
+            words = "".join(traceback.format_exception(error))
+        else:
+            return
+        pytest.fail(f"{example.path}, line {example.line}:\n{words}", pytrace=False)
+
+    return told
+
+
+@_plainly
 def _run_python(example: Example) -> None:
     with _stage(example):
         PythonEvaluator()(example)
 
 
+@_plainly
 def _run_commands(example: Example) -> None:
     from stickslip.cli import main
 
@@ -92,6 +112,7 @@ def _compare(example: Example) -> None:
     assert same, f"printed:\n{printed}\nthe page says:\n{example.parsed}"
 
 
+@_plainly
 def _write_rig(example: Example) -> None:
     from stickslip import rig
 
