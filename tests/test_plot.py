@@ -141,7 +141,11 @@ def test_velocity_goes_logarithmic_for_violent_slips(run):
     assert plot.velocity(run).get_yscale() == "linear"
     assert plot.velocity(run, scale="log").get_yscale() == "symlog"
     violent = run.assign(velocity=100.0 * run["velocity"])
-    assert plot.velocity(violent).get_yscale() == "symlog"
+    axes = plot.velocity(violent)
+    assert axes.get_yscale() == "symlog"
+    drive, label = float(run["drive_velocity"].max()), axes.yaxis.get_major_formatter()
+    assert label(0.5 * drive) == label(-0.5 * drive) == ""  # these would crowd around 0
+    assert (label(0.0), label(10.0 * drive)) == ("0", f"{10 * drive:g}")
 
 
 def test_phase_portrait_after_a_time(run):

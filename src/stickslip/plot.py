@@ -233,8 +233,14 @@ def velocity(run: xr.Dataset, ax: Axes | None = None, *, scale: Scale | None = N
     if scale is None:
         scale = "log" if usual > 0 and float(np.max(np.abs(speed.to_numpy()))) > _WIDE_RANGE * usual else "linear"
     if scale == "log":
-        ax.set_yscale("symlog", linthresh=usual or float(np.median(np.abs(speed.to_numpy()))) or 1.0)
-        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "\N{MINUS SIGN}")))
+        linear = usual or float(np.median(np.abs(speed.to_numpy()))) or 1.0
+        ax.set_yscale("symlog", linthresh=linear)
+
+        def tick(value: float, _: int | None) -> str:
+            # Decades within the linear part crowd around 0.
+            return "" if 0 < abs(value) < linear else f"{value:g}".replace("-", "\N{MINUS SIGN}")
+
+        ax.yaxis.set_major_formatter(FuncFormatter(tick))
     dress(ax.xaxis, run["t"])
     dress(ax.yaxis, speed)
     ax.margins(x=0.01)
