@@ -618,7 +618,9 @@ def _draw_theory(ax: Axes, data: xr.Dataset, across: str, up: str) -> dict[str, 
         for curve in np.unique(data["edge_curve"]):
             mine = data["edge_curve"].to_numpy() == curve
             x, y = data[f"edge_{across}"].to_numpy()[mine], data[f"edge_{up}"].to_numpy()[mine]
-            (line,) = ax.plot(x, y, color=BLACK, linewidth=1.6, path_effects=_HALO, label="linear boundary, computed")
+            (line,) = ax.plot(
+                x, y, color=BLACK, linewidth=1.6, path_effects=_HALO, zorder=1.9, label="linear boundary, computed"
+            )
             drawn["boundary"] = line
     if f"band_{up}_fold" in data and data.sizes["band"]:
         x, fold = data[f"band_{across}"].to_numpy(), data[f"band_{up}_fold"].to_numpy()
