@@ -6,16 +6,20 @@ the cycle itself ends in a fold. Between the two, N contacts may kick themselves
 more of them here than in the example.
 """
 
+from __future__ import annotations
+
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import xarray as xr
 
 import stickslip as ss
 from stickslip.simulate import Contacts
 from stickslip.sweep import summary
-from stickslip.sweep.plan import read_plan
+from stickslip.sweep.plan import Plan, read_plan
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "phase_diagram.toml"
 
@@ -25,8 +29,11 @@ MARGIN = 1.25
 so small that a run may end before an oscillation has grown out of the noise, and below it noise may trigger slips."""
 
 
+Diagram = tuple[Plan, xr.Dataset]
+
+
 @pytest.fixture(scope="module")
-def diagram():
+def diagram() -> Diagram:
     plan = read_plan(EXAMPLE)
     study = replace(plan.study, method=Contacts(CONTACTS))
     axes = dict(plan.axes) | {name: plan.axes[name][3::6] for name in ("stiffness", "velocity")}
@@ -35,14 +42,15 @@ def diagram():
     return plan, result
 
 
-def rigs(diagram):
+def rigs(diagram: Diagram) -> Iterator[tuple[ss.Interface, ss.Slider, xr.Dataset]]:
     plan, result = diagram
     for stiffness in result["stiffness"].values.tolist():
         setting = plan.study.at({"stiffness": stiffness})
+        assert isinstance(setting.rig, ss.Slider)
         yield setting.interface, setting.rig, result.sel(stiffness=stiffness)
 
 
-def test_smooth_sliding_is_lost_where_linear_theory_says(diagram):
+def test_smooth_sliding_is_lost_where_linear_theory_says(diagram: Diagram) -> None:
     claimed = 0
     for interface, slider, column in rigs(diagram):
         (edge,) = ss.critical_velocities(interface, slider, between=(0.02, 30)).edges
@@ -60,13 +68,14 @@ def test_smooth_sliding_is_lost_where_linear_theory_says(diagram):
 
 
 @pytest.mark.parametrize("stiffness", [1.8, 2.5])
-def test_from_rest_stick_slip_lasts_down_to_the_fold_of_its_cycle(stiffness):
+def test_from_rest_stick_slip_lasts_down_to_the_fold_of_its_cycle(stiffness: float) -> None:
     study = replace(read_plan(EXAMPLE).study, method=Contacts(CONTACTS))
     setting = study.at({"stiffness": stiffness})
+    assert isinstance(setting.rig, ss.Slider)
     (band,) = ss.bistable_band(setting.interface, setting.rig, between=(0.1, 3.0), step=0.1, tolerance=0.01).bands
     assert (band.low.kind, band.high.kind) == ("fold", "linear")
 
-    def kind(velocity, start):
+    def kind(velocity: float, start: str) -> float | str:
         return study(stiffness=stiffness, velocity=velocity, start=start, seed=1)["regime"]
 
     # The same rig at the same speed stick-slips or slides smoothly, as it was started.
@@ -77,7 +86,7 @@ def test_from_rest_stick_slip_lasts_down_to_the_fold_of_its_cycle(stiffness):
     assert kind(band.low.value / MARGIN, "cold") == "smooth sliding"
 
 
-def test_a_start_at_rest_only_adds_to_what_oscillates(diagram):
+def test_a_start_at_rest_only_adds_to_what_oscillates(diagram: Diagram) -> None:
     _, result = diagram
     undecided = (result["regime"] == "undecided").any("start")
     calm = (result["regime"] == "smooth sliding") | undecided

@@ -159,6 +159,8 @@ class Plan:
             As there.
         """
         if self.refinement is not None:
+            if retry_failed:
+                raise InputError("retry_failed: a refinement keeps failed runs as they are; delete its store")
             return self._refine(None if store is None else Path(store), executor, progress)
         return sweep(
             self.study,
