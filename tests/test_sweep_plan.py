@@ -750,6 +750,7 @@ def blocks_of(page, language):
     return [block.split("```")[0] for block in text.split(f"```{language}\n")[1:]]
 
 
+@pytest.mark.slow
 def test_what_the_page_on_sweeps_shows_is_true(tmp_path, monkeypatch, capsys):
     (tmp_path / "pmma_slider.toml").write_text(BENCH.read_text())
     monkeypatch.chdir(tmp_path)
