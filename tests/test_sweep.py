@@ -5,6 +5,7 @@ import functools
 import importlib
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -34,6 +35,7 @@ from stickslip.sweep import (
 )
 from stickslip.sweep import _run as run_module
 from stickslip.sweep import _store as store_module
+from stickslip.sweep import _worker as worker_module
 from stickslip.sweep._content import cell_seed, code_parts, encode
 
 pytest.importorskip("zarr", reason="the store of a sweep needs zarr: pip install stickslip[sweep]")
@@ -706,6 +708,29 @@ class Immediately(Executor):
 
 def test_any_executor_will_do():
     xr.testing.assert_identical(sweep(case, AXES, measure, executor=Immediately()), sweep(case, AXES, measure))
+
+
+class ElsewhereExecutor(Immediately):
+    """The same, but errors come with the result, as from another machine."""
+
+    def submit(self, fn, /, *args, **kwargs):
+        future = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+def test_a_worker_of_another_version_is_turned_away(tmp_path, monkeypatch):
+    here = worker_module.package_version()
+    monkeypatch.setattr(worker_module, "package_version", lambda: "0.0.1")
+    worker_module._load.cache_clear()  # this process is no new worker
+    message = (
+        rf"a worker has stickslip 0\.0\.1, but the sweep {re.escape(here)}; install the same .* 0 of 42 cases are kept"
+    )
+    with pytest.raises(InputError, match=message):
+        sweep(case, AXES, measure, executor=ElsewhereExecutor(), store=tmp_path / "s.zarr")
 
 
 def test_what_is_no_executor_is_refused():

@@ -101,6 +101,14 @@ def test_the_axes_of_a_file_are_as_written():
     assert linear.tolist() == pytest.approx([0.0, 0.1, 0.2])
 
 
+@pytest.mark.parametrize(
+    ("values", "log"), [([0.1, 0.4, 1.6], True), ([1.6, 0.1, 0.4], True), ([1, 2, 3], False), ([0.1, 10.0], False)]
+)
+def test_a_list_of_equal_ratios_is_logarithmic(values, log):
+    plan = from_document(changed("axes", {"velocity": values}))
+    assert plan.attributes()["velocity"]["spacing"] == ("log" if log else "linear")
+
+
 def test_a_file_may_name_a_rig_file_beside_it(tmp_path):
     (tmp_path / "rigs").mkdir()
     (tmp_path / "rigs" / "bench.toml").write_text(BENCH.read_text())
@@ -431,13 +439,14 @@ def test_where_there_is_no_theory_it_says_why():
 # ---------------------------------------------------------------- pictures
 
 
-def colours_of(figure):
-    return {tuple(np.round(c, 3)) for ax in figure.axes for mesh in ax.collections for c in mesh.get_facecolor()}
+def meshes_of(ax):
+    """The cells of each colour."""
+    from matplotlib.collections import QuadMesh
+
+    return {mesh.get_cmap().colors[0]: mesh for mesh in ax.collections if isinstance(mesh, QuadMesh)}
 
 
 def test_a_phase_diagram_shows_every_kind_of_cell():
-    from matplotlib.colors import to_rgba
-
     result = from_document(NATURAL).run()
     kinds = ["smooth sliding", "stick-slip", "small oscillation", "undecided", "smooth sliding", "stick-slip"]
     result["regime"] = (("stiffness", "velocity", "start"), np.array([kinds, kinds], dtype=object).T.reshape(3, 2, 2))
@@ -454,13 +463,11 @@ def test_a_phase_diagram_shows_every_kind_of_cell():
         "linear boundary, computed",
     ]
     assert [ax.get_title(loc="left") for ax in figure.axes] == ["(a) from a start at rest", "(b) from smooth sliding"]
-    filled = {
-        mesh.get_facecolor()[0][:3].round(3).tobytes()
-        for ax in figure.axes
-        for mesh in ax.collections
-        if len(mesh.get_facecolor())
-    }
-    assert np.round(to_rgba(plot.BLUE)[:3], 3).tobytes() in filled
+    cells = [np.argwhere(~np.ma.getmaskarray(meshes_of(ax)[plot.BLUE].get_array())) for ax in figure.axes]
+    for found, start in zip(cells, ("cold", "smooth"), strict=True):
+        stuck = (result["regime"].sel(start=start) == "stick-slip") & (result["error"].sel(start=start) == "")
+        stuck &= result["case_key"].sel(start=start) != 0
+        np.testing.assert_array_equal(found, np.argwhere(stuck.transpose("velocity", "stiffness").values))
     assert all(ax.get_xscale() == "log" and ax.get_yscale() == "linear" for ax in figure.axes)
     assert "velocity of the drive" in " ".join(figure.axes[0].get_ylabel().split())
 
@@ -486,6 +493,31 @@ def test_a_sweep_along_one_axis_is_a_line(tmp_path):
     marks = sum(np.isfinite(line.get_ydata()).sum() for line in ax.lines if line.get_linestyle() == "None")
     assert marks == 12
     assert lines["linear boundary, computed"].get_xdata()[0] == pytest.approx(0.7142311)
+
+
+def test_cells_lie_where_their_values_are_in_any_order():
+    axes = {"contacts": [50, 20, 10], "velocity": [3.0, 0.3, 1.0]}
+    result = from_document(changed("axes", axes)).run()
+    result["regime"][...] = "smooth sliding"
+    result["regime"][0, 1] = "stick-slip"
+    figure = plot.sweep_picture(with_theory(result))
+    (ax,) = figure.axes
+    mesh = meshes_of(ax)[plot.BLUE]
+    ((i, j),) = np.argwhere(~np.ma.getmaskarray(mesh.get_array()))
+    (x, y), (right, top) = mesh.get_coordinates()[i, j], mesh.get_coordinates()[i + 1, j + 1]
+    assert x < 50 < right
+    assert y < 0.3 < top
+    (boundary,) = [line for line in ax.lines if line.get_label() == "linear boundary, computed"]
+    assert boundary.get_ydata()[0] == pytest.approx(0.7142311)  # theory knows the velocity, not the number of contacts
+
+
+def test_a_sweep_over_starts_alone_has_no_picture():
+    with pytest.raises(InputError, match="no axis to draw along"):
+        plot.sweep_picture(
+            with_theory(
+                from_document(changed("axes", {"start": ["cold"]}, changed("rig.drive", {"velocity": 1.0}))).run()
+            )
+        )
 
 
 def test_a_cut_through_three_axes(tmp_path, capsys):
@@ -718,6 +750,7 @@ def blocks_of(page, language):
     return [block.split("```")[0] for block in text.split(f"```{language}\n")[1:]]
 
 
+@pytest.mark.slow
 def test_what_the_page_on_sweeps_shows_is_true(tmp_path, monkeypatch, capsys):
     (tmp_path / "pmma_slider.toml").write_text(BENCH.read_text())
     monkeypatch.chdir(tmp_path)

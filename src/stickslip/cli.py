@@ -288,7 +288,7 @@ def map(
 def sweep(
     file: Path,
     *,
-    store: Annotated[Path, Parameter(help="Directory of the results; one that is there is gone on with.")],
+    store: Annotated[Path, Parameter(help="Directory of the results; if it is there, the sweep goes on.")],
     workers: Annotated[int | None, Parameter(help="Cases that run at a time; by default one per core.")] = None,
     processes: Annotated[bool, Parameter(help="Run them in processes, not in threads.", negative="")] = False,
     scheduler: Annotated[str | None, Parameter(help="Run them on a Dask cluster: tcp://HOST:PORT.")] = None,

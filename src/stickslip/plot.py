@@ -525,6 +525,7 @@ _REGIMES: dict[str, tuple[str, str, str]] = {
 }
 """Colour, mark and hatching of what a case of a sweep can be; light to dark in print without colour, too."""
 _STARTS = {"cold": "from a start at rest", "smooth": "from smooth sliding"}
+_BOUNDARY = "linear boundary, computed"
 _HALO = [Stroke(linewidth=3.2, foreground="white"), Normal()]
 
 
@@ -551,6 +552,9 @@ def sweep_picture(data: xr.Dataset) -> Figure:
     axes = [str(dim) for dim in data["regime"].dims if dim not in ("seed", "start")]
     if len(axes) > 2:
         raise InputError(f"plot: this sweep has the axes {', '.join(axes)}: a picture holds two; select the others")
+    if not axes and "seed" not in data.dims:
+        raise InputError("plot: this sweep has no axis to draw along")
+    data = data.sortby([*axes, *(dim for dim in ("seed",) if dim in data.dims)])
     return _phase_diagram(data, axes) if len(axes) == 2 else _swing_along(data, axes[0] if axes else "seed")
 
 
@@ -620,11 +624,15 @@ def _panels_of_starts(data: xr.Dataset) -> tuple[Figure, list[tuple[Axes, Any]]]
 def _draw_theory(ax: Axes, data: xr.Dataset, across: str, up: str) -> dict[str, Any]:
     """Draw the boundary and the lower edge of the bistable band; return their lines by name."""
     drawn: dict[str, Any] = {}
-    if f"edge_{across}" in data and data.sizes["point"]:
+    for name, draw in ((across, ax.axvline), (up, ax.axhline)):  # theory knows one of the axes only
+        if f"edge_{name}" in data and "edge_curve" not in data:
+            for value in data[f"edge_{name}"].to_numpy().tolist():
+                drawn["boundary"] = draw(value, color=BLACK, linewidth=1.6, path_effects=_HALO, label=_BOUNDARY)
+    if "edge_curve" in data and data.sizes["point"]:
         for curve in np.unique(data["edge_curve"]):
             mine = data["edge_curve"].to_numpy() == curve
             x, y = data[f"edge_{across}"].to_numpy()[mine], data[f"edge_{up}"].to_numpy()[mine]
-            (line,) = ax.plot(x, y, color=BLACK, linewidth=1.6, path_effects=_HALO, label="linear boundary, computed")
+            (line,) = ax.plot(x, y, color=BLACK, linewidth=1.6, path_effects=_HALO, zorder=1.9, label=_BOUNDARY)
             drawn["boundary"] = line
     if f"band_{up}_fold" in data and data.sizes["band"]:
         x, fold = data[f"band_{across}"].to_numpy(), data[f"band_{up}_fold"].to_numpy()
@@ -657,7 +665,7 @@ def _swing_along(data: xr.Dataset, axis: str) -> Figure:
             ax.plot(place, values.ravel(), **style, markersize=4.5, markeredgewidth=0.5, label=kind)
     if f"edge_{axis}" in data:
         for i, value in enumerate(data[f"edge_{axis}"].to_numpy()):
-            ax.axvline(value, color=BLACK, linewidth=1.2, label=None if i else "linear boundary, computed", zorder=0.5)
+            ax.axvline(value, color=BLACK, linewidth=1.2, label=None if i else _BOUNDARY, zorder=0.5)
     if f"band_{axis}_low" in data:
         ends = (data[f"band_{axis}_{end}"].to_numpy() for end in ("low", "high"))
         for i, (low, high) in enumerate(zip(*ends, strict=True)):

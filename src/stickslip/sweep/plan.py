@@ -159,6 +159,8 @@ class Plan:
             As there.
         """
         if self.refinement is not None:
+            if retry_failed:
+                raise InputError("retry_failed: a refinement keeps failed runs as they are; delete its store")
             return self._refine(None if store is None else Path(store), executor, progress)
         return sweep(
             self.study,
@@ -399,7 +401,7 @@ class _Document(Part):
         given = {name: getattr(self.axes, name) for name in document["axes"]}
         study = self._study(rig, given)
         axes = {name: _values(name, axis, ends_only=self.refine is not None) for name, axis in given.items()}
-        logarithmic = tuple(name for name, axis in given.items() if getattr(axis, "spacing", "linear") == "log")
+        logarithmic = tuple(name for name, axis in given.items() if _is_logarithmic(axis))
         refinement = None
         if self.refine is not None:
             refinement = Refinement(
@@ -495,6 +497,17 @@ def _natural(scales: Scales | None) -> Callable[[float, str], float]:
         return value if scales is None else value / (si_unit(unit, scales) or (1.0, ""))[0]
 
     return natural
+
+
+def _is_logarithmic(axis: Any) -> bool:
+    """Whether an axis is of equal ratios: as the file says, or as a list of values suggests."""
+    if hasattr(axis, "spacing"):
+        return bool(axis.spacing == "log")
+    values = axis if isinstance(axis, list) else getattr(axis, "values", [])
+    if len(values) < 3 or isinstance(values[0], str) or min(values) <= 0:
+        return False
+    steps, ratios = np.diff(np.sort(values)), np.diff(np.log(np.sort(values)))
+    return bool(np.ptp(ratios) / ratios.mean() < np.ptp(steps) / steps.mean())
 
 
 def _values(name: str, axis: Any, *, ends_only: bool) -> NDArray[Any]:
