@@ -8,8 +8,8 @@
 t X velocity F_d F_c
 
 The method is a value: `Contacts` (N contacts, event by event) or `MasterEquation` (N to infinity, on cohorts).
-Thresholds that age by `Langevin` have solvers of their own behind the same two names: N contacts in small exact steps,
-and the kinetic equation of Eqs. (13)-(17).
+Thresholds that age have solvers of their own behind the same two names: N contacts in small steps, with exact moments
+of breaking, and for `Langevin` the kinetic equation of Eqs. (13)-(17).
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 from stickslip import store
 from stickslip.drive import Drive, ForceAbove, ForceBelow, Piece, Travel, hold
 from stickslip.errors import InputError, instance, number, whole
-from stickslip.model import Delay, Interface, Langevin, Slider
-from stickslip.theory import gaussian_ageing
+from stickslip.model import Delay, DelayLaw, ExponentialGrowth, Interface, Langevin, Slider
+from stickslip.theory import gaussian_ageing, growth_law, lives
 from stickslip.thresholds import Law, SteadyState, panels
 
 if TYPE_CHECKING:
@@ -191,8 +191,8 @@ def simulate(
     ------
     InputError
         If the rig cannot be simulated: no mass, thresholds without a density for the master equation, a snapshot
-        beyond the end; ageing other than `Langevin`, or on thresholds that are no Gaussian, or with a delay for
-        which there is no solver.
+        beyond the end; `Langevin` ageing of thresholds that are no Gaussian; ageing for which the method has no
+        solver.
     """
     _check(interface, slider, drive, method, record, start)
     # The solvers of ageing contacts end a step at each sample: as many as they take anyway.
@@ -289,8 +289,12 @@ def check_method(interface: Interface, method: object) -> None:
 
 def _check_ageing(interface: Interface, method: object) -> None:
     ageing, delayed = interface.ageing, interface.delay.moment(1) > 0
-    if not isinstance(ageing, Langevin) or not isinstance(method, (Contacts, MasterEquation)):
-        raise InputError(f"Interface.ageing = {ageing}: not available with {type(method).__name__}")
+    if not isinstance(method, (Contacts, MasterEquation)):
+        raise InputError(f"Interface.ageing = {ageing}: not available with {type(method).__name__}; use Contacts")
+    if not isinstance(ageing, Langevin):
+        if isinstance(method, MasterEquation):
+            raise InputError(f"Interface.ageing = {ageing}: not available with MasterEquation; use Contacts")
+        return
     gaussian_ageing(interface)
     if isinstance(method, MasterEquation) and (delayed or method.memoryless):
         what = "MasterEquation(memoryless=True)" if method.memoryless else f"Interface.delay = {interface.delay}"
@@ -456,6 +460,8 @@ def _engine(motion: _Motion, method: Method) -> _Engine:
     match method:
         case Contacts() if isinstance(ageing, Langevin):
             return _Ageing(motion, _AgeingContacts(motion, ageing, method))
+        case Contacts() if ageing is not None:
+            return _Ageing(motion, _GrowingContacts(motion, method))
         case MasterEquation() if isinstance(ageing, Langevin):
             return _Ageing(motion, _AgeingDensity(motion, ageing, method))
         case Contacts():
@@ -545,16 +551,19 @@ def _first_contacts(motion: _Motion, count: int, rng: np.random.Generator) -> tu
     while (again := np.flatnonzero(np.abs(x) >= largest)).size:
         x[again] = initial.sample(rng, again.size)
     threshold = law.sample_beyond(rng, np.abs(x))
-    # Caught in the middle of a delay: long delays are met more often, and anywhere within them.
     detached = count - attached
-    pool = delay.sample(rng, 4 * detached + 1000) if detached else np.empty(0)
-    if isinstance(delay, Delay):
-        pending = delay.time * rng.random(detached)
-    elif detached:
-        pending = rng.choice(pool, detached, p=pool / pool.sum()) * rng.random(detached)
-    else:
-        pending = np.empty(0)
+    pending = _pending(delay, detached, rng)
     return np.append(x, np.zeros(detached)), np.append(threshold, np.zeros(detached)), pending
+
+
+def _pending(delay: DelayLaw, detached: int, rng: np.random.Generator) -> Array:
+    """When contacts that are caught in the middle of a delay come back: long delays are met more often."""
+    if isinstance(delay, Delay):
+        return delay.time * rng.random(detached)
+    if not detached:
+        return np.empty(0)
+    pool = delay.sample(rng, 4 * detached + 1000)
+    return np.asarray(rng.choice(pool, detached, p=pool / pool.sum()) * rng.random(detached))
 
 
 class _Cohorts:
@@ -737,6 +746,10 @@ _AGEING_STEP = 0.04
 """Largest step of N ageing contacts in units of ``1/rate**2``: converged to 2e-3."""
 
 
+_GROWING_REACH = 0.02
+"""Largest way of the slider in a step of N contacts with growing thresholds, in ``x_s``."""
+
+
 def _settling_time(motion: _Motion, ageing: Langevin) -> float:
     """How long to slide rigidly from the law of Eq. (10) to the steady state: lives, and times of ageing."""
     velocity, delay = motion.drive.pieces[0].start, motion.interface.delay.moment(1)
@@ -784,6 +797,62 @@ class _AgeingContacts:
 
         contacts, rig = (self._x, self._f, self._attach), (drive, self._slider, self._law, self._delays)
         return advance_contacts(self._state, *contacts, *rig, times, _AGEING_STEP, 0.05, self._rng)
+
+    def contact_force(self) -> float:
+        """Force of the contacts now, per contact."""
+        return float(np.mean(np.where(self._attach <= self._state[0], self._x, 0.0)))
+
+    def stretchings(self) -> tuple[Array, Array, bool]:
+        """Stretchings of attached contacts, and their shares."""
+        x = self._x[self._attach <= self._state[0]]
+        return x, np.full(x.size, 1.0 / self._x.size), False
+
+
+class _GrowingContacts:
+    """N contacts whose thresholds grow by a fixed law, of `stickslip.kernels.ageing`."""
+
+    _POOL = 65_536
+
+    def __init__(self, motion: _Motion, method: Contacts) -> None:
+        initial, thresholds, delays = (
+            np.random.default_rng(seed) for seed in np.random.SeedSequence(method.seed).spawn(3)
+        )
+        interface = motion.interface
+        self._growth, self._rng = growth_law(interface), thresholds
+        self._pool = interface.threshold_law.sample(thresholds, self._POOL)
+        delay = interface.delay
+        self._delays = delay.sample(delays, 1 if isinstance(delay, Delay) else self._POOL)
+        self._slider = _ageing_slider(motion.slider)
+        if isinstance(motion.start, Relaxed):
+            # Growth towards a strength has come to its end; growth without end begins.
+            born = -math.inf if isinstance(interface.ageing, ExponentialGrowth) else 0.0
+            self._x, self._strength, _ = _first_contacts(motion, method.count, initial)
+            self._attach = np.full(method.count, born)
+        else:
+            self._slide(motion, method.count, initial)
+        self._state = np.array([0.0, 0.0, motion.first_velocity, 0.0])
+
+    def _slide(self, motion: _Motion, count: int, rng: np.random.Generator) -> None:
+        """Contacts of steady sliding: long lives are met more often, and anywhere within them."""
+        velocity, delay = motion.drive.pieces[0].start, motion.interface.delay
+        life = lives(self._growth, self._pool, velocity)
+        share = life.mean() / (life.mean() + delay.moment(1)) if life.any() else 0.0
+        attached = round(count * share)
+        which = rng.choice(self._pool.size, attached, p=life / life.sum()) if attached else np.empty(0, dtype=int)
+        age = rng.random(attached) * life[which]
+        detached = count - attached
+        pending = _pending(delay, detached, rng)
+        self._x = np.append(velocity * age, np.zeros(detached))
+        self._strength = np.append(self._pool[which], rng.choice(self._pool, detached))
+        self._attach = np.append(-age, pending)
+
+    def advance(self, drive: Array, times: Array) -> Array:
+        """Advance to the last of `times`."""
+        from stickslip.kernels.ageing import advance_growing
+
+        contacts, rig = (self._x, self._strength, self._attach), (drive, self._slider, np.array(self._growth))
+        pools = self._pool, self._delays
+        return advance_growing(self._state, *contacts, *rig, *pools, times, _GROWING_REACH, self._rng)
 
     def contact_force(self) -> float:
         """Force of the contacts now, per contact."""

@@ -1737,6 +1737,7 @@ def advance_growing(
     """
     K, mass, damping = slider[0], slider[1], slider[2]
     kind, first, second = int(law[0]), law[1], law[2]
+    unready, strongest = kind == 0 and second <= 0.0, np.max(pool)
     rigid = np.isinf(K)
     n = stretching.size
     now, X, V, undone = state[0], state[1], state[2], state[3]
@@ -1770,6 +1771,7 @@ def advance_growing(
                     X, V, K + grip, mass, damping, K * P - F + grip * X, K * v_d, 0.5 * K * a_d, dt
                 )
             v, end = (X - before) / dt, now + dt
+            hopeless = unready and strongest * first <= abs(v)
             total, held = 0.0, 0
             for i in range(n):
                 x, start = stretching[i], now
@@ -1785,7 +1787,11 @@ def advance_growing(
                         start = end
                         break
                     low, high = start, end
-                    for _ in range(40):
+                    # A threshold that grows from 0 more slowly than the stretching never leads it.
+                    at_once = x == 0.0 and attach[i] == start and unready and strength[i] * first <= abs(v)
+                    if at_once:
+                        high = start
+                    for _ in range(0 if at_once else 40):
                         middle = 0.5 * (low + high)
                         factor, addend = grown(kind, first, second, middle - attach[i])
                         if abs(x + v * (middle - start)) < strength[i] * factor + addend:
@@ -1797,7 +1803,7 @@ def advance_growing(
                     start = high + delays[int(rng.random() * delays.size)]
                     attach[i] = start
                     tries += 1
-                    if tries > 100 and attach[i] < end:  # breaks as soon as it is born
+                    if (tries > 100 or hopeless) and attach[i] < end:  # breaks as soon as it is born
                         attach[i] = start = end
                 stretching[i] = x
                 if start == end:
