@@ -21,8 +21,8 @@ from stickslip.model import (
     RandomDelay,
     Slider,
 )
-from stickslip.simulate import Contacts, MasterEquation, Record, Relaxed, Sliding, repeat, simulate
-from stickslip.theory import growth_law, kinetic_friction, lives
+from stickslip.simulate import Contacts, MasterEquation, PaperClosure, Record, Relaxed, Sliding, repeat, simulate
+from stickslip.theory import closure_friction, growth_law, kinetic_friction, lives
 from stickslip.thresholds import Uniform
 
 SAMPLED = Record(interval=0.004)
@@ -132,6 +132,36 @@ def test_contacts_with_a_delay_need_newborns_with_strength():
     assert 0.3 < float(run["attached"][-1]) < 0.95
     with pytest.raises(InputError, match=r"newborn = 0"):
         simulate(aged(1.0, delay=Delay(0.3)), SOFT, hold(1.0, 1.0), Contacts(500))
+
+
+# ---------------------------------------------------------------- the paper's closure
+
+
+@pytest.mark.eq(1, 2, 3, 18)
+def test_the_closure_slides_by_its_own_friction_and_has_a_slip_of_its_own():
+    heavy = Slider(stiffness=20.0, mass=1.0, damping=5.0)
+    expected = closure_friction(aged(1.0), 0.5)
+    assert expected == pytest.approx(0.911 * kinetic_friction(aged(1.0), 0.5), rel=2e-3)
+    assert closure_friction(aged(1.0), np.array([0.01, 1.0])) == pytest.approx([0.5025, 0.0894], rel=5e-3)
+    run = simulate(aged(1.0), heavy, hold(0.5, 2.0), PaperClosure(cells=200), start=Sliding())
+    # First order in a step of 4/cells.
+    assert float(run["F_c"].mean()) == pytest.approx(expected, rel=0.03)
+    assert float(run["attached"].min()) == pytest.approx(1.0, abs=1e-9)
+    slips = simulate(aged(1.5), FIG8.slider, hold(1.0, 2.0), PaperClosure(cells=200), record=SAMPLED)
+    assert float(slips["F_d"].max()) > 0.6
+    xr.testing.assert_identical(repeat(slips), slips)
+
+
+def test_the_closure_is_for_langevin_ageing_without_delay():
+    for interface, message in (
+        (FIG4.interface, "thresholds that age by Langevin"),
+        (replace(FIG8.interface, ageing=ExponentialGrowth(rate=1.0)), "use Contacts"),
+        (aged(1.0, newborn=0.3, delay=Delay(0.3)), "use Contacts"),
+    ):
+        with pytest.raises(InputError, match=message):
+            simulate(interface, FIG8.slider, hold(1.0, 1.0), PaperClosure())
+    with pytest.raises(InputError, match="knows no delay"):
+        closure_friction(aged(1.0, newborn=0.3, delay=Delay(0.3)), 1.0)
 
 
 # ---------------------------------------------------------------- thresholds that grow by a fixed law

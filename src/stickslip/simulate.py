@@ -91,7 +91,29 @@ class MasterEquation:
         object.__setattr__(self, "cells", cells)
 
 
-Method = Contacts | MasterEquation
+@dataclass(frozen=True, kw_only=True)
+class PaperClosure:
+    """Method: the paper's own equations for ageing thresholds, Eqs. (1)-(3) with (18); for comparison only.
+
+    They keep one law of thresholds for all contacts, whatever their stretching: the correlation between age and
+    stretching is lost. Against `Contacts` and `MasterEquation` the force of smooth sliding is 23 % too large at
+    ``v = .01 rate**2``, 9 % too small at .5 and 28 % too small at 1 (spread .1). For `Langevin` ageing without delay.
+
+    Parameters
+    ----------
+    cells : int
+        Resolution: cohorts per ``x_s`` of motion are a quarter of it, cells of threshold per spread a fiftieth. The
+        error falls as ``1/cells``.
+    """
+
+    cells: int = 400
+
+    def __post_init__(self) -> None:
+        cells = whole("PaperClosure.cells", self.cells, at_least=10, at_most=100_000, hint="four times the cohorts")
+        object.__setattr__(self, "cells", cells)
+
+
+Method = Contacts | MasterEquation | PaperClosure
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,7 +168,9 @@ Start = Relaxed | Sliding
 
 def records() -> dict[str, type]:
     """Return every record that a run's provenance can name, for `stickslip.store.decode`."""
-    return store.records() | {kind.__name__: kind for kind in (Contacts, MasterEquation, Record, Relaxed, Sliding)}
+    return store.records() | {
+        kind.__name__: kind for kind in (Contacts, MasterEquation, PaperClosure, Record, Relaxed, Sliding)
+    }
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -171,6 +195,7 @@ def simulate(
     interface, slider, drive
         The rig, in natural units.
     method : Contacts or MasterEquation
+        Or, to compare with for `Langevin` ageing, `PaperClosure`.
     record : Record
         Sampling and snapshots; it never changes the motion.
     start : Relaxed or Sliding
@@ -260,7 +285,8 @@ def _check(interface: Interface, slider: Slider, drive: Drive, method: Method, r
     instance("simulate: interface", interface, Interface, "an Interface")
     instance("simulate: slider", slider, Slider, "a Slider")
     instance("simulate: drive", drive, Drive, "a drive, made with hold() or ramp()")
-    instance("simulate: method", method, (Contacts, MasterEquation), "Contacts(...) or MasterEquation(...)")
+    known = (Contacts, MasterEquation, PaperClosure)
+    instance("simulate: method", method, known, "Contacts(...) or MasterEquation(...)")
     instance("simulate: record", record, Record, "a Record")
     instance("simulate: start", start, (Relaxed, Sliding), "Relaxed() or Sliding()")
     check_method(interface, method)
@@ -283,19 +309,23 @@ def check_method(interface: Interface, method: object) -> None:
     """Raise `InputError` if the method cannot take the interface."""
     if interface.ageing is not None:
         _check_ageing(interface, method)
+    elif isinstance(method, PaperClosure):
+        raise InputError("PaperClosure: is for thresholds that age by Langevin; use MasterEquation")
     elif not isinstance(method, Contacts):
         interface.threshold_law.density(0.0)  # complains of a law without a density
 
 
 def _check_ageing(interface: Interface, method: object) -> None:
     ageing, delayed = interface.ageing, interface.delay.moment(1) > 0
-    if not isinstance(method, (Contacts, MasterEquation)):
+    if not isinstance(method, (Contacts, MasterEquation, PaperClosure)):
         raise InputError(f"Interface.ageing = {ageing}: not available with {type(method).__name__}; use Contacts")
     if not isinstance(ageing, Langevin):
-        if isinstance(method, MasterEquation):
-            raise InputError(f"Interface.ageing = {ageing}: not available with MasterEquation; use Contacts")
+        if not isinstance(method, Contacts):
+            raise InputError(f"Interface.ageing = {ageing}: not available with {type(method).__name__}; use Contacts")
         return
     gaussian_ageing(interface)
+    if isinstance(method, PaperClosure) and delayed:
+        raise InputError(f"Interface.delay = {interface.delay}: not available with PaperClosure; use Contacts")
     if isinstance(method, MasterEquation) and (delayed or method.memoryless):
         what = "MasterEquation(memoryless=True)" if method.memoryless else f"Interface.delay = {interface.delay}"
         raise InputError(f"{what}: not available for ageing thresholds with MasterEquation; use Contacts")
@@ -464,6 +494,9 @@ def _engine(motion: _Motion, method: Method) -> _Engine:
             return _Ageing(motion, _GrowingContacts(motion, method))
         case MasterEquation() if isinstance(ageing, Langevin):
             return _Ageing(motion, _AgeingDensity(motion, ageing, method))
+        case PaperClosure():
+            assert isinstance(ageing, Langevin)
+            return _Ageing(motion, _AgeingClosure(motion, ageing, method))
         case Contacts():
             return _ContactsEngine(motion, method)
         case MasterEquation():
@@ -915,6 +948,62 @@ class _AgeingDensity:
         """Mean stretchings of the cohorts, and their shares."""
         count = int(self._state[4])
         return self._state[1] - self._place[:count], self._mass[:count].sum(axis=1), True
+
+
+class _AgeingClosure:
+    """The paper's closure of `stickslip.kernels.ageing`: cohorts of stretchings, and one law of thresholds."""
+
+    def __init__(self, motion: _Motion, ageing: Langevin, method: PaperClosure) -> None:
+        from stickslip.kernels.ageing import threshold_edges
+
+        self._law = _ageing_law(motion)
+        _, mean, spread, newborn = self._law.tolist()
+        self._reach = self._step = 4.0 / method.cells
+        self._edges = threshold_edges(mean, spread, newborn, max(method.cells / 50.0, 2.0))
+        law = motion.interface.threshold_law
+        sliding = isinstance(motion.start, Sliding)
+        start = Interface(thresholds=law, initial=SteadyState(thresholds=law)) if sliding else motion.interface
+        x, share = initial_nodes(start)
+        beyond = law.survival(self._edges)
+        self._thresholds = (beyond[:-1] - beyond[1:]) / (beyond[0] - beyond[-1])
+        room = x.size + math.ceil(3.0 / self._reach) + 20
+        self._place, self._weight = np.zeros(room), np.zeros(room)
+        self._place[: x.size], self._weight[: x.size] = -x, share
+        self._state = np.array([0.0, 0.0, 0.0, 0.0, x.size])
+        if sliding:
+            self._slider = _ageing_slider(None)
+            end = 2.0 * _settling_time(motion, ageing)  # one law for all settles more slowly
+            self.advance(np.array([[0.0, 0.0, motion.drive.pieces[0].start, 0.0]]), np.array([end]))
+            self._place -= self._state[1]
+            self._state[:2] = 0.0
+        self._state[2] = motion.first_velocity
+        self._slider = _ageing_slider(motion.slider)
+
+    def advance(self, drive: Array, times: Array) -> Array:
+        """Advance to the last of `times`, with room for as many cohorts as it takes."""
+        from stickslip.kernels.ageing import advance_closure
+
+        while True:
+            state, place, weight, law = (a.copy() for a in (self._state, self._place, self._weight, self._thresholds))
+            try:
+                rig = (self._edges, drive, self._slider, self._law, times)
+                samples = advance_closure(state, place, weight, law, *rig, self._step, self._reach)
+            except ValueError:  # no room for another cohort
+                self._place = np.append(self._place, np.zeros(place.size))
+                self._weight = np.append(self._weight, np.zeros(weight.size))
+                continue
+            self._state, self._place, self._weight, self._thresholds = state, place, weight, law
+            return samples
+
+    def contact_force(self) -> float:
+        """Force of the contacts now, per contact."""
+        x, share, _ = self.stretchings()
+        return float(np.sum(x * share))
+
+    def stretchings(self) -> tuple[Array, Array, bool]:
+        """Stretchings of the cohorts, and their shares."""
+        count = int(self._state[4])
+        return self._state[1] - self._place[:count], self._weight[:count], True
 
 
 def _first_cohorts(interface: Interface, edges: Array, width: float, *, steady: bool) -> tuple[Array, Array]:
