@@ -37,7 +37,9 @@ SETTLED = {
     "fig11": {17: NOT},
 }
 # Figures whose quick versions take more than a few seconds, too: runs of some thousand time units.
-QUICKLY = [pytest.param(name, marks=pytest.mark.slow) if name in ("fig9", "fig10") else name for name in SETTLED]
+QUICKLY = [
+    pytest.param(name, marks=pytest.mark.slow) if name in ("fig9", "fig10", "fig11") else name for name in SETTLED
+]
 
 
 @pytest.fixture(scope="session")

@@ -206,7 +206,8 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
         curves.plot(data["X_checked"], data["F_contacts"].sel(checked=speed), "o", color=colour, markersize=2)
     plot.dress(curves.xaxis, data["X"])
     plot.dress(curves.yaxis, data["F_c"])
-    curves.legend(loc="upper right")
+    curves.set_ylim(0.0, 1.0)
+    curves.legend(loc="upper right", ncols=2)
     plot.letter(curves, "(b) newborn contacts, pulled")
 
     stiffness.plot(data["velocity"], data["K_eff"], "o-", color=plot.BLUE, markersize=3)
