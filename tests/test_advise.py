@@ -9,6 +9,7 @@ import pytest
 import stickslip as ss
 from stickslip import advise
 from stickslip import rig as rigs
+from stickslip.model import FIG8
 from stickslip.stability import Setting
 from stickslip.stability.knobs import knob_named
 
@@ -113,6 +114,32 @@ def test_the_map_holds_boundary_growth_and_the_rig_itself():
     edge = found.where(found["other_unstable"] == 0, drop=True)
     nearest = float(edge["edge_velocity"][int(np.argmin(abs(edge["edge_stiffness"].to_numpy() - 2.0)))])
     assert nearest == pytest.approx(1.388, rel=0.25)
+
+
+@pytest.mark.slow
+def test_ageing_rigs_have_margins_and_remedies_that_are_true():
+    rig = make(stiffness=1.0, damping_ratio=0.1)
+    rig = replace(rig, interface=FIG8.interface)
+    found = advise.predict(rig)
+    assert found.regime.kind == "stick-slip"
+    assert found.unstable_modes == 2
+    margins = {margin.knob: margin for margin in found.margins}
+    # The edges of Fig. 8, as times of ageing.
+    assert margins["ageing"].lower == pytest.approx(1.63**-2, rel=0.04)
+    assert margins["ageing"].upper == pytest.approx(0.80**-2, rel=0.06)
+    assert margins["velocity"].lower == pytest.approx(0.8687, abs=0.002)
+    cures = [remedy for remedy in found.remedies if remedy.stops is not None]
+    assert {"ageing", "stiffness", "spread"} <= {remedy.knob for remedy in cures}
+    for remedy in found.remedies:
+        if remedy.keeps is not None:
+            here = at(rig, remedy.knob, remedy.keeps)
+            assert ss.unstable_modes(here.interface, here.rig, here.velocity) == 0
+    for remedy in cures:
+        here = at(rig, remedy.knob, remedy.stops)
+        drive = ss.hold(here.velocity, 60.0 / here.velocity)
+        run = ss.simulate(here.interface, here.rig, drive, ss.Contacts(2_000, seed=77))
+        late = run["F_d"].to_numpy()[run["t"].to_numpy() > 36.0 / here.velocity]
+        assert np.ptp(late) < 0.25
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ import os
 import re
 import struct
 from contextlib import ExitStack
+from copy import deepcopy
 from pathlib import Path
 
 import numpy as np
@@ -86,13 +87,23 @@ def test_a_rig_is_the_same_in_other_units(document):
 @pytest.mark.parametrize("knob", documents.QUANTITIES)
 @pytest.mark.parametrize("document", [small(), rigs.read(PMMA).document], ids=["natural", "SI"])
 def test_a_knob_turned_is_where_it_was_put(knob, document):
+    if knob == "ageing":  # in the unit of time of the document
+        document = deepcopy(dict(document))
+        document["interface"]["ageing"] = {"law": "langevin", "time": 0.5 if "units" in document else "0.5 s"}
     rig = documents.rig_of(document)
     before = answers._knobs(rig)
     after = answers._knobs(documents.rig_of(documents.turned(rig, {knob: 1.5 * before[knob]})))
     assert after[knob] == pytest.approx(1.5 * before[knob], rel=1e-3)
-    for other in documents.QUANTITIES:
+    for other in before:
         if other != knob:
             assert after[other] == pytest.approx(before[other], rel=1e-3)
+
+
+def test_only_thresholds_that_age_have_a_time_of_ageing():
+    rig = documents.rig_of(small())
+    assert set(answers._knobs(rig)) == set(documents.QUANTITIES) - {"ageing"}
+    with pytest.raises(InputError, match="do not age by langevin"):
+        documents.turned(rig, {"ageing": 1.0})
 
 
 def test_a_random_delay_keeps_its_shape_when_turned():

@@ -10,8 +10,19 @@ from stickslip import store
 from stickslip.drive import ForceAbove, Travel, hold, ramp
 from stickslip.errors import InputError
 from stickslip.kernels.ageing import steady_friction
-from stickslip.model import FIG8, Delay, ExponentialGrowth, Langevin, Slider
-from stickslip.simulate import Contacts, MasterEquation, Record, Relaxed, Sliding, repeat, simulate
+from stickslip.model import (
+    FIG4,
+    FIG8,
+    Delay,
+    ExponentialGrowth,
+    Interface,
+    Langevin,
+    LogarithmicGrowth,
+    RandomDelay,
+    Slider,
+)
+from stickslip.simulate import Contacts, MasterEquation, PaperClosure, Record, Relaxed, Sliding, repeat, simulate
+from stickslip.theory import closure_friction, growth_law, kinetic_friction, lives
 from stickslip.thresholds import Uniform
 
 SAMPLED = Record(interval=0.004)
@@ -123,11 +134,97 @@ def test_contacts_with_a_delay_need_newborns_with_strength():
         simulate(aged(1.0, delay=Delay(0.3)), SOFT, hold(1.0, 1.0), Contacts(500))
 
 
+# ---------------------------------------------------------------- the paper's closure
+
+
+@pytest.mark.eq(1, 2, 3, 18)
+def test_the_closure_slides_by_its_own_friction_and_has_a_slip_of_its_own():
+    heavy = Slider(stiffness=20.0, mass=1.0, damping=5.0)
+    expected = closure_friction(aged(1.0), 0.5)
+    assert expected == pytest.approx(0.911 * kinetic_friction(aged(1.0), 0.5), rel=2e-3)
+    assert closure_friction(aged(1.0), np.array([0.01, 1.0])) == pytest.approx([0.5025, 0.0894], rel=5e-3)
+    run = simulate(aged(1.0), heavy, hold(0.5, 2.0), PaperClosure(cells=200), start=Sliding())
+    # First order in a step of 4/cells.
+    assert float(run["F_c"].mean()) == pytest.approx(expected, rel=0.03)
+    assert float(run["attached"].min()) == pytest.approx(1.0, abs=1e-9)
+    slips = simulate(aged(1.5), FIG8.slider, hold(1.0, 2.0), PaperClosure(cells=200), record=SAMPLED)
+    assert float(slips["F_d"].max()) > 0.6
+    xr.testing.assert_identical(repeat(slips), slips)
+
+
+def test_the_closure_is_for_langevin_ageing_without_delay():
+    for interface, message in (
+        (FIG4.interface, "thresholds that age by Langevin"),
+        (replace(FIG8.interface, ageing=ExponentialGrowth(rate=1.0)), "use Contacts"),
+        (aged(1.0, newborn=0.3, delay=Delay(0.3)), "use Contacts"),
+    ):
+        with pytest.raises(InputError, match=message):
+            simulate(interface, FIG8.slider, hold(1.0, 1.0), PaperClosure())
+    with pytest.raises(InputError, match="knows no delay"):
+        closure_friction(aged(1.0, newborn=0.3, delay=Delay(0.3)), 1.0)
+
+
+# ---------------------------------------------------------------- thresholds that grow by a fixed law
+
+GROWTH = [
+    ExponentialGrowth(rate=2.0),
+    ExponentialGrowth(rate=2.0, newborn=0.3),
+    LogarithmicGrowth(slope=0.1, time=0.01),
+]
+
+
+@pytest.mark.parametrize("ageing", GROWTH)
+@pytest.mark.parametrize("delay", [Delay(0.0), RandomDelay(mean=0.2, spread=0.1)])
+def test_growing_contacts_slide_with_their_steady_force_from_both_starts(ageing, delay):
+    heavy = Slider(stiffness=20.0, mass=1.0, damping=5.0)
+    interface = Interface(
+        thresholds=Uniform(low=0.5, high=1.5), initial=Uniform(low=-0.2, high=0.2), delay=delay, ageing=ageing
+    )
+    expected, n = kinetic_friction(interface, 0.7), 4_000
+    # The stretchings of a sample, and the strengths of the pool it is drawn from, scatter by less than .4.
+    tolerance = 4 * 0.4 / np.sqrt(n)
+    steady = simulate(interface, heavy, hold(0.7, 4.0), Contacts(n, seed=6), start=Sliding())
+    assert float(steady["F_c"][0]) == pytest.approx(expected, abs=tolerance)
+    assert float(steady["F_c"].mean()) == pytest.approx(expected, abs=tolerance)
+    life = lives(growth_law(interface), np.linspace(0.5, 1.5, 2001), 0.7).mean()
+    assert float(steady["attached"].mean()) == pytest.approx(life / (life + delay.moment(1)), abs=0.03)
+    relaxed = simulate(interface, heavy, hold(0.7, 15.0), Contacts(n, seed=6))
+    assert float(relaxed["F_c"][0]) == pytest.approx(0.0, abs=tolerance)
+    assert float(relaxed["F_c"].sel(t=slice(8.0, None)).mean()) == pytest.approx(expected, abs=tolerance)
+
+
+def test_growth_that_has_long_ended_is_the_run_without_ageing():
+    quick = replace(FIG4.interface, delay=Delay(0.2), ageing=ExponentialGrowth(rate=1e4))
+    plain = replace(quick, ageing=None)
+    runs = [
+        simulate(interface, FIG4.slider, hold(1.0, 12.0), Contacts(1_000, seed=5), record=SAMPLED)
+        for interface in (quick, plain)
+    ]
+    swing = [np.ptp(late(run, 6.0)) for run in runs]
+    assert swing[0] == pytest.approx(swing[1], rel=0.1)
+    assert swing[0] > 0.6
+
+
+def test_a_growing_run_repeats_from_its_file(tmp_path):
+    interface = replace(FIG8.interface, ageing=GROWTH[2], delay=Delay(0.05))
+    record = Record(interval=0.01, snapshots=(0.5,))
+    run = simulate(interface, SOFT, ramp(0.5, 1.0, 1.0), Contacts(300, seed=4), record=record, start=Sliding())
+    xr.testing.assert_identical(repeat(store.load(store.save(run, tmp_path / "run.nc"))), run)
+
+
+def test_contacts_that_break_as_soon_as_they_are_born_hold_nothing():
+    interface = replace(FIG8.interface, ageing=ExponentialGrowth(rate=0.5))
+    heavy = Slider(stiffness=20.0, mass=1.0, damping=5.0)
+    assert kinetic_friction(interface, 3.0) == 0.0
+    run = simulate(interface, heavy, hold(3.0, 0.5), Contacts(200, seed=1), start=Sliding())
+    assert float(abs(run["F_c"]).max()) < 0.05
+
+
 @pytest.mark.parametrize(
     ("interface", "method", "message"),
     [
         (aged(1.0, thresholds=Uniform(low=0.5, high=1.5)), Contacts(10), "Gaussian"),
-        (replace(FIG8.interface, ageing=ExponentialGrowth(rate=1.0)), Contacts(10), "ageing = ExponentialGrowth"),
+        (replace(FIG8.interface, ageing=ExponentialGrowth(rate=1.0)), MasterEquation(), "use Contacts"),
         (aged(1.0, newborn=0.3, delay=Delay(0.3)), MasterEquation(), "use Contacts"),
         (aged(1.0), MasterEquation(memoryless=True), "memoryless"),
     ],

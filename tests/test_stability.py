@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stickslip.errors import InputError, UndecidedError
-from stickslip.model import FIG7, Delay, Interface, Langevin, RandomDelay, Slider
+from stickslip.model import FIG7, Delay, ExponentialGrowth, Interface, RandomDelay, Slider
 from stickslip.stability import (
     KNOBS,
     STIFFNESS,
@@ -252,7 +252,7 @@ def test_no_answer_where_there_is_no_steady_sliding():
     with pytest.raises(InputError, match="share one threshold"):
         growth_rate(case(Gaussian(mean=1.0, spread=0.0), Delay(0.1)), SLIDER, 1.0)
     with pytest.raises(InputError, match="ageing"):
-        critical_spring(Interface(thresholds=gaussian, ageing=Langevin(rate=1.0)), SLIDER, 1.0)
+        critical_spring(Interface(thresholds=gaussian, ageing=ExponentialGrowth(rate=1.0)), SLIDER, 1.0)
     with pytest.raises(InputError, match="velocity = 0"):
         dynamic_stiffness(INTERFACE, 0.0, 1j)
 

@@ -7,14 +7,26 @@ import numpy as np
 import pytest
 
 from stickslip.errors import InputError
-from stickslip.model import FIG4, FIG7, Delay, ExponentialGrowth, Interface, Langevin, RandomDelay, Slider
+from stickslip.model import (
+    FIG4,
+    FIG7,
+    Delay,
+    ExponentialGrowth,
+    Interface,
+    Langevin,
+    LogarithmicGrowth,
+    RandomDelay,
+    Slider,
+)
 from stickslip.theory import (
     attached_fraction,
     critical_delay_estimate,
     critical_stiffness_estimate,
     driving_force,
     effective_potential,
+    growth_law,
     kinetic_friction,
+    lives,
     slip_displacement,
 )
 from stickslip.thresholds import Gaussian, Uniform
@@ -66,8 +78,8 @@ def test_no_closed_form_where_there_is_none():
         attached_fraction(ageing, 1.0)
     with pytest.raises(InputError, match="velocity = 0"):
         kinetic_friction(ageing)
-    with pytest.raises(InputError, match="ageing = ExponentialGrowth"):
-        kinetic_friction(replace(ageing, ageing=ExponentialGrowth(rate=1.0)), 1.0)
+    with pytest.raises(InputError, match="no fixed law of growth"):
+        growth_law(ageing)
     with pytest.raises(InputError, match="newborn = 0"):
         kinetic_friction(replace(ageing, delay=Delay(0.1)), 1.0)
     never = Interface(thresholds=FIG4.interface.thresholds, initial=NARROW, delay=Delay(math.inf))
@@ -75,6 +87,19 @@ def test_no_closed_form_where_there_is_none():
         kinetic_friction(never)
     with pytest.raises(InputError, match="velocity = -1"):
         kinetic_friction(FIG4.interface, -1.0)
+
+
+def test_friction_of_growing_thresholds_has_the_limits_of_its_laws():
+    interface = Interface(thresholds=FIG4.interface.thresholds, initial=NARROW, delay=Delay(0.2))
+    aged = kinetic_friction(interface, 0.5)
+    # Growth that has ended before anything happens, and growth that never begins.
+    for ageing in (ExponentialGrowth(rate=1e6), LogarithmicGrowth(slope=0.0, time=1.0)):
+        assert kinetic_friction(replace(interface, ageing=ageing), 0.5) == pytest.approx(aged, rel=1e-3)
+    # Equal strengths: f(t) = t, held while v t < 1 - exp(-t).
+    equal = replace(interface, thresholds=Uniform(low=1 - 1e-6, high=1 + 1e-6), ageing=ExponentialGrowth(rate=1.0))
+    (life,) = lives(growth_law(equal), np.ones(1), 0.5)
+    assert 0.5 * life == pytest.approx(1 - math.exp(-life))
+    assert kinetic_friction(equal, 0.5) == pytest.approx(0.25 * life**2 / (life + 0.2), rel=1e-3)
 
 
 @pytest.mark.eq(11)

@@ -10,7 +10,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 # `simulate` shares its name with its module. Imported first, the function keeps the name for good.
-from stickslip.simulate import Contacts, MasterEquation, Record, Relaxed, Sliding, repeat, simulate
+from stickslip.simulate import Contacts, MasterEquation, PaperClosure, Record, Relaxed, Sliding, repeat, simulate
 
 if TYPE_CHECKING:
     from stickslip.cycles import (
@@ -64,6 +64,7 @@ if TYPE_CHECKING:
     )
     from stickslip.store import load, save
     from stickslip.theory import (
+        closure_friction,
         effective_potential,
         kinetic_friction,
     )
@@ -125,6 +126,7 @@ _HOMES = {
     ),
     "store": ("load", "save"),
     "theory": (
+        "closure_friction",
         "effective_potential",
         "kinetic_friction",
     ),
@@ -159,6 +161,7 @@ __all__ = [
     "LogNormal",
     "LogarithmicGrowth",
     "MasterEquation",
+    "PaperClosure",
     "RandomDelay",
     "Record",
     "Relaxed",
@@ -174,6 +177,7 @@ __all__ = [
     "amplitude",
     "bistable_band",
     "boundary",
+    "closure_friction",
     "critical",
     "critical_damping",
     "critical_delay",

@@ -52,6 +52,8 @@ _SHORTEST, _CYCLES = 120.0, 12.0
 """A run lasts at least this many ``x_s``, and about this many cycles of a spring that unloads by ``f_s``."""
 _RANGE = 30.0
 """Margins are looked for within this factor on either side of a knob's value."""
+_AGED_RANGE, _AGED_STEPS, _AGED_JUDGE = 10.0, (1.0, 1.25, 1.8, 3.0), Contacts(2_000, seed=20)
+"""The same for thresholds that age, whose response and runs cost more; contacts search as well as judge."""
 
 _TITLES = {
     "stiffness": "stiffness of the driving spring",
@@ -60,6 +62,7 @@ _TITLES = {
     "damping": "damping eta",
     "delay": "delay of re-attachment",
     "spread": "spread of the thresholds",
+    "ageing": "time of ageing of the thresholds",
 }
 
 
@@ -330,7 +333,8 @@ def _margins(setting: Setting) -> Iterator[Margin]:
             continue
         if value <= 0:
             continue
-        searched = (value / _RANGE, value * _RANGE)
+        widest = _RANGE if setting.interface.ageing is None else _AGED_RANGE
+        searched = (value / widest, value * widest)
         if knob.name == "spread":  # wider than that is no longer a law of thresholds about its mean
             searched = (value / 3.0, max(0.5, 1.5 * value))
         elif knob.name == "delay":  # longer delays never help, and have many modes
@@ -360,7 +364,8 @@ def _remedies(setting: Setting, margins: tuple[Margin, ...], unstable: bool, rep
         for side in sides:
             edge = margin.lower if side < 0 else margin.upper
             keeps = edge * (1 + _CLEARANCE) ** side if unstable and edge else None
-            stops, seen = _where_it_dies(setting, knob, margin, keeps or margin.value, side) or (None, None)
+            where = _where_it_dies if setting.interface.ageing is None else _where_it_dies_aged
+            stops, seen = where(setting, knob, margin, keeps or margin.value, side) or (None, None)
             if keeps is not None or stops is not None:
                 found.append(Remedy(knob=knob.name, value=margin.value, keeps=keeps, stops=stops, seen=seen))
     return tuple(sorted(found, key=lambda remedy: (remedy.stops is None, remedy.size)))
@@ -411,6 +416,20 @@ def _where_it_dies(
         if calm == 2:
             return value, seen
         value *= (1.0 + _CLEARANCE) ** side
+    return None
+
+
+def _where_it_dies_aged(
+    setting: Setting, knob: Knob, margin: Margin, begin: float, side: int
+) -> tuple[float, Regime] | None:
+    """Return the same for thresholds that age: turn the knob on until a run of contacts from rest slides smoothly."""
+    for growth in _AGED_STEPS:
+        value = begin * growth**side
+        if value == margin.value or not margin.searched[0] <= value <= margin.searched[1]:
+            continue
+        seen = _run_from(Relaxed(), knob.set(setting, value), _AGED_JUDGE, extensions=0)
+        if seen.kind == "smooth sliding":
+            return value, seen
     return None
 
 

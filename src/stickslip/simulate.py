@@ -8,8 +8,8 @@
 t X velocity F_d F_c
 
 The method is a value: `Contacts` (N contacts, event by event) or `MasterEquation` (N to infinity, on cohorts).
-Thresholds that age by `Langevin` have solvers of their own behind the same two names: N contacts in small exact steps,
-and the kinetic equation of Eqs. (13)-(17).
+Thresholds that age have solvers of their own behind the same two names: N contacts in small steps, with exact moments
+of breaking, and for `Langevin` the kinetic equation of Eqs. (13)-(17).
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 from stickslip import store
 from stickslip.drive import Drive, ForceAbove, ForceBelow, Piece, Travel, hold
 from stickslip.errors import InputError, instance, number, whole
-from stickslip.model import Delay, Interface, Langevin, Slider
-from stickslip.theory import gaussian_ageing
+from stickslip.model import Delay, DelayLaw, ExponentialGrowth, Interface, Langevin, Slider
+from stickslip.theory import gaussian_ageing, growth_law, lives
 from stickslip.thresholds import Law, SteadyState, panels
 
 if TYPE_CHECKING:
@@ -91,7 +91,29 @@ class MasterEquation:
         object.__setattr__(self, "cells", cells)
 
 
-Method = Contacts | MasterEquation
+@dataclass(frozen=True, kw_only=True)
+class PaperClosure:
+    """Method: the paper's own equations for ageing thresholds, Eqs. (1)-(3) with (18); for comparison only.
+
+    They keep one law of thresholds for all contacts, whatever their stretching: the correlation between age and
+    stretching is lost. Against `Contacts` and `MasterEquation` the force of smooth sliding is 23 % too large at
+    ``v = .01 rate**2``, 9 % too small at .5 and 28 % too small at 1 (spread .1). For `Langevin` ageing without delay.
+
+    Parameters
+    ----------
+    cells : int
+        Resolution: cohorts per ``x_s`` of motion are a quarter of it, cells of threshold per spread a fiftieth. The
+        error falls as ``1/cells``.
+    """
+
+    cells: int = 400
+
+    def __post_init__(self) -> None:
+        cells = whole("PaperClosure.cells", self.cells, at_least=10, at_most=100_000, hint="four times the cohorts")
+        object.__setattr__(self, "cells", cells)
+
+
+Method = Contacts | MasterEquation | PaperClosure
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,7 +168,9 @@ Start = Relaxed | Sliding
 
 def records() -> dict[str, type]:
     """Return every record that a run's provenance can name, for `stickslip.store.decode`."""
-    return store.records() | {kind.__name__: kind for kind in (Contacts, MasterEquation, Record, Relaxed, Sliding)}
+    return store.records() | {
+        kind.__name__: kind for kind in (Contacts, MasterEquation, PaperClosure, Record, Relaxed, Sliding)
+    }
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -171,6 +195,7 @@ def simulate(
     interface, slider, drive
         The rig, in natural units.
     method : Contacts or MasterEquation
+        Or, to compare with for `Langevin` ageing, `PaperClosure`.
     record : Record
         Sampling and snapshots; it never changes the motion.
     start : Relaxed or Sliding
@@ -191,8 +216,8 @@ def simulate(
     ------
     InputError
         If the rig cannot be simulated: no mass, thresholds without a density for the master equation, a snapshot
-        beyond the end; ageing other than `Langevin`, or on thresholds that are no Gaussian, or with a delay for
-        which there is no solver.
+        beyond the end; `Langevin` ageing of thresholds that are no Gaussian; ageing for which the method has no
+        solver.
     """
     _check(interface, slider, drive, method, record, start)
     # The solvers of ageing contacts end a step at each sample: as many as they take anyway.
@@ -260,7 +285,8 @@ def _check(interface: Interface, slider: Slider, drive: Drive, method: Method, r
     instance("simulate: interface", interface, Interface, "an Interface")
     instance("simulate: slider", slider, Slider, "a Slider")
     instance("simulate: drive", drive, Drive, "a drive, made with hold() or ramp()")
-    instance("simulate: method", method, (Contacts, MasterEquation), "Contacts(...) or MasterEquation(...)")
+    known = (Contacts, MasterEquation, PaperClosure)
+    instance("simulate: method", method, known, "Contacts(...) or MasterEquation(...)")
     instance("simulate: record", record, Record, "a Record")
     instance("simulate: start", start, (Relaxed, Sliding), "Relaxed() or Sliding()")
     check_method(interface, method)
@@ -283,15 +309,23 @@ def check_method(interface: Interface, method: object) -> None:
     """Raise `InputError` if the method cannot take the interface."""
     if interface.ageing is not None:
         _check_ageing(interface, method)
+    elif isinstance(method, PaperClosure):
+        raise InputError("PaperClosure: is for thresholds that age by Langevin; use MasterEquation")
     elif not isinstance(method, Contacts):
         interface.threshold_law.density(0.0)  # complains of a law without a density
 
 
 def _check_ageing(interface: Interface, method: object) -> None:
     ageing, delayed = interface.ageing, interface.delay.moment(1) > 0
-    if not isinstance(ageing, Langevin) or not isinstance(method, (Contacts, MasterEquation)):
-        raise InputError(f"Interface.ageing = {ageing}: not available with {type(method).__name__}")
+    if not isinstance(method, (Contacts, MasterEquation, PaperClosure)):
+        raise InputError(f"Interface.ageing = {ageing}: not available with {type(method).__name__}; use Contacts")
+    if not isinstance(ageing, Langevin):
+        if not isinstance(method, Contacts):
+            raise InputError(f"Interface.ageing = {ageing}: not available with {type(method).__name__}; use Contacts")
+        return
     gaussian_ageing(interface)
+    if isinstance(method, PaperClosure) and delayed:
+        raise InputError(f"Interface.delay = {interface.delay}: not available with PaperClosure; use Contacts")
     if isinstance(method, MasterEquation) and (delayed or method.memoryless):
         what = "MasterEquation(memoryless=True)" if method.memoryless else f"Interface.delay = {interface.delay}"
         raise InputError(f"{what}: not available for ageing thresholds with MasterEquation; use Contacts")
@@ -456,8 +490,13 @@ def _engine(motion: _Motion, method: Method) -> _Engine:
     match method:
         case Contacts() if isinstance(ageing, Langevin):
             return _Ageing(motion, _AgeingContacts(motion, ageing, method))
+        case Contacts() if ageing is not None:
+            return _Ageing(motion, _GrowingContacts(motion, method))
         case MasterEquation() if isinstance(ageing, Langevin):
             return _Ageing(motion, _AgeingDensity(motion, ageing, method))
+        case PaperClosure():
+            assert isinstance(ageing, Langevin)
+            return _Ageing(motion, _AgeingClosure(motion, ageing, method))
         case Contacts():
             return _ContactsEngine(motion, method)
         case MasterEquation():
@@ -545,16 +584,19 @@ def _first_contacts(motion: _Motion, count: int, rng: np.random.Generator) -> tu
     while (again := np.flatnonzero(np.abs(x) >= largest)).size:
         x[again] = initial.sample(rng, again.size)
     threshold = law.sample_beyond(rng, np.abs(x))
-    # Caught in the middle of a delay: long delays are met more often, and anywhere within them.
     detached = count - attached
-    pool = delay.sample(rng, 4 * detached + 1000) if detached else np.empty(0)
-    if isinstance(delay, Delay):
-        pending = delay.time * rng.random(detached)
-    elif detached:
-        pending = rng.choice(pool, detached, p=pool / pool.sum()) * rng.random(detached)
-    else:
-        pending = np.empty(0)
+    pending = _pending(delay, detached, rng)
     return np.append(x, np.zeros(detached)), np.append(threshold, np.zeros(detached)), pending
+
+
+def _pending(delay: DelayLaw, detached: int, rng: np.random.Generator) -> Array:
+    """When contacts that are caught in the middle of a delay come back: long delays are met more often."""
+    if isinstance(delay, Delay):
+        return delay.time * rng.random(detached)
+    if not detached:
+        return np.empty(0)
+    pool = delay.sample(rng, 4 * detached + 1000)
+    return np.asarray(rng.choice(pool, detached, p=pool / pool.sum()) * rng.random(detached))
 
 
 class _Cohorts:
@@ -737,6 +779,10 @@ _AGEING_STEP = 0.04
 """Largest step of N ageing contacts in units of ``1/rate**2``: converged to 2e-3."""
 
 
+_GROWING_REACH = 0.02
+"""Largest way of the slider in a step of N contacts with growing thresholds, in ``x_s``."""
+
+
 def _settling_time(motion: _Motion, ageing: Langevin) -> float:
     """How long to slide rigidly from the law of Eq. (10) to the steady state: lives, and times of ageing."""
     velocity, delay = motion.drive.pieces[0].start, motion.interface.delay.moment(1)
@@ -784,6 +830,62 @@ class _AgeingContacts:
 
         contacts, rig = (self._x, self._f, self._attach), (drive, self._slider, self._law, self._delays)
         return advance_contacts(self._state, *contacts, *rig, times, _AGEING_STEP, 0.05, self._rng)
+
+    def contact_force(self) -> float:
+        """Force of the contacts now, per contact."""
+        return float(np.mean(np.where(self._attach <= self._state[0], self._x, 0.0)))
+
+    def stretchings(self) -> tuple[Array, Array, bool]:
+        """Stretchings of attached contacts, and their shares."""
+        x = self._x[self._attach <= self._state[0]]
+        return x, np.full(x.size, 1.0 / self._x.size), False
+
+
+class _GrowingContacts:
+    """N contacts whose thresholds grow by a fixed law, of `stickslip.kernels.ageing`."""
+
+    _POOL = 65_536
+
+    def __init__(self, motion: _Motion, method: Contacts) -> None:
+        initial, thresholds, delays = (
+            np.random.default_rng(seed) for seed in np.random.SeedSequence(method.seed).spawn(3)
+        )
+        interface = motion.interface
+        self._growth, self._rng = growth_law(interface), thresholds
+        self._pool = interface.threshold_law.sample(thresholds, self._POOL)
+        delay = interface.delay
+        self._delays = delay.sample(delays, 1 if isinstance(delay, Delay) else self._POOL)
+        self._slider = _ageing_slider(motion.slider)
+        if isinstance(motion.start, Relaxed):
+            # Growth towards a strength has come to its end; growth without end begins.
+            born = -math.inf if isinstance(interface.ageing, ExponentialGrowth) else 0.0
+            self._x, self._strength, _ = _first_contacts(motion, method.count, initial)
+            self._attach = np.full(method.count, born)
+        else:
+            self._slide(motion, method.count, initial)
+        self._state = np.array([0.0, 0.0, motion.first_velocity, 0.0])
+
+    def _slide(self, motion: _Motion, count: int, rng: np.random.Generator) -> None:
+        """Contacts of steady sliding: long lives are met more often, and anywhere within them."""
+        velocity, delay = motion.drive.pieces[0].start, motion.interface.delay
+        life = lives(self._growth, self._pool, velocity)
+        share = life.mean() / (life.mean() + delay.moment(1)) if life.any() else 0.0
+        attached = round(count * share)
+        which = rng.choice(self._pool.size, attached, p=life / life.sum()) if attached else np.empty(0, dtype=int)
+        age = rng.random(attached) * life[which]
+        detached = count - attached
+        pending = _pending(delay, detached, rng)
+        self._x = np.append(velocity * age, np.zeros(detached))
+        self._strength = np.append(self._pool[which], rng.choice(self._pool, detached))
+        self._attach = np.append(-age, pending)
+
+    def advance(self, drive: Array, times: Array) -> Array:
+        """Advance to the last of `times`."""
+        from stickslip.kernels.ageing import advance_growing
+
+        contacts, rig = (self._x, self._strength, self._attach), (drive, self._slider, np.array(self._growth))
+        pools = self._pool, self._delays
+        return advance_growing(self._state, *contacts, *rig, *pools, times, _GROWING_REACH, self._rng)
 
     def contact_force(self) -> float:
         """Force of the contacts now, per contact."""
@@ -846,6 +948,62 @@ class _AgeingDensity:
         """Mean stretchings of the cohorts, and their shares."""
         count = int(self._state[4])
         return self._state[1] - self._place[:count], self._mass[:count].sum(axis=1), True
+
+
+class _AgeingClosure:
+    """The paper's closure of `stickslip.kernels.ageing`: cohorts of stretchings, and one law of thresholds."""
+
+    def __init__(self, motion: _Motion, ageing: Langevin, method: PaperClosure) -> None:
+        from stickslip.kernels.ageing import threshold_edges
+
+        self._law = _ageing_law(motion)
+        _, mean, spread, newborn = self._law.tolist()
+        self._reach = self._step = 4.0 / method.cells
+        self._edges = threshold_edges(mean, spread, newborn, max(method.cells / 50.0, 2.0))
+        law = motion.interface.threshold_law
+        sliding = isinstance(motion.start, Sliding)
+        start = Interface(thresholds=law, initial=SteadyState(thresholds=law)) if sliding else motion.interface
+        x, share = initial_nodes(start)
+        beyond = law.survival(self._edges)
+        self._thresholds = (beyond[:-1] - beyond[1:]) / (beyond[0] - beyond[-1])
+        room = x.size + math.ceil(3.0 / self._reach) + 20
+        self._place, self._weight = np.zeros(room), np.zeros(room)
+        self._place[: x.size], self._weight[: x.size] = -x, share
+        self._state = np.array([0.0, 0.0, 0.0, 0.0, x.size])
+        if sliding:
+            self._slider = _ageing_slider(None)
+            end = 2.0 * _settling_time(motion, ageing)  # one law for all settles more slowly
+            self.advance(np.array([[0.0, 0.0, motion.drive.pieces[0].start, 0.0]]), np.array([end]))
+            self._place -= self._state[1]
+            self._state[:2] = 0.0
+        self._state[2] = motion.first_velocity
+        self._slider = _ageing_slider(motion.slider)
+
+    def advance(self, drive: Array, times: Array) -> Array:
+        """Advance to the last of `times`, with room for as many cohorts as it takes."""
+        from stickslip.kernels.ageing import advance_closure
+
+        while True:
+            state, place, weight, law = (a.copy() for a in (self._state, self._place, self._weight, self._thresholds))
+            try:
+                rig = (self._edges, drive, self._slider, self._law, times)
+                samples = advance_closure(state, place, weight, law, *rig, self._step, self._reach)
+            except ValueError:  # no room for another cohort
+                self._place = np.append(self._place, np.zeros(place.size))
+                self._weight = np.append(self._weight, np.zeros(weight.size))
+                continue
+            self._state, self._place, self._weight, self._thresholds = state, place, weight, law
+            return samples
+
+    def contact_force(self) -> float:
+        """Force of the contacts now, per contact."""
+        x, share, _ = self.stretchings()
+        return float(np.sum(x * share))
+
+    def stretchings(self) -> tuple[Array, Array, bool]:
+        """Stretchings of the cohorts, and their shares."""
+        count = int(self._state[4])
+        return self._state[1] - self._place[:count], self._weight[:count], True
 
 
 def _first_cohorts(interface: Interface, edges: Array, width: float, *, steady: bool) -> tuple[Array, Array]:

@@ -205,6 +205,10 @@ def turned(rig: Rig, values: Mapping[str, Any]) -> Document:
                 }
             else:
                 interface["delay"] = _written(natural, "time", rig.scales)
+        elif name == "ageing":
+            if not isinstance(rig.interface.ageing, model.Langevin):
+                raise InputError("interface.ageing: these thresholds do not age by langevin; there is no time to turn")
+            interface["ageing"]["time"] = _written(natural, "time", rig.scales)
         else:
             law = _table(interface, "thresholds")
             if "spread" not in law:

@@ -701,89 +701,101 @@ def _density_by_age(u: float, delta: float, newborn: float, z: Floats, age: Floa
 
 
 @jit
-def _response(
-    u: float, delta: float, newborn: float, s: complex, z: Floats, age: Floats, mass: Floats
-) -> tuple[complex, complex, complex, complex]:
-    """Transforms of one life at the Laplace variable `s` and of its linear response to a shaken slider.
+def _responses(
+    u: float, delta: float, newborn: float, s: NDArray[np.complex128], z: Floats, age: Floats, mass: Floats
+) -> NDArray[np.complex128]:
+    """Transforms of one life at Laplace variables `s`, and of its linear response to a shaken slider; shape (4, n).
 
-    Returns ``int S e^{-sa}``, ``int u a S e^{-sa}``, and the same two of the perturbation of S.
+    ``int S e^{-sa}``, ``int u a S e^{-sa}``, and the same two of the perturbation of S. Real and imaginary parts lie
+    apart and all variables side by side, so that the inner loops run on vectors.
     """
-    m, n = z.size - 1, age.size - 1
+    m, n, count = z.size - 1, age.size - 1, s.size
     c0, r = (1.0 - u) / delta, u / delta
-    up, down, pull = np.zeros(m + 1), np.zeros(m + 1), np.zeros(m + 1)
-    upper = np.zeros(m + 1, dtype=np.complex128)
-    life, work = np.zeros(m + 1, dtype=np.complex128), np.zeros(m + 1, dtype=np.complex128)
-    b0, b1 = np.zeros(m + 1, dtype=np.complex128), np.zeros(m + 1, dtype=np.complex128)
-    response = np.zeros(2, dtype=np.complex128)
-    right, left = np.zeros(2, dtype=np.complex128), np.zeros(2, dtype=np.complex128)
+    re, im = s.real.copy(), s.imag.copy()
+    up, down, ahead, back = np.zeros(m + 1), np.zeros(m + 1), np.zeros(m + 1), np.zeros(m + 1)
+    # What is still to come: real and imaginary parts of the life, then of the work.
+    future = np.zeros((4, m + 1, count))
+    known, upper = np.zeros((4, m + 1, count)), np.zeros((2, m + 1, count))
+    slope = np.zeros((4, count))
+    response, right = np.zeros((count, 2), dtype=np.complex128), np.zeros((count, 2), dtype=np.complex128)
     for j in range(n - 1, -1, -1):
         da = age[j + 1] - age[j]
         middle = 0.5 * (age[j + 1] + age[j])
         _chain(z, c0 - r * middle, up, down)
         share = 0.5 if j < n - 8 else 1.0
         explicit, implicit = (1.0 - share) * da, share * da
-        for i in range(1, m + 1):
-            k = min(i + 1, m)
-            b0[i] = (
-                life[i] * (1.0 - explicit * s)
-                + explicit * (down[i] * (life[i - 1] - life[i]) + up[i] * (life[k] - life[i]))
-                + da
-            )
-            b1[i] = (
-                work[i] * (1.0 - explicit * s)
-                + explicit * (down[i] * (work[i - 1] - work[i]) + up[i] * (work[k] - work[i]))
-                + da * u * middle
-            )
-            below = implicit * down[i]
-            pivot = 1.0 / (1.0 + implicit * (s + up[i]) + below - below * upper[i - 1])
-            b0[i] = (b0[i] + below * b0[i - 1]) * pivot
-            b1[i] = (b1[i] + below * b1[i - 1]) * pivot
-            upper[i] = implicit * up[i] * pivot
-        life[m], work[m] = b0[m], b1[m]
-        for i in range(m - 1, 0, -1):
-            life[i] = b0[i] + upper[i] * life[i + 1]
-            work[i] = b1[i] + upper[i] * work[i + 1]
         # What a unit of extra drift at this age would add, in all: density times slope of what is to come.
-        left[0], left[1] = 0.0, 0.0
         c = c0 - r * age[j]
-        for i in range(m):
-            h = z[i + 1] - z[i]
-            d = (c - 0.5 * (z[i] + z[i + 1])) * h
-            pull[i] = _bernoulli_slope(d)
         for i in range(1, m + 1):
-            width = 0.5 * (z[i + 1] - z[i - 1]) if i < m else 0.5 * (z[m] - z[m - 1])
-            weight = mass[j, i] / width
+            h = z[i] - z[i - 1]
+            pull = _bernoulli_slope((c - 0.5 * (z[i - 1] + z[i])) * h)
+            back[i] = -pull * mass[j, i] / (0.5 * (z[i + 1] - z[i - 1]) if i < m else 0.5 * h)
+            if i > 1:
+                ahead[i - 1] = (1.0 + pull) * mass[j, i - 1] / (0.5 * (z[i] - z[i - 2]))
+        for i in range(1, m + 1):
+            off, on, below, above = explicit * down[i], explicit * up[i], implicit * down[i], implicit * up[i]
+            stay, gain = 1.0 - off - on, (da, 0.0, da * u * middle, 0.0)
             k = min(i + 1, m)
-            ahead, back = 1.0 + pull[min(i, m - 1)], -pull[i - 1]
-            left[0] += weight * (ahead * (life[k] - life[i]) + back * (life[i] - life[i - 1]))
-            left[1] += weight * (ahead * (work[k] - work[i]) + back * (work[i] - work[i - 1]))
+            for part in range(2):
+                x, y = future[2 * part], future[2 * part + 1]
+                bx, by = known[2 * part], known[2 * part + 1]
+                more = gain[2 * part]
+                for q in range(count):
+                    still, turn = stay - explicit * re[q], -explicit * im[q]
+                    bx[i, q] = still * x[i, q] - turn * y[i, q] + off * x[i - 1, q] + on * x[k, q] + more
+                    by[i, q] = still * y[i, q] + turn * x[i, q] + off * y[i - 1, q] + on * y[k, q]
+            for q in range(count):
+                dx = 1.0 + implicit * re[q] + above + below - below * upper[0, i - 1, q]
+                dy = implicit * im[q] - below * upper[1, i - 1, q]
+                size = 1.0 / (dx * dx + dy * dy)
+                px, py = dx * size, -dy * size
+                fx, fy = known[0, i, q] + below * known[0, i - 1, q], known[1, i, q] + below * known[1, i - 1, q]
+                gx, gy = known[2, i, q] + below * known[2, i - 1, q], known[3, i, q] + below * known[3, i - 1, q]
+                known[0, i, q], known[1, i, q] = fx * px - fy * py, fx * py + fy * px
+                known[2, i, q], known[3, i, q] = gx * px - gy * py, gx * py + gy * px
+                upper[0, i, q], upper[1, i, q] = above * px, above * py
+        future[:, m] = known[:, m]
+        for i in range(m - 1, 0, -1):
+            for part in range(2):
+                x, y = future[2 * part], future[2 * part + 1]
+                for q in range(count):
+                    cx, cy = upper[0, i, q], upper[1, i, q]
+                    x[i, q] = known[2 * part, i, q] + cx * x[i + 1, q] - cy * y[i + 1, q]
+                    y[i, q] = known[2 * part + 1, i, q] + cx * y[i + 1, q] + cy * x[i + 1, q]
+        slope[:] = 0.0
+        for part in range(4):
+            x, total = future[part], slope[part]
+            for i in range(1, m + 1):
+                k = min(i + 1, m)
+                for q in range(count):
+                    total[q] += ahead[i] * (x[k, q] - x[i, q]) + back[i] * (x[i, q] - x[i - 1, q])
         # times the extra drift e^{-sa} - 1 - s: linear between the nodes, the exponential exactly.
-        q = s * da
-        if abs(q) < 1e-2:
-            whole = 1.0 - q / 2.0 + q * q / 6.0 - q**3 / 24.0
-            ramp = 0.5 - q / 3.0 + q * q / 8.0 - q**3 / 30.0
-        else:
-            e = np.exp(-q)
-            whole = (1.0 - e) / q
-            ramp = (1.0 - e * (1.0 + q)) / (q * q)
-        wave = np.exp(-s * age[j])
-        for k in range(2):
-            response[k] += da * (
-                left[k] * (wave * (whole - ramp) - 0.5 * (1.0 + s)) + right[k] * (wave * ramp - 0.5 * (1.0 + s))
-            )
-            right[k] = left[k]
-    response /= delta
-    if newborn > 0.0:
-        i = int(np.searchsorted(z, newborn / delta))
-        w = mass[0, i]
-        return (
-            (1.0 - w) * life[i - 1] + w * life[i],
-            (1.0 - w) * work[i - 1] + w * work[i],
-            response[0],
-            response[1],
-        )
-    # The half cell at the boundary belongs to the life, too.
-    return life[1] + 0.5 * z[1] * z[1], work[1], response[0], response[1]
+        for q in range(count):
+            turn_q = s[q] * da
+            if abs(turn_q) < 1e-2:
+                whole = 1.0 - turn_q / 2.0 + turn_q * turn_q / 6.0 - turn_q**3 / 24.0
+                ramp = 0.5 - turn_q / 3.0 + turn_q * turn_q / 8.0 - turn_q**3 / 30.0
+            else:
+                e = np.exp(-turn_q)
+                whole = (1.0 - e) / turn_q
+                ramp = (1.0 - e * (1.0 + turn_q)) / (turn_q * turn_q)
+            wave, half = np.exp(-s[q] * age[j]), 0.5 * (1.0 + s[q])
+            here, there = wave * (whole - ramp) - half, wave * ramp - half
+            first, second = complex(slope[0, q], slope[1, q]), complex(slope[2, q], slope[3, q])
+            response[q, 0] += da * (first * here + right[q, 0] * there)
+            response[q, 1] += da * (second * here + right[q, 1] * there)
+            right[q, 0], right[q, 1] = first, second
+    answer = np.empty((4, count), dtype=np.complex128)
+    i = int(np.searchsorted(z, newborn / delta)) if newborn > 0.0 else 1
+    w = mass[0, i] if newborn > 0.0 else 1.0
+    # The half cell at the boundary belongs to the life of a contact that is born on it, too.
+    edge = 0.5 * z[1] * z[1] if newborn <= 0.0 else 0.0
+    for q in range(count):
+        lower, higher = future[:, i - 1, q], future[:, i, q]
+        answer[0, q] = (1.0 - w) * complex(lower[0], lower[1]) + w * complex(higher[0], higher[1]) + edge
+        answer[1, q] = (1.0 - w) * complex(lower[2], lower[3]) + w * complex(higher[2], higher[3])
+        answer[2, q], answer[3, q] = response[q, 0] / delta, response[q, 1] / delta
+    return answer
 
 
 @jit
@@ -800,6 +812,32 @@ def _bernoulli_slope(z: float) -> float:
 
 
 @jit
+def life_transforms(
+    u: float, delta: float, newborn: float, p: NDArray[np.complex128], cells: int
+) -> NDArray[np.complex128]:
+    """What one life contributes to the dynamic stiffness, at one resolution; see `dynamic_stiffness_ageing`.
+
+    Parameters
+    ----------
+    u, delta, newborn : float
+        ``velocity/(rate^2 mean)``, ``spread/mean`` and ``newborn/mean``.
+    p : ndarray of complex, shape (n,)
+        Laplace variable in units of rate^2.
+    cells : int
+        Cells of the gap.
+
+    Returns
+    -------
+    ndarray of complex, shape (4, n + 1)
+        For each `p`, and last for 0: ``int S e^{-pa}``, ``int u a S e^{-pa}``, and the same two of the perturbation of
+        the survivors S by a slider that is shaken by ``e^{pa}``.
+    """
+    z, age = _stability_nodes(u, delta, newborn, cells)
+    mass = _density_by_age(u, delta, newborn, z, age)
+    return _responses(u, delta, newborn, np.append(p, np.zeros(1, dtype=np.complex128)), z, age, mass)
+
+
+@jit
 def _dynamic_stiffness(
     velocity: float,
     rate: float,
@@ -811,20 +849,19 @@ def _dynamic_stiffness(
     cells: int,
 ) -> NDArray[np.complex128]:
     """`dynamic_stiffness_ageing` at one resolution."""
-    u, delta, start = velocity / (rate * rate * mean), spread / mean, newborn / mean
-    z, age = _stability_nodes(u, delta, start, cells)
-    mass = _density_by_age(u, delta, start, z, age)
-    rest = _response(u, delta, start, 0j, z, age, mass)
-    held = rest[0] + np.mean(delays) * rate * rate
+    square = rate * rate
+    parts = life_transforms(velocity / (square * mean), spread / mean, newborn / mean, s / square, cells)
+    rest = parts[0, s.size].real
+    held = rest + np.mean(delays) * square
     kappa = np.empty(s.size, dtype=np.complex128)
     for k in range(s.size):
-        p = s[k] / (rate * rate)
-        life, work, less, lost = _response(u, delta, start, p, z, age, mass)
+        p = s[k] / square
         away = 0j  # detached contacts, per birth
         if np.max(delays) > 0.0 and p != 0.0:
             e = np.mean(np.exp(-s[k] * delays))
             away = (1.0 - e) / (p * e)
-        kappa[k] = (rest[0] - life + lost - less * work / (life + away)) / held
+        life, work, less, lost = parts[0, k], parts[1, k], parts[2, k], parts[3, k]
+        kappa[k] = (rest - life + lost - less * work / (life + away)) / held
     return kappa
 
 
@@ -1700,6 +1737,7 @@ def advance_growing(
     """
     K, mass, damping = slider[0], slider[1], slider[2]
     kind, first, second = int(law[0]), law[1], law[2]
+    unready, strongest = kind == 0 and second <= 0.0, np.max(pool)
     rigid = np.isinf(K)
     n = stretching.size
     now, X, V, undone = state[0], state[1], state[2], state[3]
@@ -1733,6 +1771,7 @@ def advance_growing(
                     X, V, K + grip, mass, damping, K * P - F + grip * X, K * v_d, 0.5 * K * a_d, dt
                 )
             v, end = (X - before) / dt, now + dt
+            hopeless = unready and strongest * first <= abs(v)
             total, held = 0.0, 0
             for i in range(n):
                 x, start = stretching[i], now
@@ -1748,7 +1787,11 @@ def advance_growing(
                         start = end
                         break
                     low, high = start, end
-                    for _ in range(40):
+                    # A threshold that grows from 0 more slowly than the stretching never leads it.
+                    at_once = x == 0.0 and attach[i] == start and unready and strength[i] * first <= abs(v)
+                    if at_once:
+                        high = start
+                    for _ in range(0 if at_once else 40):
                         middle = 0.5 * (low + high)
                         factor, addend = grown(kind, first, second, middle - attach[i])
                         if abs(x + v * (middle - start)) < strength[i] * factor + addend:
@@ -1760,7 +1803,7 @@ def advance_growing(
                     start = high + delays[int(rng.random() * delays.size)]
                     attach[i] = start
                     tries += 1
-                    if tries > 100 and attach[i] < end:  # breaks as soon as it is born
+                    if (tries > 100 or hopeless) and attach[i] < end:  # breaks as soon as it is born
                         attach[i] = start = end
                 stretching[i] = x
                 if start == end:

@@ -13,11 +13,12 @@ settled numbers stand in the claims, as expectations.
 
 from __future__ import annotations
 
-from stickslip.paper import fig1, fig2, fig3, fig4, fig5, fig6, fig7
+from stickslip.paper import fig1, fig2, fig3, fig4, fig5, fig6, fig7, fig8, fig9, fig10, fig11
 from stickslip.paper.record import Claim, Figure, Measured, Verdict
 
 FIGURES: dict[str, Figure] = {
-    figure.name: figure for figure in (m.FIGURE for m in (fig1, fig2, fig3, fig4, fig5, fig6, fig7))
+    figure.name: figure
+    for figure in (m.FIGURE for m in (fig1, fig2, fig3, fig4, fig5, fig6, fig7, fig8, fig9, fig10, fig11))
 }
 """The figures by name, ``"fig1"`` and on, in the order of the paper."""
 

@@ -11,6 +11,7 @@ Natural units per contact. A rig is a `Slider` or any mechanical impedance (`Imp
 
 from stickslip.stability.curves import boundary, stability_map
 from stickslip.stability.knobs import (
+    AGEING,
     DAMPING,
     DELAY,
     KNOBS,
@@ -35,6 +36,7 @@ from stickslip.stability.response import dynamic_stiffness
 from stickslip.stability.rigs import Impedance, Modes, RadiationDamping, Rig, SpringMassDamper
 
 __all__ = [
+    "AGEING",
     "DAMPING",
     "DELAY",
     "KNOBS",

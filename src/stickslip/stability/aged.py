@@ -1,216 +1,199 @@
-"""Linear stability of smooth sliding on contacts whose thresholds age by `Langevin`.
+"""The linear response of contacts whose thresholds age by `Langevin`.
 
 The dynamic stiffness comes from the linearised kinetic equation of Eqs. (13)-(17), see
-`stickslip.kernels.ageing.dynamic_stiffness_ageing`; it has no closed form and costs some ten milliseconds a point, so
-curves are followed on few frequencies, refined where they turn.
+`stickslip.kernels.ageing.dynamic_stiffness_ageing`; it has no closed form. In units of ``rate**2`` it depends on the
+reduced speed ``u = v/(rate**2 f_0)`` and on ``s/rate**2`` alone, so one table serves all rates, speeds and rigs: what a
+life contributes is computed on the imaginary axis at fixed values of u, when they are first needed, and interpolated
+between them. Delays enter in closed form.
+Off the axis, for growth rates, each point is computed.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline
 
-from stickslip.errors import UndecidedError
-from stickslip.model import Delay, Interface
-from stickslip.stability.rigs import Impedance, natural_frequencies
+from stickslip.errors import InputError
+from stickslip.model import DelayLaw, Interface, Langevin
 from stickslip.theory import gaussian_ageing
+from stickslip.thresholds import Gaussian
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
 
-_COARSE, _FINE = 40, 80
-"""Cells of the gap: some 1e-3, and 2e-4."""
+ACCURACY = 1e-3
+"""Of a tabulated kappa, per contact; about sharp resonances at low speed it is some times less."""
 
-_TURN = 0.6
-"""Largest angle (rad) between neighbours on the curve that is followed about the origin."""
-
-_PER_DECADE = 10
-"""Speeds per decade at which growing modes are counted; a window of speeds narrower than that may be missed."""
-
-
-def aged_stiffness(interface: Interface, velocity: float, s: ComplexArray, *, cells: int = _FINE) -> ComplexArray:
-    """``kappa(s)`` about steady sliding, per contact."""
-    from stickslip.kernels.ageing import dynamic_stiffness_ageing
-
-    ageing, law = gaussian_ageing(interface)
-    delay = interface.delay
-    delays = np.array([delay.time]) if isinstance(delay, Delay) else delay.sample(np.random.default_rng(0), 1024)
-    points = np.asarray(s, dtype=np.complex128)
-    kappa = dynamic_stiffness_ageing(
-        velocity, ageing.rate, law.spread, points.ravel(), ageing.newborn, law.mean, delays, cells
-    )
-    return np.asarray(kappa.reshape(points.shape))
+_PER_DECADE = 48
+"""Reduced speeds in the table."""
+_SLOWEST, _FASTEST = 1e-3, 50.0
+"""Reduced speeds for which the response is computed."""
+_POINT = 80
+"""Cells of the gap where one point is asked for; one extrapolation to half their width."""
+_TOP = 100.0
+"""Frequency, in units of ``rate**2``, up to which the table goes; above it kappa nears 1 as a power of it."""
+_LOWEST = 0.01
+"""Phase of a life down to which the table goes; below it kappa is in proportion to the frequency."""
 
 
-class _Curve:
-    """``Z + kappa`` along the positive imaginary axis, fine enough to follow its angle."""
+@dataclass(frozen=True, kw_only=True)
+class AgedResponse:
+    """The linear response of ageing contacts with a Gaussian law of thresholds and a delay."""
 
-    def __init__(self, interface: Interface, rig: Impedance, velocity: float) -> None:
-        ageing, law = gaussian_ageing(interface)
-        own = float(np.max(np.abs(natural_frequencies(rig)), initial=0.0))
-        slow = min(ageing.rate**2, velocity / law.mean)
-        top = 3.0 * max(own, 3.0 * ageing.rate**2, 3.0 * velocity / law.mean)
-        self.omega = np.geomspace(0.01 * slow, top, 48)
-        self.z = rig(1j * self.omega)
-        self.kappa = aged_stiffness(interface, velocity, 1j * self.omega, cells=_COARSE)
-        for _ in range(14):
-            # Beyond the top neither the interface nor its share in the sum turns the curve any more.
-            if abs(np.angle(1 + self.kappa[-1] / self.z[-1])) < 0.3 and abs(self.kappa[-1]) < 1.5:
-                break
-            self._add(interface, rig, velocity, self.omega[-1:] * 1.6)
-        for _ in range(12):
-            value = self.value
-            coarse = np.abs(np.angle(value[1:] / value[:-1])) > _TURN
-            if not coarse.any():
-                return
-            if np.min(np.diff(self.omega)[coarse] / self.omega[1:][coarse]) < 1e-3:
-                break
-            self._add(interface, rig, velocity, np.sqrt(self.omega[1:] * self.omega[:-1])[coarse])
-        at = float(self.omega[np.argmin(np.abs(self.value))])
-        raise UndecidedError(
-            f"smooth sliding at velocity {velocity:g} is neutral to within the accuracy of the response (1e-3), at "
-            f"angular frequency {at:.5g}: on its stability boundary; move a parameter to one side"
+    ageing: Langevin
+    law: Gaussian
+    delay: DelayLaw
+
+    inert = False
+
+    def stiffness(self, velocity: ArrayLike, s: ArrayLike) -> ComplexArray:
+        """``kappa(s)`` on the imaginary axis, from the table; `velocity` and `s` broadcast."""
+        speed, s = np.broadcast_arrays(np.asarray(velocity, dtype=float), np.asarray(s, dtype=complex))
+        kappa = np.empty(s.shape, dtype=complex)
+        for v in np.unique(speed):
+            here = speed == v
+            kappa[here] = self._on_axis(self._reduced(float(v)), s[here].imag / self._square)
+        return kappa
+
+    def exact(self, velocity: ArrayLike, s: ArrayLike, *, cells: int = _POINT) -> ComplexArray:
+        """``kappa(s)`` at any s not far left of the axis, a millisecond a point; `velocity` and `s` broadcast."""
+        speed, s = np.broadcast_arrays(np.asarray(velocity, dtype=float), np.asarray(s, dtype=complex))
+        kappa = np.empty(s.shape, dtype=complex)
+        for v in np.unique(speed):
+            here = speed == v
+            p = s[here] / self._square
+            parts, rest = _life(self._reduced(float(v)), *self._shape, p, cells)
+            kappa[here] = self._join(p, parts, rest)
+        return kappa
+
+    def frequencies(self, velocity: float) -> Array:
+        """Angular frequencies that follow every turn of kappa, and beyond which its loss is positive."""
+        u = self._reduced(velocity)
+        longest = 1.0 / (u + u * u) + float(np.max(self._delays[0], initial=0.0))
+        fine = np.arange(1.0, 4000.0) * 0.2 / longest
+        w = np.union1d(np.geomspace(1e-4 / longest, _TOP, 240), fine[fine < _TOP])
+        return np.asarray(w * self._square)
+
+    def life(self, velocity: float) -> float:
+        """About how long a contact lives."""
+        u = self._reduced(velocity)
+        return 1.0 / ((u + u * u) * self._square)
+
+    @cached_property
+    def _square(self) -> float:
+        return self.ageing.rate**2
+
+    @cached_property
+    def _shape(self) -> tuple[float, float]:
+        """Spread of thresholds and strength of newborns, in units of the mean threshold."""
+        return self.law.spread / self.law.mean, self.ageing.newborn / self.law.mean
+
+    @cached_property
+    def _delays(self) -> tuple[Array, Array]:
+        """Delays in units of ``rate**-2``, and their weights."""
+        delay, weight = self.delay.quadrature()
+        return delay * self._square, weight
+
+    def _reduced(self, velocity: float) -> float:
+        u = velocity / (self._square * self.law.mean)
+        if not _SLOWEST <= u <= _FASTEST:
+            unit = self._square * self.law.mean
+            raise InputError(
+                f"velocity = {velocity:g}: the stability of ageing contacts is computed between {_SLOWEST * unit:g} "
+                f"and {_FASTEST * unit:g} ({_SLOWEST:g} to {_FASTEST:g} times rate^2 f_0)"
+            )
+        return u
+
+    def _on_axis(self, u: float, w: Array) -> ComplexArray:
+        """Kappa at a reduced speed and reduced frequencies, by cubic interpolation between four rows of the table."""
+        place = math.log10(u) * _PER_DECADE
+        first = math.floor(place) - 1
+        t = place - first - 1
+        weights = (
+            -t * (t - 1) * (t - 2) / 6,
+            (t + 1) * (t - 1) * (t - 2) / 2,
+            -(t + 1) * t * (t - 2) / 2,
+            (t + 1) * t * (t - 1) / 6,
         )
+        unit = u + u * u
+        size = np.clip(np.abs(w), _LOWEST * unit, _TOP)
+        parts, rest = np.zeros((4, size.size), dtype=complex), 0.0
+        for k, weight in enumerate(weights):
+            if weight != 0.0:
+                row, held = _row(*self._shape, first + k)
+                # At the same phase of a life neighbouring speeds are alike.
+                parts += weight * row(np.log(size / unit))
+                rest += weight * held
+        kappa = self._join(1j * size, parts, rest)
+        slow, fast = np.abs(w) / size, _TOP / np.maximum(np.abs(w), _TOP)
+        kappa = np.where(slow < 1, slow * slow * kappa.real + 1j * slow * kappa.imag, kappa)
+        kappa = 1.0 - (1.0 - kappa) * fast ** (0.5 if self.ageing.newborn == 0 else 1.0)
+        return np.asarray(np.where(w < 0, np.conj(kappa), kappa))
 
-    def _add(self, interface: Interface, rig: Impedance, velocity: float, omega: Array) -> None:
-        all_omega = np.concatenate([self.omega, omega])
-        order = np.argsort(all_omega)
-        more = aged_stiffness(interface, velocity, 1j * omega, cells=_COARSE)
-        self.kappa = np.concatenate([self.kappa, more])[order]
-        self.z = np.concatenate([self.z, rig(1j * omega)])[order]
-        self.omega = all_omega[order]
-
-    @property
-    def value(self) -> ComplexArray:
-        """``Z + kappa``."""
-        return np.asarray(self.z + self.kappa)
-
-    def unstable(self) -> int:
-        """Roots with ``Re s > 0``: kappa and Z have no poles there."""
-        value = self.value
-        turned = float(np.sum(np.angle(value[1:] / value[:-1]))) + float(np.angle(value[0]))
-        z = complex(self.z[-1])
-        angle_z = math.atan2(max(z.imag, 0.0), z.real)
-        return round((angle_z + float(np.angle(value[-1] / z)) - turned) / math.pi)
-
-    def nearest(self) -> ComplexArray:
-        """Points on the axis where the curve dips towards the origin."""
-        size = np.abs(self.value)
-        dip = np.flatnonzero((size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:])) + 1
-        return np.asarray(1j * self.omega[dip])
-
-
-def count_aged(interface: Interface, rig: Impedance, velocity: float) -> int:
-    """Number of growing modes of smooth sliding, by the argument principle."""
-    return _Curve(interface, rig, velocity).unstable()
+    def _join(self, p: ComplexArray, parts: ComplexArray, rest: float) -> ComplexArray:
+        """Kappa from the transforms of a life and of the delay."""
+        life, work, less, lost = parts
+        tau, weight = self._delays
+        if tau.max(initial=0.0) == 0.0:
+            again = less * work / life
+        else:
+            back = np.exp(-np.multiply.outer(p, tau)) @ weight
+            away = (-np.expm1(-np.multiply.outer(p, tau))) @ weight
+            again = np.zeros_like(p)
+            moves = p != 0
+            again[moves] = (less * work * back * p)[moves] / (life * back * p + away)[moves]
+        kappa = (rest - life + lost - again) / (rest + float(tau @ weight))
+        return np.asarray(np.where(p == 0, 0.0, kappa))
 
 
-def rightmost_aged(interface: Interface, rig: Impedance, velocity: float) -> complex:
-    """The fastest growing mode, all of them found.
+def aged_response(interface: Interface) -> AgedResponse:
+    """Return the linear response of ageing contacts.
 
     Raises
     ------
-    UndecidedError
-        If no mode grows (how fast the slowest decays is not computed), or not all growing modes were reached.
+    InputError
+        If thresholds do not age by `Langevin` from a Gaussian, a delay meets newborns without strength, or contacts
+        never come back.
     """
-    curve = _Curve(interface, rig, velocity)
-    count = curve.unstable()
-    if count == 0:
-        raise UndecidedError(
-            f"smooth sliding at velocity {velocity:g} is stable; how fast its slowest mode dies out is not computed "
-            "for thresholds that age"
+    ageing, law = gaussian_ageing(interface)
+    if not math.isfinite(interface.delay.moment(1)):
+        raise InputError(
+            "Interface.delay: contacts never come back, so there is no smooth sliding to be stable or not; "
+            "give a finite delay"
         )
-
-    def value(s: complex) -> complex:
-        points = np.array([s])
-        return complex((rig(points) + aged_stiffness(interface, velocity, points))[0])
-
-    roots: list[complex] = []
-    for start in curve.nearest().tolist():
-        for share in (0.0, 0.3, 1.0):
-            root = _secant(value, start + share * abs(start), 1e-7)
-            if root is not None and root.real > 0 and all(abs(root - r) > 1e-4 * abs(root) for r in roots):
-                roots.append(root)
-        if sum(2 if abs(r.imag) > 1e-6 * abs(r) else 1 for r in roots) >= count:
-            return max(roots, key=lambda r: r.real)
-    raise UndecidedError(
-        f"smooth sliding at velocity {velocity:g} has {count} growing modes, not all of which were found: {roots}"
-    )
+    return AgedResponse(ageing=ageing, law=law, delay=interface.delay)
 
 
-def _secant(function: Any, start: complex, tolerance: float) -> complex | None:
-    """Root near a start, its imaginary part made 0 or above; None where the search does not settle."""
-    s, before = start, start * (1 + 0.02j)
-    f, f_before = function(s), function(before)
-    for _ in range(30):
-        if f == f_before:
-            return None
-        step = -f * (s - before) / (f - f_before)
-        step *= min(1.0, 0.5 * abs(s) / abs(step)) if step else 1.0
-        before, f_before, s = s, f, s + step
-        if s.real < -0.3 * abs(s):
-            return None
-        if abs(step) < tolerance * abs(s):
-            return complex(s.real, abs(s.imag))
-        f = function(s)
-    return None
+def _life(u: float, delta: float, newborn: float, p: ComplexArray, cells: int) -> tuple[ComplexArray, float]:
+    """Transforms of one life, shape (4, n), and its mean length (1 for newborns without strength), from two grids."""
+    from stickslip.kernels.ageing import life_transforms
+
+    points = np.asarray(p, dtype=np.complex128).ravel()
+    coarse, fine = (life_transforms(u, delta, newborn, points, n) for n in (cells, 2 * cells))
+    if newborn == 0:  # lives from the boundary are known up to a factor that depends on the grid
+        coarse, fine = coarse / coarse[0, -1], fine / fine[0, -1]
+    parts = (4.0 * fine - coarse) / 3.0
+    return parts[:, :-1].reshape(4, *p.shape), float(parts[0, -1].real)
 
 
-def crossings_aged(
-    interface: Interface, rig: Impedance, between: tuple[float, float]
-) -> tuple[tuple[int, int], list[tuple[float, float, int, int]]]:
-    """Growing modes at both ends of a range of speeds, and speed, frequency and counts on both sides of each change."""
-    low, high = between
-    speeds = np.geomspace(low, high, max(2, math.ceil(_PER_DECADE * math.log10(high / low)) + 1))
-    counts = [count_aged(interface, rig, v) for v in speeds.tolist()]
-    found: list[tuple[float, float, int, int]] = []
-
-    def split(left: float, n_left: int, right: float, n_right: int) -> None:
-        if n_left == n_right:
-            return
-        middle = math.sqrt(left * right)
-        curve = None
-        if right > 1.02 * left:
-            try:
-                curve = _Curve(interface, rig, middle)
-            except UndecidedError:
-                curve = None  # so near the boundary that it is found from here
-        if curve is None:
-            speed, omega = _neutral(interface, rig, middle, left, right)
-            found.append((speed, omega, n_left, n_right))
-            return
-        split(left, n_left, middle, curve.unstable())
-        split(middle, curve.unstable(), right, n_right)
-
-    for i in range(len(counts) - 1):
-        split(float(speeds[i]), counts[i], float(speeds[i + 1]), counts[i + 1])
-    return (counts[0], counts[-1]), found
-
-
-def _neutral(interface: Interface, rig: Impedance, start: float, left: float, right: float) -> tuple[float, float]:
-    """Speed and angular frequency with ``Z(i omega) + kappa(i omega) = 0``, by Newton's method in their logarithms."""
-
-    def value(speed: float, omega: Array) -> ComplexArray:
-        return np.asarray(rig(1j * omega) + aged_stiffness(interface, speed, 1j * omega))
-
-    own = float(np.max(np.abs(natural_frequencies(rig)), initial=0.0))
-    omega = np.geomspace(0.03 * start, 3.0 * max(own, 10.0 * start), 60)
-    w, v = float(omega[np.argmin(np.abs(value(start, omega)))]), start
-    for _ in range(12):
-        f, f_w = value(v, np.array([w, w * 1.001]))
-        f_v = value(v * 1.001, np.array([w]))[0]
-        by_w, by_v = (f_w - f) / 0.001, (f_v - f) / 0.001
-        matrix = np.array([[by_w.real, by_v.real], [by_w.imag, by_v.imag]])
-        step = np.clip(np.linalg.solve(matrix, [-f.real, -f.imag]), -0.3, 0.3)
-        w, v = w * math.exp(step[0]), v * math.exp(step[1])
-        if np.max(np.abs(step)) < 1e-5:
-            break
-    if not left * 0.97 <= v <= right * 1.03:
-        raise UndecidedError(
-            f"the number of growing modes changes between velocity {left:g} and {right:g}, "
-            "but no neutral mode was found"
-        )
-    return v, w
+@lru_cache(maxsize=2048)
+def _row(delta: float, newborn: float, number: int) -> tuple[CubicSpline[Any], float]:
+    """One row of the table: transforms of a life over the logarithm of its phase, and its mean length."""
+    u = 10.0 ** (number / _PER_DECADE)
+    unit = u + u * u
+    # Lives are in step for as many turns as their scatter allows.
+    turning = np.arange(0.3, max(30.0, min(3.0 / delta, 100.0)), 0.3 if u > 0.15 else 0.2)
+    top = 2.0 * _TOP / unit
+    beyond = np.geomspace(turning[-1], max(top, 2.0 * turning[-1]), 40)[1:]
+    phase = np.concatenate([np.geomspace(_LOWEST, 0.3, 20, endpoint=False), turning, beyond])
+    phase = phase[: int(np.searchsorted(phase, top)) + 4]
+    # The slower the slide, the thinner is the layer of gaps that are about to close.
+    cells = 40 if u > 0.15 else 60 if u > 0.04 else 80
+    parts, rest = _life(u, delta, newborn, 1j * unit * phase, cells)
+    return CubicSpline(np.log(phase), parts, axis=1), rest

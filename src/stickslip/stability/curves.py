@@ -306,7 +306,8 @@ def _correct(
         if size > 0.5:
             return None
         z = z + step
-        if size < 1e-12 or (size < 1e-9 and size > 0.1 * last) or size**2 < 1e-13:
+        enough = 1e-13 if setting.interface.ageing is None else 1e-10
+        if size < 1e-12 or (size < 1e-9 and size > 0.1 * last) or size**2 < enough:
             return z, _tangent(jacobian)
         last = size
     return None

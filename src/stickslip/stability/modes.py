@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError, UndecidedError, number
 from stickslip.model import Interface
-from stickslip.stability.aged import count_aged, rightmost_aged
+from stickslip.stability.aged import ACCURACY, AgedResponse
 from stickslip.stability.response import SCAN_LIMIT, STEP, Axis, Response, respond
 from stickslip.stability.rigs import (
     Impedance,
@@ -62,12 +62,13 @@ def unstable_modes(interface: Interface, rig: Rig, velocity: float) -> int:
     InputError
         If there is no steady sliding, see `dynamic_stiffness`.
     UndecidedError
-        If a root lies on the imaginary axis to within rounding.
+        If a root lies on the imaginary axis to within rounding; with thresholds that age, to within the accuracy of
+        their response, 5e-4 of the stiffness of the contacts.
     """
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
-    if interface.ageing is not None:
-        return count_aged(interface, impedance(rig), speed)
     response, z = respond(interface), impedance(rig)
+    if isinstance(response, AgedResponse):
+        return _count_aged(response, z, speed)
     if response.inert:
         return 0
     scan = _scan(response, z, speed)
@@ -134,13 +135,17 @@ def growth_rate(interface: Interface, rig: Rig, velocity: float) -> complex:
         If there is no steady sliding, see `dynamic_stiffness`.
     UndecidedError
         If smooth sliding is stable but no mode dies out exponentially: a law of thresholds with a heavy tail,
-        or a rig without mass nor losses on an interface without delay. With thresholds that age only growing modes
-        are found.
+        or a rig without mass nor losses on an interface without delay.
+
+    Notes
+    -----
+    With thresholds that age growing modes are confirmed by their count; a negative real part is that of the mode
+    nearest to the axis among those found.
     """
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
-    if interface.ageing is not None:
-        return rightmost_aged(interface, impedance(rig), speed)
     response, z = respond(interface), impedance(rig)
+    if isinstance(response, AgedResponse):
+        return _rightmost_aged(response, z, speed)
     limit = -math.inf if response.inert else response.leftmost * speed
     (neutral,) = neutral_frequencies(response, z, [speed])
     growing = neutral.unstable()
@@ -198,7 +203,7 @@ NOTHING = Neutral(np.empty(0), np.empty(0), np.empty(0, dtype=np.int64))
 
 
 def neutral_frequencies(
-    response: Response, rig: Impedance, velocities: Sequence[float], *, softest: float | None = None
+    response: Response | AgedResponse, rig: Impedance, velocities: Sequence[float], *, softest: float | None = None
 ) -> list[Neutral]:
     """Return per velocity all zeros of ``Im(Z + kappa)`` on the axis that bear on the rig, or on all stiffer ones too.
 
@@ -231,7 +236,7 @@ def neutral_frequencies(
 
 
 def _brackets(
-    response: Response, rig: Impedance, velocity: float, scan: _Scan
+    response: Response | AgedResponse, rig: Impedance, velocity: float, scan: _Scan
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Intervals of frequency in which ``Im(Z + kappa)`` changes sign, and whether it rises there."""
     omega, value = scan
@@ -258,7 +263,7 @@ def _brackets(
     return left, right, rising
 
 
-def _past_half_a_turn(response: Response, rig: Impedance, velocity: float, scan: _Scan) -> bool:
+def _past_half_a_turn(response: Response | AgedResponse, rig: Impedance, velocity: float, scan: _Scan) -> bool:
     """Whether ``Z + kappa`` is through the negative real axis at the end of the scan, while ``Z`` never gets there."""
     if scan.value[-1] >= 0:
         return False
@@ -273,8 +278,13 @@ class _Scan(NamedTuple):
     value: Array
 
 
-def _scan(response: Response, rig: Impedance, velocity: float, softest: float | None = None) -> _Scan:
+def _scan(response: Response | AgedResponse, rig: Impedance, velocity: float, softest: float | None = None) -> _Scan:
     """Sample ``Im(Z + kappa) |denominator|^2`` up to where nothing can happen any more."""
+    if isinstance(response, AgedResponse):
+        omega = response.frequencies(velocity)
+        if not is_plain(rig):
+            omega = np.union1d(omega, _features(rig, omega, rig(1j * omega)))
+        return _Scan(omega, _loss(response, rig, velocity, omega))
     top = _doubtful_below(response, rig, velocity, softest)
     if top == 0:
         return _Scan(np.empty(0), np.empty(0))
@@ -366,9 +376,11 @@ def _features(rig: Impedance, omega: Array, z: ComplexArray) -> Array:
     return np.setdiff1d(added, omega)
 
 
-def _loss(response: Response, rig: Impedance, velocity: float | Array, omega: Array) -> Array:
+def _loss(response: Response | AgedResponse, rig: Impedance, velocity: float | Array, omega: Array) -> Array:
     """``Im(Z + kappa) |denominator|^2``: the same zeros as ``Im(Z + kappa)``, without its sharp peaks."""
     s = 1j * omega
+    if isinstance(response, AgedResponse):
+        return np.asarray((rig(s) + response.stiffness(velocity, s)).imag)
     numerator, denominator = response.parts(velocity, s)
     return np.asarray(rig(s).imag * np.abs(denominator) ** 2 + (numerator * np.conj(denominator)).imag)
 
@@ -604,8 +616,12 @@ def _distinct(s: ComplexArray, cycle: float) -> ComplexArray:
     return np.array(distinct, dtype=complex)
 
 
-def track_roots(response: Response, rig: Impedance, velocity: float, starts: ComplexArray) -> ComplexArray:
+def track_roots(
+    response: Response | AgedResponse, rig: Impedance, velocity: float, starts: ComplexArray
+) -> ComplexArray:
     """Roots reached from those of a neighbouring setting, rightmost first; a search along the axis without any."""
+    if isinstance(response, AgedResponse):
+        return _roots_aged(response, rig, velocity)
     limit = -math.inf if response.inert else response.leftmost * velocity
     if starts.size == 0:
         starts = np.concatenate(
@@ -649,3 +665,96 @@ def _newton(
             break
     settled |= last < 1e-11 * (np.abs(s) + longest)
     return s, settled
+
+
+# ---------------------------------------------------------------- thresholds that age
+
+_ROUGH = 30
+"""Cells of the gap for roots that are looked for, not polished."""
+_LIVES = 4.0
+"""How quickly a mode may die out to be looked for, per mean life."""
+
+
+def _count_aged(response: AgedResponse, rig: Impedance, velocity: float) -> int:
+    (neutral,) = neutral_frequencies(response, rig, [velocity])
+    near = np.flatnonzero(np.abs(neutral.extra) < ACCURACY)
+    if near.size:
+        raise UndecidedError(
+            f"smooth sliding at velocity {velocity:g} is neutral to within the accuracy of the response "
+            f"({ACCURACY:g} of the stiffness of the contacts), at angular frequency {neutral.omega[near[0]]:.5g}: on "
+            "its stability boundary; move a parameter to one side"
+        )
+    return neutral.unstable()
+
+
+def _rightmost_aged(response: AgedResponse, rig: Impedance, velocity: float) -> complex:
+    growing = _count_aged(response, rig, velocity)
+
+    def value(s: complex) -> complex:
+        points = np.array([s])
+        return complex((rig(points) + response.exact(velocity, points))[0])
+
+    near = _roots_aged(response, rig, velocity)
+    polished = [root for root in (_secant(value, s, 1e-9) for s in near[:6].tolist()) if root is not None]
+    roots = _distinct(np.array(polished, dtype=complex), 1.0 / velocity)
+    found = int(np.sum(np.where(roots.imag > 0, 2, 1)[roots.real > 0]))
+    if found == growing and roots.size:
+        return complex(roots[0])
+    if growing:
+        raise UndecidedError(
+            f"smooth sliding at velocity {velocity:g} has {growing} growing modes, not all of which were found"
+        )
+    raise UndecidedError(
+        f"smooth sliding at velocity {velocity:g} is stable; its modes die out too quickly to be followed from the axis"
+    )
+
+
+def _roots_aged(response: AgedResponse, rig: Impedance, velocity: float) -> ComplexArray:
+    """Roots not far from the axis, rightmost first, one of each pair: by secants from the dips along the axis."""
+    omega = response.frequencies(velocity)
+    own = natural_frequencies(rig)
+    size = np.abs(rig(1j * omega) + response.stiffness(velocity, 1j * omega))
+    dip = np.flatnonzero((size[1:-1] < size[:-2]) & (size[1:-1] <= size[2:])) + 1
+    dip = dip[np.argsort(size[dip])][:5]
+
+    def value(points: ComplexArray) -> ComplexArray:
+        return np.asarray(rig(points) + response.exact(velocity, points, cells=_ROUGH))
+
+    real = np.geomspace(omega[0], omega[-1], 40)
+    turned = np.flatnonzero(np.diff(np.sign(value(real + 0j).real)))
+    starts = np.concatenate([1j * omega[dip], own[own.imag > 0], np.sqrt(real[turned] * real[turned + 1])])
+    # Further left what many lives have left behind grows beyond all bounds, and the errors of the grid with it.
+    left = -_LIVES / response.life(velocity)
+    before, s = starts * (1 + 0.02j * (starts.imag != 0) - 0.05 * (starts.imag == 0)), starts.copy()
+    f_before, f = value(before), value(s)
+    settled = np.zeros(s.shape, dtype=bool)
+    with np.errstate(all="ignore"):
+        for _ in range(25):
+            step = np.where(settled | (f == f_before), 0.0, -f * (s - before) / (f - f_before))
+            step *= np.minimum(1.0, 0.3 * np.abs(s) / np.maximum(np.abs(step), 1e-300))
+            before, f_before, s = s, f, s + step
+            settled |= np.abs(step) < 1e-6 * np.abs(s)
+            s[s.real < left] = np.nan
+            busy = np.isfinite(s) & ~settled
+            if not busy.any():
+                break
+            f = f.copy()
+            f[busy] = value(s[busy])
+    return _distinct(s[settled & np.isfinite(s)], 1e-3 / float(omega[0]))
+
+
+def _secant(function: Callable[[complex], complex], start: complex, tolerance: float) -> complex | None:
+    """Root near a start; None where the search does not settle."""
+    before, s = start * (1 + 1e-3j), start
+    f_before, f = function(before), function(s)
+    for _ in range(20):
+        if f == f_before:
+            return s
+        step = -f * (s - before) / (f - f_before)
+        if not abs(step) < 0.3 * abs(s):
+            return None
+        before, f_before, s = s, f, s + step
+        if abs(step) < tolerance * abs(s):
+            return complex(s.real, abs(s.imag))
+        f = function(s)
+    return None

@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError, UndecidedError, number
 from stickslip.model import Delay, DelayLaw, Interface
+from stickslip.stability.aged import AgedResponse, aged_response
 from stickslip.thresholds import Exponential, Gamma, Gaussian, Law, LogNormal, Weibull
 
 Array = NDArray[np.float64]
@@ -69,11 +70,9 @@ def dynamic_stiffness(interface: Interface, velocity: float, s: ArrayLike) -> Co
     """
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
     points = np.asarray(s, dtype=complex)
-    if interface.ageing is not None:
-        from stickslip.stability.aged import aged_stiffness
-
-        return aged_stiffness(interface, speed, points)
     response = respond(interface)
+    if isinstance(response, AgedResponse):
+        return response.exact(speed, points)
     furthest = float(np.min(points.real, initial=0.0))
     if furthest <= response.leftmost * speed and furthest < 0:
         raise InputError(
@@ -199,7 +198,7 @@ def _respond(law: Law, delay: DelayLaw) -> Response:
     return Response(law=law, delay=delay)
 
 
-def respond(interface: Interface) -> Response:
+def respond(interface: Interface) -> Response | AgedResponse:
     """Return the linear response of an interface. A new kind of ageing is to be answered for here.
 
     Raises
@@ -208,11 +207,7 @@ def respond(interface: Interface) -> Response:
         If the interface has no steady sliding, or one whose response is not known.
     """
     if interface.ageing is not None:
-        # `stickslip.stability.aged` has the response, but no bounds of it, on which the searches here rest.
-        raise InputError(
-            f"Interface.ageing = {interface.ageing}: not available for thresholds that age; use dynamic_stiffness, "
-            "unstable_modes, growth_rate or critical_velocities, or find the regime by simulate()"
-        )
+        return aged_response(interface)
     return _respond(_key(interface.threshold_law), _key(interface.delay))
 
 

@@ -7,7 +7,7 @@
   const $ = (id) => document.getElementById(id);
   const PAGES = ["interface", "map", "advice", "trace"];
   const KNOBS = { stiffness: "K, driving spring", velocity: "v, speed", mass: "M, mass", damping: "η, damping",
-    delay: "τ, delay", spread: "Δf, threshold spread" };
+    delay: "τ, delay", spread: "Δf, threshold spread", ageing: "time of ageing" };
   const FRAME = 400; // ms after which a question is asked anew although the last is not answered
 
   let doc = null, presets = [], page = "interface", cursor = 0.75, held = false, measured = null;

@@ -1,0 +1,174 @@
+"""Figure 9: the velocity of the drive goes up and down over ageing contacts; stick-slip begins and ends, twice.
+
+The ramps start from smooth sliding. They are slow where a transition is awaited: stick-slip grows, or dies, over some
+tens of ``x_s`` of travel, and at the lower end of the way down that takes long.
+"""
+
+from __future__ import annotations
+
+import matplotlib.figure
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from stickslip import plot
+from stickslip.drive import Drive, ramp
+from stickslip.measure import hysteresis, transitions
+from stickslip.model import FIG9
+from stickslip.paper.record import Claim, Figure, Progress, at_least, between, portions, verdict
+from stickslip.simulate import LABELS, Contacts, Record, Sliding, simulate
+from stickslip.stability import critical_velocities
+
+Array = NDArray[np.float64]
+
+_LEVEL = 0.4
+"""Peak to peak of the driving force that counts as stick-slip, in f_s."""
+_INTERVAL = 0.02
+_NAMES = ("v1", "v2", "v2_down", "v1_down")
+_SYMBOLS = {"v1": "v_1", "v2": "v_2", "v2_down": "v_2'", "v1_down": "v_1'"}
+_BANDS = {"v1": (0.75, 1.05), "v2": (2.7, 3.3), "v2_down": (2.7, 3.3), "v1_down": (0.03, 0.09)}
+
+
+def _loop() -> Drive:
+    """Up through v1 and v2, and down through both; slowly where the transitions are."""
+    up = ramp(0.3, 1.3, 400.0).then(ramp(1.3, 4.0, 150.0))
+    down = ramp(4.0, 0.3, 200.0).then(ramp(0.3, 0.1, 100.0)).then(ramp(0.1, 0.012, 1500.0))
+    return up.then(down)
+
+
+def _data(progress: Progress, quick: bool) -> xr.Dataset:
+    seeds = (1,) if quick else (1, 2, 3)
+    count = 1_000 if quick else FIG9.contacts
+    runs = [
+        simulate(
+            FIG9.interface,
+            FIG9.slider,
+            _loop(),
+            Contacts(count, seed=seed),
+            record=Record(interval=_INTERVAL),
+            start=Sliding(),
+            progress=part,
+        )
+        for seed, part in zip(seeds, portions(progress, len(seeds)), strict=True)
+    ]
+    found = [transitions(run, level=_LEVEL) for run in runs]
+    loop = hysteresis(runs[0])
+    edges = critical_velocities(FIG9.interface, FIG9.slider, (0.3, 4.0))
+    onset = [edge.value for edge in edges if edge.loses_stability]
+    swings = {"units": "f_s", "long_name": "peak to peak of $F_d$"}
+    speed = {"units": "x_s/time", "long_name": "velocity of the drive"}
+    return xr.Dataset(
+        {
+            "F_d": ("t", runs[0]["F_d"].to_numpy(), LABELS["F_d"]),
+            "drive_velocity": ("t", runs[0]["drive_velocity"].to_numpy(), LABELS["drive_velocity"]),
+            **{
+                name: ("seed", _known([getattr(f, name) for f in found]), {**speed, "long_name": f"{name} of the ramp"})
+                for name in _NAMES
+            },
+            "v1_linear": (
+                (),
+                onset[0] if onset else np.nan,
+                {**speed, "long_name": "v1: smooth sliding loses stability (linear)"},
+            ),
+            "up": ("v", loop["up"].to_numpy(), swings),
+            "down": ("v", loop["down"].to_numpy(), swings),
+        },
+        coords={
+            "t": ("t", runs[0]["t"].to_numpy(), LABELS["t"]),
+            "seed": ("seed", np.array(seeds), {"units": "1", "long_name": "seed"}),
+            "v": ("v", loop["drive_velocity"].to_numpy(), speed),
+        },
+        attrs={"count": count},
+    )
+
+
+def _known(values: list[float | None]) -> Array:
+    return np.array([np.nan if value is None else value for value in values])
+
+
+def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
+    seen = {name: data[name].to_numpy() for name in _NAMES}
+    four = all(bool(np.all(np.isfinite(values))) for values in seen.values())
+    measured = [
+        between("v1, smooth sliding loses stability (linear)", float(data["v1_linear"]), 0.75, 1.05, "x_s/time")
+    ]
+    for name, values in seen.items():
+        low, high = _BANDS[name]
+        for which, value in (("smallest", values.min()), ("largest", values.max())):
+            measured.append(between(f"{_SYMBOLS[name].replace('_', '')}, {which}", value, low, high, "x_s/time"))
+    measured.append(at_least("v1 over v1', smallest", float(np.min(seen["v1"] / seen["v1_down"])), 5.0))
+    return (
+        Claim(
+            number=15,
+            statement="two transitions while the velocity rises, to stick-slip at v1 and to smooth sliding at v2, and "
+            "two while it falls, at v2' and v1'",
+            verdict=verdict(printed=four and bool(np.all(seen["v1_down"] < seen["v1"]))),
+            settled="reproduced",
+            measured=tuple(measured),
+            evidence=f"{data.sizes['seed']} ramps of {data.attrs['count']} contacts from smooth sliding; stick-slip "
+            f"where F_d swings by more than {_LEVEL:g}. v2 and v2' depend on that level, for the swing fades "
+            "gradually; v1 and v1' do not",
+        ),
+    )
+
+
+def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
+    figure = plot.new_figure(plot.PAGE, 5.4)
+    grid = figure.add_gridspec(2, 3, height_ratios=(1.2, 1.0))
+    sweep = figure.add_subplot(grid[0, :])
+    plot.force_trace(data[["F_d"]], sweep, color=plot.BLUE)
+    sweep.lines[0].set_linewidth(0.5)
+    sweep.set_ylim(-0.6, 1.3)
+    sweep.set_yticks([-0.4, 0.0, 0.4, 0.8])
+    second = sweep.twinx()
+    second.spines["right"].set_visible(True)
+    second.plot(data["t"][::50], data["drive_velocity"][::50], color=plot.VERMILLION, linewidth=1.6)
+    second.set_ylim(-0.6 * 5.0, 1.3 * 5.0)
+    second.set_yticks([0, 2, 4])
+    second.tick_params(axis="y", colors=plot.VERMILLION)
+    second.set_ylabel(plot.label(data["drive_velocity"], most=24), color=plot.VERMILLION)
+    for name in _NAMES:
+        v = float(data[name][0])
+        if np.isfinite(v):
+            at = _time_of(data, v, down=name.endswith("down"))
+            sweep.axvline(at, 0.0, 0.82, color=plot.BLACK, linewidth=0.9, linestyle=(0, (4, 2)))
+            sweep.text(at, 1.0 if name != "v2_down" else 1.14, f"${_SYMBOLS[name]}$ = {v:.3g}", ha="center", fontsize=8)
+    plot.letter(sweep, r"(a) up and down, $\beta$ = 1.5")
+    _draw_inset(figure.add_subplot(grid[1, 0]), data, float(data["v1"][0]), "(b) at $v_1$", 24.0)
+    _draw_inset(figure.add_subplot(grid[1, 1]), data, float(data["v2"][0]), "(c) at $v_2$", 10.0)
+    swing = figure.add_subplot(grid[1, 2])
+    swing.plot(data["v"], data["up"], color=plot.ORANGE, label="up")
+    swing.plot(data["v"], data["down"], color=plot.SKY, label="down")
+    swing.axhline(_LEVEL, color=plot.GREY, linewidth=0.8, linestyle="--")
+    swing.set(xlim=(0.0, 4.0), ylim=(0.0, None))
+    plot.dress(swing.xaxis, data["v"])
+    swing.set_ylabel("peak to peak of $F_d$ ($f_\\mathrm{s}$)")
+    swing.legend()
+    plot.letter(swing, "(d) hysteresis")
+    return figure
+
+
+def _time_of(data: xr.Dataset, velocity: float, *, down: bool) -> float:
+    t, v = data["t"].to_numpy(), data["drive_velocity"].to_numpy()
+    top = int(np.argmax(v))
+    if down:
+        return float(np.interp(-velocity, -v[top:], t[top:]))
+    return float(np.interp(velocity, v[: top + 1], t[: top + 1]))
+
+
+def _draw_inset(ax: Axes, data: xr.Dataset, velocity: float, title: str, span: float) -> None:
+    if np.isfinite(velocity):
+        at = _time_of(data, velocity, down=False)
+        near_by = data["F_d"].sel(t=slice(at - 0.6 * span, at + 0.4 * span))
+        ax.plot(near_by["t"], near_by, color=plot.BLUE, linewidth=0.8)
+    ax.margins(x=0)
+    ax.locator_params(axis="x", nbins=4)
+    plot.dress(ax.xaxis, data["t"])
+    plot.dress(ax.yaxis, data["F_d"])
+    plot.letter(ax, title)
+
+
+FIGURE = Figure(
+    name="fig9", title="Velocity up and down over ageing contacts", data=_data, drawing=_drawing, claims=_claims
+)
