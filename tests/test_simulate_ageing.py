@@ -115,7 +115,8 @@ def test_a_run_repeats_from_its_file(method, tmp_path):
 
 @pytest.mark.parametrize("method", [Contacts(300, seed=4), MasterEquation(cells=60)])
 def test_pieces_end_where_their_conditions_are_met(method):
-    plain = simulate(aged(1.5), SOFT, hold(1.0, 3.0), method, record=Record(interval=0.01))
+    never = hold(1.0, 3.0).until(ForceAbove(99.0))
+    plain = simulate(aged(1.5), SOFT, never, method, record=Record(interval=0.01))
     drive = hold(1.0, 3.0).until(ForceAbove(0.4)).then(hold(0.5, 2.0).until(Travel(0.1)))
     run = simulate(aged(1.5), SOFT, drive, method, record=Record(interval=0.01))
     seam = int(np.argmax(run["F_d"].to_numpy() >= 0.4))

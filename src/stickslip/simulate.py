@@ -54,7 +54,7 @@ class Contacts:
         Number of contacts ``N``.
     seed : int
         The same seed gives the same run, bit for bit, whatever is recorded. (With thresholds that age, other times
-        of recording are other steps, and give another run of the same law.)
+        of recording may be other steps, and give another run of the same law.)
     """
 
     count: int = 10_000
@@ -75,9 +75,9 @@ class MasterEquation:
     ----------
     cells : int
         Resolution: cohorts per ``x_s`` of motion. The error falls as ``cells**-2``. With thresholds that age it is
-        the kinetic equation that is solved, with a tenth as many cohorts, and ``cells/50`` cells of threshold per
-        spread, in steps of ``4/cells`` times ``rate**-2``; its error falls as ``1/cells`` (400: 1 % of the steady
-        force, peaks to 1 %).
+        the kinetic equation that is solved, with a sixteenth as many cohorts, and ``cells/40`` cells of the gap per
+        spread, in steps of at most ``4/cells`` times ``rate**-2`` and ``x_s``; the error falls as ``cells**-2``, too
+        (400: 0.15 % of the steady force up to ``velocity = rate**2``, peaks to 0.5 %).
     memoryless : bool
         Use the paper's approximation, Eq. (10), for the detached contacts in place of the true delay. It has no
         memory and gives an oscillation of its own; for comparison only.
@@ -220,7 +220,7 @@ def simulate(
         solver.
     """
     _check(interface, slider, drive, method, record, start)
-    # The solvers of ageing contacts end a step at each sample: as many as they take anyway.
+    # Ageing contacts are followed in steps; samples finer than these show no more.
     times = _sample_times(slider, drive, record, angle=0.1 if interface.ageing is None else 0.35)
     motion = _Motion(interface, slider, drive, start, record, times)
     _follow(motion, method, progress)
@@ -699,8 +699,11 @@ class _Cohorts:
 class _Aged(Protocol):
     """A state of ageing contacts and the slider, and the kernel that advances it."""
 
-    def advance(self, drive: Array, times: Array) -> Array:
-        """Advance to the last of `times`; X, V, F_d, F_c and the attached share at each."""
+    def advance(self, drive: Array, times: Array, *, pausing: bool = False) -> Array:
+        """Advance to the last of `times`; X, V, F_d, F_c and the attached share at each.
+
+        Pausing at each, a run that is cut short at one of them has gone the same way till there.
+        """
         ...
 
     def contact_force(self) -> float:
@@ -741,12 +744,12 @@ class _Ageing:
             if motion.filled + wanted == kept and (wanted == 0 or times[-1] < pull.end):
                 times = np.append(times, pull.end)
             before = copy.deepcopy(self._aged) if kind or motion.next_look <= times[-1] else self._aged
-            samples = self._aged.advance(drive, times)
+            samples = self._aged.advance(drive, times, pausing=kind > 0)
             met = np.flatnonzero(_met(kind, value, samples[:wanted], origin))
             if met.size:
                 times, wanted = times[: met[0] + 1], int(met[0]) + 1
                 self._aged = copy.deepcopy(before)
-                samples = self._aged.advance(drive, times)
+                samples = self._aged.advance(drive, times, pausing=kind > 0)
             while motion.next_look <= times[-1]:
                 aside = copy.deepcopy(before)
                 aside.advance(drive, np.array([motion.next_look]))
@@ -775,8 +778,8 @@ def _met(kind: int, value: float, samples: Array, origin: float) -> NDArray[np.b
     return np.zeros(len(samples), dtype=bool)
 
 
-_AGEING_STEP = 0.04
-"""Largest step of N ageing contacts in units of ``1/rate**2``: converged to 2e-3."""
+_AGEING_STEP = 0.02
+"""Largest step of N ageing contacts in units of ``1/rate**2``, and of the slider in the mean threshold's stretching."""
 
 
 _GROWING_REACH = 0.02
@@ -824,12 +827,12 @@ class _AgeingContacts:
         self._state[2] = motion.first_velocity
         self._slider = _ageing_slider(motion.slider)
 
-    def advance(self, drive: Array, times: Array) -> Array:
+    def advance(self, drive: Array, times: Array, *, pausing: bool = False) -> Array:
         """Advance to the last of `times`."""
         from stickslip.kernels.ageing import advance_contacts
 
         contacts, rig = (self._x, self._f, self._attach), (drive, self._slider, self._law, self._delays)
-        return advance_contacts(self._state, *contacts, *rig, times, _AGEING_STEP, 0.05, self._rng)
+        return advance_contacts(self._state, *contacts, *rig, times, _AGEING_STEP, _AGEING_STEP, self._rng, pausing)
 
     def contact_force(self) -> float:
         """Force of the contacts now, per contact."""
@@ -901,43 +904,34 @@ class _AgeingDensity:
     """The kinetic equation of `stickslip.kernels.ageing`."""
 
     def __init__(self, motion: _Motion, ageing: Langevin, method: MasterEquation) -> None:
-        from stickslip.kernels.ageing import threshold_edges
+        from stickslip.kernels.ageing import gap_nodes
 
         self._law = _ageing_law(motion)
         _, mean, spread, newborn = self._law.tolist()
-        self._reach, self._step = 10.0 / method.cells, min(4.0 / method.cells, _AGEING_STEP)
-        self._edges = threshold_edges(mean, spread, newborn, max(method.cells / 50.0, 2.0))
+        self._step = 4.0 / method.cells
+        self._nodes = gap_nodes(mean, spread, newborn, method.cells / 40.0)
         sliding = isinstance(motion.start, Sliding)
-        x, mass = _first_cohorts(motion.interface, self._edges, 0.5 * self._reach * mean, steady=sliding)
-        room = x.size + math.ceil(3.0 / self._reach) + 20
-        self._place, self._mass = np.zeros(room), np.zeros((room, mass.shape[1]))
-        self._place[: x.size], self._mass[: x.size] = -x, mass
-        self._state = np.array([0.0, 0.0, 0.0, 0.0, x.size, 0.0, -1.0])  # no cohort is open
+        cohorts = _first_cohorts(motion.interface, self._nodes, 4.0 * self._step * mean, steady=sliding)
+        count, room = cohorts[0].size, math.ceil(self._nodes[-1] / (self._step * mean)) + 3
+        self._place, self._mass, self._moment = (
+            np.append(part, np.zeros((room, *part.shape[1:])), 0) for part in cohorts
+        )
+        self._state = np.array([0.0, 0.0, 0.0, 0.0, count, 0.0])
         if isinstance(motion.start, Sliding):
             self._slider = _ageing_slider(None)
             end = _settling_time(motion, ageing)
             self.advance(np.array([[0.0, 0.0, motion.drive.pieces[0].start, 0.0]]), np.array([end]))
             self._place -= self._state[1]
-            self._state[5] -= self._state[1]
             self._state[:2] = 0.0
         self._state[2] = motion.first_velocity
         self._slider = _ageing_slider(motion.slider)
 
-    def advance(self, drive: Array, times: Array) -> Array:
-        """Advance to the last of `times`, with room for as many cohorts as it takes."""
+    def advance(self, drive: Array, times: Array, *, pausing: bool = False) -> Array:
+        """Advance to the last of `times`."""
         from stickslip.kernels.ageing import advance_density
 
-        while True:
-            state, place, mass = self._state.copy(), self._place.copy(), self._mass.copy()
-            try:
-                rig = (self._edges, drive, self._slider, self._law, times)
-                samples = advance_density(state, place, mass, *rig, self._step, self._reach)
-            except ValueError:  # no room for another cohort
-                self._place = np.append(self._place, np.zeros(place.size))
-                self._mass = np.append(self._mass, np.zeros_like(mass), axis=0)
-                continue
-            self._state, self._place, self._mass = state, place, mass
-            return samples
+        cohorts, rig = (self._place, self._mass, self._moment), (drive, self._slider, self._law)
+        return advance_density(self._state, *cohorts, self._nodes, *rig, times, self._step, self._step, pausing)
 
     def contact_force(self) -> float:
         """Force of the contacts now, per contact."""
@@ -946,8 +940,10 @@ class _AgeingDensity:
 
     def stretchings(self) -> tuple[Array, Array, bool]:
         """Mean stretchings of the cohorts, and their shares."""
-        count = int(self._state[4])
-        return self._state[1] - self._place[:count], self._mass[:count].sum(axis=1), True
+        share = self._mass.sum(axis=1)
+        kept = share > 0.0
+        place = self._place[kept] + self._moment[kept].sum(axis=1) / share[kept]
+        return self._state[1] - place, share[kept], True
 
 
 class _AgeingClosure:
@@ -1006,20 +1002,27 @@ class _AgeingClosure:
         return self._state[1] - self._place[:count], self._weight[:count], True
 
 
-def _first_cohorts(interface: Interface, edges: Array, width: float, *, steady: bool) -> tuple[Array, Array]:
-    """Stretchings of the first cohorts, and the share of contacts by cohort and cell of threshold."""
+def _first_cohorts(interface: Interface, gaps: Array, width: float, *, steady: bool) -> tuple[Array, Array, Array]:
+    """Cohorts of contacts whose stretchings are no farther apart than `width`, the slider at 0.
+
+    Returns their places of birth, the share of contacts by cohort and gap, and its moment about these places.
+    """
+    from stickslip.kernels.ageing import gap_widths
+
     law = interface.threshold_law
     x, share = initial_nodes(Interface(thresholds=law, initial=SteadyState(thresholds=law)) if steady else interface)
-    kept = (np.abs(x) < edges[-2]) & (share > 1e-12)
+    kept = share > 1e-12
     x, share = x[kept], share[kept]
-    survival = law.survival(np.maximum(edges, np.abs(x)[:, None]))
-    mass = share[:, None] * (survival[:, :-1] - survival[:, 1:]) / (survival[:, :1] - survival[:, -1:])
-    into = np.floor((x - x.min()) / width).astype(int)
-    cohorts, into = np.unique(into, return_inverse=True)
-    total, first = np.bincount(into, share), np.bincount(into, share * x)
-    together = np.zeros((cohorts.size, mass.shape[1]))
+    mass = law.density(gaps + np.abs(x)[:, None]) * gap_widths(gaps)
+    mass[:, 0] = 0.0  # none is on its boundary
+    mass *= (share / mass.sum(axis=1) / share.sum())[:, None]
+    # Those pulled back and those pulled ahead apart: as the slider moves, the gaps of ones widen, of others narrow.
+    _, into = np.unique(np.floor(x / width), return_inverse=True)
+    place = -np.bincount(into, share * x) / np.bincount(into, share)
+    together, moment = np.zeros((2, place.size, gaps.size))
     np.add.at(together, into, mass)
-    return first / total, together / together.sum()
+    np.add.at(moment, into, mass * (-x - place[into])[:, None])
+    return place, together, moment
 
 
 def survival_table(law: Law) -> tuple[Array, Array, float]:

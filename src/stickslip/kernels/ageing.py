@@ -32,9 +32,6 @@ FORGOTTEN = 16.0
 
 NO_DELAY = np.zeros(1)
 
-# Stretching, in units of the mean threshold, below which the kinetic equation takes short steps.
-YOUNG = 0.06
-
 # ---------------------------------------------------------------- grids and exponentially fitted rates
 
 
@@ -309,6 +306,114 @@ def _oscillator(
     return new_x + p0 + dt * (p1 + p2 * dt), new_v + p1 + 2.0 * p2 * dt, amplitude
 
 
+@jit
+def _slide(
+    drive: Floats,
+    slider: Floats,
+    now: float,
+    X: float,
+    V: float,
+    F: float,
+    grip: float,
+    loss: float,
+    ramp: float,
+    time: float,
+) -> tuple[float, float, float]:
+    """Slider a `time` later if the contacts' force is ``F + grip (X(t) - X) - loss t - ramp t^2/2``, Eq. (11).
+
+    `loss` is what breaking takes from the force per time at the start, `ramp` how fast that grows.
+
+    Returns X, V and the amplitude of the free oscillation. No knot of the drive may lie between.
+    """
+    K, mass, damping = slider[0], slider[1], slider[2]
+    D, v, a, _ = drive_at(drive, now)
+    if np.isinf(K):
+        return D + time * (v + 0.5 * a * time), v + a * time, 0.0
+    return _oscillator(X, V, K + grip, mass, damping, K * D - F + grip * X, K * v + loss, 0.5 * (K * a + ramp), time)
+
+
+@jit
+def _pace(
+    now: float,
+    until: float,
+    drive: Floats,
+    slider: Floats,
+    V: float,
+    grip: float,
+    amplitude: float,
+    longest: float,
+    reach: float,
+    angle: float,
+) -> float:
+    """Next step of time: none beyond `until`, none in which the slider goes farther than `reach`.
+
+    A free oscillation that matters is followed in steps of `angle` (rad).
+    """
+    _, v, a, _ = drive_at(drive, now)
+    fast = abs(v) + abs(a) * longest
+    if not np.isinf(slider[0]):
+        fast = max(fast, abs(V))
+        if amplitude > 0.05 * reach:
+            longest = min(longest, angle / np.sqrt((slider[0] + grip) / slider[1]))
+    longest = min(longest, reach / max(fast, 1e-300))
+    if now + 1.0000001 * longest >= until:
+        return until - now
+    # A sliver of a step before the end is shared with the step before it.
+    return 0.5 * (until - now) if now + 2.0 * longest > until else longest
+
+
+@jit
+def _guess(
+    drive: Floats,
+    slider: Floats,
+    now: float,
+    X: float,
+    V: float,
+    F: float,
+    grip: float,
+    loss: float,
+    ramp: float,
+    dt: float,
+) -> tuple[float, float, float, float]:
+    """Slide for `dt`, or until the slider turns back; returns X, V, amplitude and how long it was."""
+    new_X, new_V, amplitude = _slide(drive, slider, now, X, V, F, grip, loss, ramp, dt)
+    if new_V * V < 0.0:
+        turn = dt * V / (V - new_V)
+        if 0.05 * dt < turn < 0.95 * dt:
+            dt = turn
+            new_X, new_V, amplitude = _slide(drive, slider, now, X, V, F, grip, loss, ramp, dt)
+    return new_X, new_V, amplitude, dt
+
+
+@jit
+def _fill(
+    samples: Floats,
+    filled: int,
+    times: Floats,
+    end: float,
+    drive: Floats,
+    slider: Floats,
+    now: float,
+    X: float,
+    V: float,
+    F: float,
+    grip: float,
+    loss: float,
+    ramp: float,
+    attached: float,
+) -> int:
+    """Fill the samples up to the `end` of a step that began `now`; returns how many are filled."""
+    while filled < times.size and times[filled] <= end:
+        t = times[filled] - now
+        x, v, _ = _slide(drive, slider, now, X, V, F, grip, loss, ramp, t)
+        force = F + grip * (x - X) - t * (loss + 0.5 * ramp * t)
+        pull = force if np.isinf(slider[0]) else slider[0] * (drive_at(drive, times[filled])[0] - x)
+        samples[filled, 0], samples[filled, 1], samples[filled, 2] = x, v, pull
+        samples[filled, 3], samples[filled, 4] = force, attached
+        filled += 1
+    return filled
+
+
 # ---------------------------------------------------------------- N contacts
 
 
@@ -340,8 +445,9 @@ def _regenerate(start: float, drift: float, noise: float, time: float, rng: np.r
     """Gap of a contact that is reborn on its boundary whenever it meets it; and its age.
 
     The gap is a Brownian motion with drift, reflected at 0: free motion less its running minimum where that is
-    below 0. The time since the last visit to 0 is the time since the minimum. Both are sampled exactly (the minimum
-    by its bridge law, its time as a mixture of two inverse Gaussians), so that a step may hold any number of breaks.
+    below 0, sampled exactly by the bridge law of the minimum, so that a step may hold any number of breaks. The time
+    since the last visit to 0 is the time since the minimum; of it the mean is taken, given all else: the forces need
+    no more, and two passage times (before the minimum and after it) share the step in proportion to their depths.
 
     Parameters
     ----------
@@ -366,19 +472,13 @@ def _regenerate(start: float, drift: float, noise: float, time: float, rng: np.r
     if start == 0.0 and drift < 0.0 and drift * drift * time > FORGOTTEN * noise:
         # Stationary: the minimum over an endless past, and the first passage backwards from the gap to it.
         gap = -0.5 * noise / drift * rng.standard_exponential()
-        return gap, _inverse_gaussian(-gap / drift, gap * gap / noise, rng)
+        return gap, -gap / drift
     way = drift * time + np.sqrt(variance) * rng.standard_normal()
     down = 0.5 * (np.sqrt(way * way + 2.0 * variance * rng.standard_exponential()) - way)
     if down < start:
         return start + way, -1.0
-    gap = way + down
-    if down <= 0.0 or gap <= 0.0:
-        return max(gap, 0.0), time if gap > 0.0 else 0.0
-    if rng.random() * (down + gap) < down:
-        ratio = _inverse_gaussian(gap / down, gap * gap / variance, rng)
-    else:
-        ratio = 1.0 / _inverse_gaussian(down / gap, down * down / variance, rng)
-    return gap, time * ratio / (1.0 + ratio)
+    gap = max(way + down, 0.0)
+    return gap, time * gap / (down + gap) if gap > 0.0 else 0.0
 
 
 @jit
@@ -522,20 +622,22 @@ def advance_contacts(
     step: float,
     reach: float,
     rng: np.random.Generator,
+    pausing: bool = False,
 ) -> Floats:
     """Advance N ageing contacts and the slider to the last of `times`, Eqs. (11) and (13)-(16).
 
     Per contact and step: an exact Ornstein-Uhlenbeck step of the threshold, a Brownian-bridge test for breaking
     inside the step, the exact law of the moment of breaking, and for contacts born on their boundary the exact law
-    of gap and age after any number of breaks (`_regenerate`). Contacts far from breaking are left alone. Between
-    updates the slider is the exact oscillator of the driving spring and of those contacts that, by the previous
-    step, follow the slider without breaking.
+    of the gap after any number of breaks (`_regenerate`). Contacts far from breaking are left alone. The slider is
+    the exact oscillator of the driving spring and the contacts, less what breaking takes from their force: guessed
+    from the step before, the contacts move; then known, the slider moves again (second order in the step). Samples
+    inside a step are taken from that oscillation.
 
     Parameters
     ----------
     state : ndarray, shape (4,)
-        Time, X, V and the share of new stretching that breaking presently undoes (0 at the start; a memory of the
-        step before); changed in place.
+        Time, X, V and what breaking takes from the force per time (0 at the start; a memory of the step before);
+        changed in place.
     stretching, threshold, attach : ndarray, shape (N,)
         Stretchings, thresholds, and the times from which contacts hold (``-inf`` for attached ones); changed in
         place.
@@ -551,10 +653,12 @@ def advance_contacts(
     times : ndarray, shape (m,)
         When to sample, ascending, none before now.
     step : float
-        Largest step in units of 1/rate^2; 0.04 is converged to 2e-3.
+        Largest step in units of 1/rate^2; 0.04 is converged to 2e-3 in steady motion.
     reach : float
-        Largest way of the slider in a step, in units of `mean`; 0.05 with a slider, inf for steady rigid motion.
+        Largest way of the slider in a step, in units of `mean`; 0.02 with a slider, inf for steady rigid motion.
     rng : numpy.random.Generator
+    pausing : bool
+        End a step at each sample: a run that is cut there has gone the same way.
 
     Returns
     -------
@@ -562,10 +666,9 @@ def advance_contacts(
         X, V, driving force F_d, contact force F_c (both per contact), share of attached contacts.
     """
     rate, mean, spread = law[0], law[1], law[2]
-    K, mass, damping = slider[0], slider[1], slider[2]
-    rigid = np.isinf(K)
+    rigid = np.isinf(slider[0])
     n = stretching.size
-    now, X, V, undone = state[0], state[1], state[2], state[3]
+    now, X, V, loss = state[0], state[1], state[2], state[3]
     if law[3] <= 0.0 and np.max(delays) > 0.0:
         raise ValueError("a delay after breaking needs a newborn threshold above 0")
     if rigid and times.size > 0:
@@ -579,51 +682,27 @@ def advance_contacts(
         else:
             until[i], room[i, 0], room[i, 1] = attach[i], -np.inf, np.inf
         stretching[i] -= X
-    amplitude = 0.0
-    samples = np.empty((times.size, 5))
-    for j in range(times.size):
-        while now < times[j]:
-            D, v_d, a_d, knot = drive_at(drive, now)
-            F, share = total / n, count / n
-            dt = step / rate**2
-            fast = abs(v_d) + abs(a_d) * dt
-            if not rigid:
-                fast = max(fast, abs(V))
-                # The free oscillation, where it matters, is followed by eighteen steps a period.
-                if amplitude > 0.05 * reach * mean:
-                    dt = min(dt, 0.35 / np.sqrt((K + share) / mass))
-            dt = min(dt, reach * mean / max(fast, 1e-300))
-            target = min(times[j], knot)
-            # A sliver of a step before a sample is shared with the step before it.
-            if now + 1.0000001 * dt >= target:
-                dt = target - now
-            elif now + 2.0 * dt > target:
-                dt = 0.5 * (target - now)
-            before, v_0 = X, V
-            if rigid:
-                X, V = D + dt * (v_d + 0.5 * a_d * dt), v_d + a_d * dt
-            else:
-                grip = share * (1.0 - undone)
-                k, F_0, F_1, F_2 = K + grip, K * D - F + grip * X, K * v_d, 0.5 * K * a_d
-                X, V, amplitude = _oscillator(before, v_0, k, mass, damping, F_0, F_1, F_2, dt)
-                if V * v_0 < 0.0:  # a step ends where the slider turns back
-                    turn = dt * v_0 / (v_0 - V)
-                    if 0.05 * dt < turn < 0.95 * dt:
-                        dt = turn
-                        X, V, amplitude = _oscillator(before, v_0, k, mass, damping, F_0, F_1, F_2, dt)
-            dX = X - before
-            lost, more = _age_contacts(
-                stretching, threshold, attach, seen, until, room, now, dt, before, dX, law, delays, rng
-            )
-            if count > 0 and dX != 0.0:
-                undone = min(max(lost / (count * dX), 0.0), 1.0)
-            total += count * dX - lost
-            count += more
-            now = target if dt == target - now else now + dt
-        D, v_d, a_d, knot = drive_at(drive, times[j])
-        samples[j, 0], samples[j, 1] = X, V
-        samples[j, 3], samples[j, 4] = total / n, count / n
-        samples[j, 2] = samples[j, 3] if rigid else K * (D - X)
+    amplitude, samples = 0.0, np.empty((times.size, 5))
+    filled = _fill(samples, 0, times, now, drive, slider, now, X, V, total / n, 1.0, 0.0, 0.0, count / n)
+    while filled < times.size:
+        X_0, V_0, F, grip = X, V, total / n, count / n
+        end = min(times[filled if pausing else -1], drive_at(drive, now)[3])
+        dt = _pace(now, end, drive, slider, V, grip, amplitude, step / rate**2, reach * mean, 0.7)
+        X, V, amplitude, shorter = _guess(drive, slider, now, X_0, V_0, F, grip, loss, 0.0, dt)
+        if shorter < dt or dt < end - now:
+            dt, end = shorter, now + shorter
+        lost, more = _age_contacts(
+            stretching, threshold, attach, seen, until, room, now, dt, X_0, X - X_0, law, delays, rng
+        )
+        loss = lost / (n * dt)
+        total += count * (X - X_0) - lost
+        count += more
+        if not rigid:
+            X_1 = X
+            X, V, amplitude = _slide(drive, slider, now, X_0, V_0, F, grip, loss, 0.0, dt)
+            total += count * (X - X_1)
+        filled = _fill(samples, filled, times, end, drive, slider, now, X_0, V_0, F, grip, loss, 0.0, count / n)
+        now = end
     for i in range(n):
         stretching[i] += X
         if attach[i] > now:
@@ -632,7 +711,7 @@ def advance_contacts(
             e = np.exp(-rate * rate * (now - seen[i]))
             f = mean + (threshold[i] - mean) * e + spread * np.sqrt(1.0 - e * e) * rng.standard_normal()
             threshold[i] = max(f, abs(stretching[i]))
-    state[0], state[1], state[2], state[3] = now, X, V, undone
+    state[0], state[1], state[2], state[3] = now, X, V, loss
     return samples
 
 
@@ -912,165 +991,294 @@ def dynamic_stiffness_ageing(
 
 
 @jit
-def threshold_edges(mean: float, spread: float, newborn: float, cells: float) -> Floats:
-    """Edges of the threshold cells of `advance_density`: `cells` per spread, eight times as many near zero.
+def gap_nodes(mean: float, spread: float, newborn: float, cells: float) -> Floats:
+    """Nodes of the gap for `advance_density`: `cells` per spread, closer and closer towards the boundary.
 
-    Newborn contacts with ``newborn = 0`` spread from their boundary as the square root of time: the first cells must
-    be small. The last edge lies beyond all thresholds.
+    Contacts born on their boundary leave it as the square root of time, and a fast slider presses them against it:
+    the first cells must be small. The last node lies beyond all thresholds.
     """
-    end = max(mean, newborn) + 8.0 * spread
-    widest = spread / cells
-    width = widest if newborn > 0.0 else widest / 8.0
-    edges = np.empty(int(end / widest) + 100)
-    edges[0] = 0.0
-    k = 0
-    while edges[k] < end and k + 1 < edges.size:
-        edges[k + 1] = edges[k] + width
-        width = min(1.06 * width, widest)
+    end, widest = max(mean, newborn) + 8.0 * spread, spread / cells
+    growth, h, k = 1.0 + 1.0 / cells, 0.06 * widest, 0
+    nodes = np.zeros(int(end / widest) + int(3.0 / np.log(growth)) + 3)
+    while nodes[k] < end:
+        nodes[k + 1] = nodes[k] + h
+        h = min(growth * h, widest)
         k += 1
-    return edges[: k + 1].copy()
+    return nodes[: k + 1].copy()
 
 
 @jit
-def _cell(edges: Floats, place: float) -> int:
-    """Cell that holds a place; the first or the last for places outside."""
-    return min(max(int(np.searchsorted(edges, place, side="right")) - 1, 0), edges.size - 2)
+def gap_widths(nodes: Floats) -> Floats:
+    """Widths of the cells about the nodes; the first and the last are cut at their node."""
+    width = np.empty(nodes.size)
+    width[0], width[-1] = 0.5 * nodes[1], 0.5 * (nodes[-1] - nodes[-2])
+    width[1:-1] = 0.5 * (nodes[2:] - nodes[:-2])
+    return width
 
 
 @jit
-def _absorb(
+def _gap_rates(
+    nodes: Floats,
+    width: Floats,
     mass: Floats,
-    edges: Floats,
-    b: float,
-    speed: float,
-    dt: float,
-    drift: float,
-    mean: float,
-    D: float,
+    moment: Floats,
+    x: float,
+    dx: float,
+    ageing: tuple[float, float, float, float],
+    first: int,
+    top: int,
     up: Floats,
     down: Floats,
+) -> None:
+    """Rates between the gaps of one cohort while the slider moves by `dx`.
+
+    ``up[i]`` leads from node i to i+1, ``down[i]`` to i-1; `ageing` holds the time, rate^2, the mean threshold and the
+    diffusion. At each gap the contacts are stretched as they are there on average, by ``x - moment/mass``.
+    """
+    dt, square, mean, D = ageing
+    widest = nodes[-1] - nodes[-2]
+    for i in range(top):
+        here, off = mass[i + 1], moment[i + 1]
+        if i >= first:
+            here += mass[i]
+            off += moment[i]
+        start = x - off / here if here > 1e-200 else x
+        a, b = abs(start), abs(start + dx)
+        h = nodes[i + 1] - nodes[i]
+        ou, motion = square * (mean - 0.5 * (nodes[i] + nodes[i + 1] + a + b)), (b - a) / dt
+        d = (ou - motion) * h / D
+        flow = _bernoulli(d)
+        if i > first and h > 0.999 * widest:
+            # Far from the boundary a fast slider carries the density along: there central differences, as far as
+            # they are positive, do not smear it.
+            flow += motion * motion / (motion * motion + ou * ou + 1e-300) * (max(1.0 - 0.5 * d, 0.0, -d) - flow)
+        up[i] = D * (flow + d) / (h * width[i])
+        down[i + 1] = D * flow / (h * width[i + 1])
+    down[0] = up[top] = 0.0
+
+
+@jit
+def _eliminate(up: Floats, down: Floats, first: int, top: int, dt: float, pivot: Floats, carry: Floats) -> None:
+    """Elimination from above for the implicit steps of `_substitute`."""
+    above = 0.0
+    for i in range(top, first - 1, -1):
+        pivot[i] = 1.0 / (1.0 + dt * (up[i] + down[i]) - above)
+        carry[i] = dt * up[i - 1] * pivot[i] if i > 0 else 0.0
+        above = dt * down[i] * carry[i]
+
+
+@jit
+def _substitute(
+    known: Floats,
+    below: float,
+    down: Floats,
+    first: int,
+    top: int,
+    dt: float,
     pivot: Floats,
     carry: Floats,
-    known: Floats,
-) -> float:
-    """Implicit step of one cohort's thresholds above the moving absorbing boundary `b`; returns what has broken.
-
-    The cell that the boundary cuts shrinks with it (so uniform mass in it is swept out exactly), and its outward flux
-    is that of Scharfetter and Gummel between its middle and the empty boundary, in the frame of the boundary.
-    Hand in the boundary of the middle of the step: sweeping and ageing then alternate symmetrically.
-    `pivot` and `carry` are the elimination from above, the same for all cohorts.
-    """
-    n = mass.size
-    i0 = n if b >= edges[n] else _cell(edges, b)
-    broken = 0.0
-    for i in range(min(i0, n)):
-        broken += mass[i]
-        mass[i] = 0.0
-    if i0 >= n - 2:
-        for i in range(i0, n):
-            broken += mass[i]
-            mass[i] = 0.0
-        return broken
-    known[n - 1] = mass[n - 1] / pivot[n - 1]
-    for i in range(n - 2, i0 + 1, -1):
-        known[i] = (mass[i] + dt * down[i + 1] * known[i + 1]) / pivot[i]
-    # The cut cell and its neighbour.
-    width = max(edges[i0 + 1] - b, 1e-9 * D / drift)
-    middle = edges[i0 + 1] - 0.5 * width
-    h = 0.5 * (edges[i0 + 2] + edges[i0 + 1]) - middle
-    d = drift * (mean - edges[i0 + 1]) * h / D
-    flow = D / h * _bernoulli(d)
-    rise = (flow + drift * (mean - edges[i0 + 1])) / width
-    fall = flow / (edges[i0 + 2] - edges[i0 + 1])
-    leave = _bernoulli((drift * (mean - b) - speed) * 0.5 * width / D) * 2.0 * D / (width * width)
-    i = i0 + 1
-    p1 = 1.0 + dt * (up[i] + fall) - dt * down[i + 1] * carry[i + 1]
-    c1 = dt * rise / p1
-    g1 = (mass[i] + dt * down[i + 1] * known[i + 1]) / p1
-    mass[i0] = (mass[i0] + dt * fall * g1) / (1.0 + dt * (rise + leave) - dt * fall * c1)
-    mass[i] = g1 + c1 * mass[i0]
-    for i in range(i0 + 2, n):
-        mass[i] = known[i] + carry[i] * mass[i - 1]
-    return broken + dt * float(leave * mass[i0])
-
-
-@jit
-def _eliminate(up: Floats, down: Floats, dt: float, pivot: Floats, carry: Floats) -> None:
-    """Elimination from above of an implicit step of the thresholds, see `_absorb`."""
-    for i in range(up.size - 2, -1, -1):
-        pivot[i] = 1.0 + dt * (up[i] + down[i]) - dt * down[i + 1] * carry[i + 1]
-        carry[i] = dt * up[i - 1] / pivot[i] if i > 0 else 0.0
-
-
-@jit
-def _reflect(
-    mass: Floats, edges: Floats, speed: float, dt: float, drift: float, mean: float, D: float, back: Floats
+    solved: Floats,
 ) -> None:
-    """Implicit step of the gap of contacts that are reborn at once when they meet their boundary."""
-    n = mass.size
-    enter, below, known = 0.0, 0.0, 0.0  # rates between this cell and the one below it
-    for i in range(n):
-        leave, fall = 0.0, 0.0  # rates between this cell and the one above it
-        if i + 1 < n:
-            h = 0.5 * (edges[i + 2] - edges[i])
-            a = drift * (mean - edges[i + 1]) - speed
-            flow = D / h * _bernoulli(a * h / D)
-            leave = (flow + a) / (edges[i + 1] - edges[i])
-            fall = flow / (edges[i + 2] - edges[i + 1])
-        pivot = 1.0 + dt * (leave + below)
-        if i > 0:
-            pivot -= dt * enter * back[i - 1]
-        known = (mass[i] + dt * enter * known) / pivot
-        mass[i] = known
-        back[i] = dt * fall / pivot
-        enter, below = leave, fall
-    for i in range(n - 2, -1, -1):
-        mass[i] += back[i] * mass[i + 1]
+    """Implicit step ``(1 - dt L) solved = known`` from node `first` to `top`, with `below` on the node below them."""
+    above = 0.0
+    for i in range(top, first - 1, -1):
+        solved[i] = (known[i] + above) * pivot[i]
+        above = dt * down[i] * solved[i]
+    for i in range(first, top + 1):
+        solved[i] += carry[i] * below
+        below = solved[i]
 
 
 @jit
-def _shift_up(mass: Floats, edges: Floats, by: float) -> None:
-    """Move a density upwards, conserving mass; `by` at most the smallest cell."""
-    if by <= 0.0:
-        return
-    n = mass.size
-    for i in range(n - 2, -1, -1):
-        part = mass[i] * min(by / (edges[i + 1] - edges[i]), 1.0)
-        mass[i] -= part
-        mass[i + 1] += part
+def _advance_cohort(
+    mass: Floats,
+    moment: Floats,
+    nodes: Floats,
+    width: Floats,
+    x: float,
+    dx: float,
+    ageing: tuple[float, float, float, float],
+    gamma: float,
+    top: int,
+    births: tuple[int, float, float, float],
+    work: Floats,
+) -> tuple[float, float]:
+    """One step of a cohort, by two implicit stages; returns the rates at which its contacts break in the two.
 
-
-@jit
-def density_from_samples(stretching: Floats, threshold: Floats, edges: Floats, width: float) -> tuple[Floats, Floats]:
-    """Cohorts for `advance_density` from a sample of contacts, such as `advance_contacts` leaves behind.
-
-    Parameters
-    ----------
-    stretching, threshold : ndarray, shape (N,)
-        Attached contacts.
-    edges : ndarray
-        Of `threshold_edges`.
-    width : float
-        Range of stretchings that makes one cohort.
-
-    Returns
-    -------
-    stretchings : ndarray, shape (c,)
-        Mean stretching of each cohort.
-    mass : ndarray, shape (c, cells)
-        Share of contacts in each cell.
+    ``gamma = 1 - 1/sqrt(2)`` gives SDIRK2, of second order and L-stable; ``gamma = 1/2`` two implicit Euler steps, of
+    first order and positive. `births` are, for the open cohort, the node where contacts are born (-1 in others), the
+    share born on the one above it, and the rates of births in the two stages.
     """
-    low = np.min(stretching)
-    c = int((np.max(stretching) - low) / width) + 1
-    place, total, mass = np.zeros(c), np.zeros(c), np.zeros((c, edges.size - 1))
-    for i in range(stretching.size):
-        k = min(int((stretching[i] - low) / width), c - 1)
-        cell = _cell(edges, threshold[i])
-        mass[k, cell] += 1.0 / stretching.size
-        place[k] += stretching[i]
-        total[k] += 1.0
-    full = total > 0.0
-    return place[full] / total[full], mass[full]
+    up, down, pivot, carry, known, echo = work[0], work[1], work[2], work[3], work[4], work[5]
+    birth, share, rates = births[0], births[1], (births[2], births[3])
+    first = 0 if birth == 0 else 1  # newborns on the boundary: it reflects
+    dt = gamma * ageing[0]
+    _gap_rates(nodes, width, mass, moment, x, dx, ageing, first, top, up, down)
+    _eliminate(up, down, first, top, dt, pivot, carry)
+    again = 0.0
+    if birth > 0:  # what one birth a time makes break within the same stage, to be born again
+        known[: top + 1] = 0.0
+        known[birth], known[birth + 1] = dt * (1.0 - share), dt * share
+        _substitute(known, 0.0, down, first, top, dt, pivot, carry, echo)
+        again = down[1] * echo[1]
+    ahead = (1.0 - gamma) / gamma
+    breaking = (0.0, 0.0)
+    for stage in range(2):
+        m, q = work[6 + 2 * stage], work[7 + 2 * stage]
+        way = x + dx * (gamma if stage == 0 else 1.0)  # of the slider since the reference place
+        born = rates[stage]
+        for i in range(first, top + 1):
+            known[i] = mass[i] if stage == 0 else mass[i] + ahead * (work[6, i] - mass[i])
+        if birth >= 0:
+            known[birth] += dt * born * (1.0 - share)
+            known[birth + 1] += dt * born * share
+        _substitute(known, 0.0, down, first, top, dt, pivot, carry, m)
+        lost = down[1] * m[1]
+        if birth > 0:
+            lost /= 1.0 - again
+            born += lost
+            for i in range(1, top + 1):
+                m[i] += lost * echo[i]
+        for i in range(1, top + 1):
+            known[i] = moment[i] if stage == 0 else moment[i] + ahead * (work[7, i] - moment[i])
+        if birth > 0:
+            known[birth] += dt * born * (1.0 - share) * way
+            known[birth + 1] += dt * born * share * way
+        _substitute(known, m[0] * way if birth == 0 else 0.0, down, 1, top, dt, pivot, carry, q)
+        breaking = (lost, lost) if stage == 0 else (breaking[0], lost)
+    for i in range(first, top + 1):
+        mass[i], moment[i] = work[8, i], work[9, i]
+        if mass[i] < 0.0:
+            mass[i], moment[i] = 0.0, 0.0
+    if birth == 0:
+        moment[0] = mass[0] * (x + dx)
+    return breaking
+
+
+@jit
+def _top(mass: Floats, moment: Floats, nodes: Floats, before: int, way: float) -> int:
+    """Last node that a cohort can reach in a step; it held nothing above `before`. Dust at the top is swept down."""
+    top = before
+    while top > 2 and mass[top] < 1e-17:
+        mass[top - 1] += mass[top]
+        moment[top - 1] += moment[top]
+        mass[top] = moment[top] = 0.0
+        top -= 1
+    end = nodes[top] + way
+    while top < nodes.size - 1 and nodes[top] < end:
+        top += 1
+    return top
+
+
+@jit
+def _close(
+    place: Floats, mass: Floats, moment: Floats, nodes: Floats, count: int, X: float, near: float, soft: float
+) -> int:
+    """Close the open cohort (row `count`) and open another; returns the number of closed cohorts.
+
+    Contacts within some `soft` of their boundary stay open, so that no density is cut where it is steep. The closed
+    cohort is joined to one whose place is `near`, if there is one.
+    """
+    m, q, fresh = mass[count], moment[count], count + 1
+    total, off, way = 0.0, 0.0, X - place[count]
+    for i in range(nodes.size):
+        kept = np.exp(-((nodes[i] / soft) ** 2)) if soft > 0.0 else 0.0
+        mass[fresh, i] = kept * m[i]
+        moment[fresh, i] = kept * (q[i] - m[i] * way)
+        m[i] -= mass[fresh, i]
+        q[i] *= 1.0 - kept
+        total += m[i]
+        off += q[i]
+    shift = off / total if total > 0.0 else 0.0
+    q -= m * shift
+    place[count] += shift
+    place[fresh] = X
+    nearest = -1
+    for c in range(count):
+        if nearest < 0 or abs(place[c] - place[count]) < abs(place[nearest] - place[count]):
+            nearest = c
+    if nearest >= 0 and (abs(place[nearest] - place[count]) < near or count + 2 >= place.size):
+        moment[nearest] += q + m * (place[count] - place[nearest])
+        mass[nearest] += m
+        place[count], mass[count], moment[count] = place[fresh], mass[fresh], moment[fresh]
+        mass[fresh], moment[fresh] = 0.0, 0.0
+        return count
+    return count + 1
+
+
+@jit
+def _age_density(
+    place: Floats,
+    mass: Floats,
+    moment: Floats,
+    tops: NDArray[np.int64],
+    count: int,
+    nodes: Floats,
+    width: Floats,
+    X: float,
+    dX: float,
+    ageing: tuple[float, float, float, float],
+    newborn: float,
+    work: Floats,
+) -> int:
+    """One step of all cohorts while the slider moves from `X` to ``X + dX`` at constant velocity.
+
+    What breaks is born into the open cohort (row `count`). Returns the number of closed cohorts that are left.
+    """
+    dt, square, mean, D = ageing
+    birth, share = 0, 0.0
+    if newborn > 0.0:
+        birth = min(max(int(np.searchsorted(nodes, newborn, side="right")) - 1, 1), nodes.size - 2)
+        share = min(max((newborn - nodes[birth]) / (nodes[birth + 1] - nodes[birth]), 0.0), 1.0)
+    # Pressed against the boundary for many relaxation times of the layer there, SDIRK2 would overshoot.
+    fall = max(abs(dX) / dt - square * mean, 0.0)
+    gamma = 0.5 if fall * fall * dt > 8.0 * D else 1.0 - np.sqrt(0.5)
+    way = 8.0 * np.sqrt(2.0 * D * dt) + abs(dX)
+    first, second, broken, dust, kept = 0.0, 0.0, 0.0, 0.0, 0
+    for c in range(count):
+        m, q = mass[c], moment[c]
+        broken += np.sum(m)
+        top = _top(m, q, nodes, tops[c], way)
+        one, two = _advance_cohort(m, q, nodes, width, X - place[c], dX, ageing, gamma, top, (-1, 0.0, 0.0, 0.0), work)
+        first += one
+        second += two
+        left = np.sum(m)
+        broken -= left
+        if left < 1e-13:  # as good as empty
+            dust += left
+            m[:], q[:] = 0.0, 0.0
+            continue
+        place[kept], tops[kept] = place[c], top
+        if kept < c:
+            mass[kept], moment[kept] = m, q
+            m[:], q[:] = 0.0, 0.0
+        kept += 1
+    m, q = mass[count], moment[count]
+    expected = np.sum(m) + broken
+    top = max(_top(m, q, nodes, tops[count], way), birth + 1)
+    _advance_cohort(m, q, nodes, width, X - place[count], dX, ageing, gamma, top, (birth, share, first, second), work)
+    total = np.sum(m)
+    if total > 0.0:  # rounding, and what was cut off below 0
+        m *= expected / total
+        q *= expected / total
+    m[birth] += dust
+    q[birth] += dust * (X + dX - place[count])
+    if kept < count:
+        place[kept], mass[kept], moment[kept] = place[count], m, q
+        m[:], q[:] = 0.0, 0.0
+    tops[kept] = top
+    return kept
+
+
+@jit
+def _held(place: Floats, mass: Floats, moment: Floats, count: int, X: float) -> tuple[float, float]:
+    """Force of the contacts, and the sum of the mass."""
+    force, total = 0.0, 0.0
+    for c in range(count + 1):
+        here = np.sum(mass[c])
+        total += here
+        force += (X - place[c]) * here - np.sum(moment[c])
+    return force, total
 
 
 @jit
@@ -1078,268 +1286,105 @@ def advance_density(
     state: Floats,
     place: Floats,
     mass: Floats,
-    edges: Floats,
+    moment: Floats,
+    nodes: Floats,
     drive: Floats,
     slider: Floats,
     law: Floats,
     times: Floats,
     step: float,
     reach: float,
+    pausing: bool = False,
 ) -> Floats:
     """Advance the kinetic equation of ageing contacts and the slider to the last of `times`, Eqs. (11), (13)-(17).
 
-    The density over (place of birth, threshold): a cohort is what was born while the slider moved by `reach`; its
-    thresholds obey the Fokker-Planck equation of Eq. (17) above an absorbing boundary at ``|X - place|``, with
-    Chang-Cooper / Scharfetter-Gummel fluxes and implicit steps (positive, conserving, Gaussian when at rest). What
-    breaks goes to the open cohort. With ``newborn = 0`` that cohort holds gaps above a reflecting boundary: contacts
-    that return to it are reborn at once. First order in step, second order in the cells.
+    The density over (place of birth, gap). A cohort is what was born while the slider moved by twice `reach`; of its
+    contacts at each gap the mass is known and the mean place of birth, which is all that the force asks for: cohorts
+    are needed only because an older contact ages by ``rate^2 (mean - gap - stretching)``, and the error of that falls
+    as the square of their width. Gaps obey the Fokker-Planck equation of Eq. (17), in the frame of the moving
+    boundary, with Chang-Cooper / Scharfetter-Gummel fluxes (conserving, Gaussian when at rest) and steps of second
+    order. What breaks enters the open cohort; with ``newborn = 0`` by its boundary, which reflects: contacts there
+    are born where the slider is. Second order in all: halve step, reach and cells together.
 
     Parameters
     ----------
-    state : ndarray, shape (7,)
-        Time, X, V, undone share (see `advance_contacts`), number of cohorts, place where the last one was opened,
-        time since then; the last three are 0, or those of an earlier call. Changed in place.
+    state : ndarray, shape (6,)
+        Time, X, V, loss per time (see `advance_contacts`), number of closed cohorts, how far the contacts lag behind
+        X. Changed in place.
     place : ndarray, shape (C,)
-        Slider positions at which the cohorts have stretching 0. C must have room for all cohorts: some
-        ``2.5/reach``, more for long slips; changed in place.
-    mass : ndarray, shape (C, cells)
-        Share of contacts by cohort and cell of threshold; rows from ``state[4]`` on are 0. Sum 1, kept to rounding.
-    edges : ndarray, shape (cells + 1,)
-        Of `threshold_edges`.
+        Slider positions at which the cohorts have stretching 0, first the closed ones, then the open one. Changed in
+        place. C is at least two more than there are closed cohorts; with ``(mean + 8 spread)/(reach mean) + 3``
+        rows none has to be joined to another that is not near.
+    mass : ndarray, shape (C, nodes)
+        Share of contacts by cohort and gap, sum 1, kept to rounding; none on node 0 but of the open cohort. Changed in
+        place.
+    moment : ndarray, shape (C, nodes)
+        The same times how much farther than `place` these contacts have been born on average. Changed in place.
+    nodes : ndarray
+        Of `gap_nodes`.
     drive, slider, law, times
         See `advance_contacts`.
     step : float
         Largest step in units of 1/rate^2.
     reach : float
-        Largest way of the slider in a step, and the width of a cohort, in units of `mean`.
+        Largest way of the slider in a step, in units of `mean`.
+    pausing : bool
+        See `advance_contacts`.
 
     Returns
     -------
     ndarray, shape (m, 5)
         X, V, F_d, F_c, sum of the mass.
     """
-    rate, mean, spread, newborn = law[0], law[1], law[2], law[3]
-    K, slab, damping = slider[0], slider[1], slider[2]
-    rigid = np.isinf(K)
-    drift, D = rate * rate, (rate * spread) ** 2
-    n = edges.size - 1
-    now, X, V, undone = state[0], state[1], state[2], state[3]
-    count, opened, since = int(state[4]), state[5], state[6]
+    mean, newborn = law[1], law[3]
+    rigid, square, D = np.isinf(slider[0]), law[0] ** 2, (law[0] * law[2]) ** 2
+    now, X, V, loss, count, lag = state[0], state[1], state[2], state[3], int(state[4]), state[5]
     if rigid and times.size > 0:
         X = drive_at(drive, now)[0]
-    up, down, pivot, carry = np.zeros(n + 1), np.zeros(n + 1), np.ones(n + 1), np.zeros(n + 1)
-    known, back = np.zeros(n + 1), np.zeros(n + 1)
-    for i in range(n - 1):
-        h = 0.5 * (edges[i + 2] - edges[i])
-        a = drift * (mean - edges[i + 1])
-        flow = D / h * _bernoulli(a * h / D)
-        up[i] = (flow + a) / (edges[i + 1] - edges[i])
-        down[i + 1] = flow / (edges[i + 2] - edges[i + 1])
-    pivot_short, carry_short = np.ones(n + 1), np.zeros(n + 1)
-    pivot_mid, carry_mid = np.ones(n + 1), np.zeros(n + 1)
-    level = np.zeros(place.size, dtype=np.int64)
-    birth, birth_too, birth_share = 0, 0, 0.0
-    if newborn > 0.0:
-        # Two neighbouring cells that have the newborn's threshold as their mean.
-        birth = min(_cell(edges, newborn), n - 2)
-        here = 0.5 * (edges[birth] + edges[birth + 1])
-        birth_too = birth + 1 if newborn > here or birth == 0 else birth - 1
-        there = 0.5 * (edges[birth_too] + edges[birth_too + 1])
-        birth_share = min(max((newborn - here) / (there - here), 0.0), 1.0)
-    open_mass = np.zeros(n)
-    if count > 0 and since >= 0.0:
-        # The last row is the open cohort, kept as gaps (or thresholds, for newborns above 0).
-        count -= 1
-        open_mass[:] = mass[count]
-        mass[count] = 0.0
-        x_open = X - place[count]
-    else:
-        opened, since, x_open = X, 0.0, 0.0
-    total = 0.0
-    for c in range(count):
-        total += (X - place[c]) * np.sum(mass[c])
-    held = float(np.sum(open_mass))
-    last_dt, amplitude = -1.0, 0.0
-    samples = np.empty((times.size, 5))
-    for j in range(times.size):
-        while now < times[j]:
-            P, v_d, a_d, knot = drive_at(drive, now)
-            F = total + held * x_open
-            dt = step / drift
-            fast = abs(v_d) + abs(a_d) * dt
-            if not rigid:
-                fast = max(fast, abs(V))
-                if amplitude > 0.05 * reach * mean:
-                    dt = min(dt, 0.35 / np.sqrt((K + 1.0) / slab))
-            dt = min(dt, reach * mean / max(fast, 1e-300))
-            target = min(times[j], knot)
-            if now + 1.0000001 * dt >= target:
-                dt = target - now
-            elif now + 2.0 * dt > target:
-                dt = 0.5 * (target - now)
-            before, v_0 = X, V
-            if rigid:
-                X, V = P + dt * (v_d + 0.5 * a_d * dt), v_d + a_d * dt
-            else:
-                grip = 1.0 - undone
-                k, F_0, F_1, F_2 = K + grip, K * P - F + grip * X, K * v_d, 0.5 * K * a_d
-                X, V, amplitude = _oscillator(before, v_0, k, slab, damping, F_0, F_1, F_2, dt)
-                if V * v_0 < 0.0:
-                    turn = dt * v_0 / (v_0 - V)
-                    if 0.05 * dt < turn < 0.95 * dt:
-                        dt = turn
-                        X, V, amplitude = _oscillator(before, v_0, k, slab, damping, F_0, F_1, F_2, dt)
-            dX = X - before
-            speed = abs(dX) / dt
-            parts = 5 * min(int(np.ceil(dt * drift * 5.0 / step)), 12)
-            short = dt / parts
-            if dt != last_dt:
-                _eliminate(up, down, dt, pivot, carry)
-                _eliminate(up, down, 5.0 * short, pivot_mid, carry_mid)
-                _eliminate(up, down, short, pivot_short, carry_short)
-                last_dt = dt
-            broken = 0.0
-            since += dt
-            moved = X - opened
-            # Contacts leave the neighbourhood of their boundary or return to it within a time that grows with their
-            # age: the young take 25 steps where the old take one, those between 5.
-            for c in range(count):
-                b, b_0 = abs(X - place[c]), abs(before - place[c])
-                level[c] = 0
-                if min(b, b_0) < YOUNG * mean:
-                    level[c] = 2
-                elif min(b, b_0) < 5.0 * YOUNG * mean and parts > 5:
-                    level[c] = 1
-                if level[c] == 0:
-                    broken += _absorb(
-                        mass[c],
-                        edges,
-                        0.5 * (b + b_0),
-                        (b - b_0) / dt,
-                        dt,
-                        drift,
-                        mean,
-                        D,
-                        up,
-                        down,
-                        pivot,
-                        carry,
-                        known,
-                    )
-            for part in range(parts):
-                fresh = broken / parts
-                x, x_0 = before + dX * (part + 1.0) / parts, before + dX * part / parts
-                if part % 5 == 0:
-                    y, y_0 = before + dX * (part + 5.0) / parts, x_0
-                    for c in range(count):
-                        if level[c] == 1:
-                            b, b_0 = abs(y - place[c]), abs(y_0 - place[c])
-                            fresh += _absorb(
-                                mass[c],
-                                edges,
-                                0.5 * (b + b_0),
-                                (b - b_0) / (5.0 * short),
-                                5.0 * short,
-                                drift,
-                                mean,
-                                D,
-                                up,
-                                down,
-                                pivot_mid,
-                                carry_mid,
-                                known,
-                            )
-                for c in range(count):
-                    if level[c] == 2:
-                        b, b_0 = abs(x - place[c]), abs(x_0 - place[c])
-                        fresh += _absorb(
-                            mass[c],
-                            edges,
-                            0.5 * (b + b_0),
-                            (b - b_0) / short,
-                            short,
-                            drift,
-                            mean,
-                            D,
-                            up,
-                            down,
-                            pivot_short,
-                            carry_short,
-                            known,
-                        )
-                if newborn > 0.0:
-                    b = 0.5 * abs(x - opened)
-                    fresh += _absorb(
-                        open_mass,
-                        edges,
-                        b,
-                        0.5 * speed,
-                        short,
-                        drift,
-                        mean,
-                        D,
-                        up,
-                        down,
-                        pivot_short,
-                        carry_short,
-                        known,
-                    )
-                    open_mass[birth] += (1.0 - birth_share) * fresh
-                    open_mass[birth_too] += birth_share * fresh
-                else:
-                    open_mass[0] += fresh
-                    _reflect(open_mass, edges, speed, short, drift, mean, D, back)
-            if newborn > 0.0:
-                x_open = 0.5 * moved
-            else:
-                # Mean way since the last return to the boundary: a third of all where the drift is weak.
-                fall = max(speed - drift * mean, 0.0)
-                x_open = moved / (3.0 + fall * fall * since / D)
-            total = 0.0
-            kept = 0
-            for c in range(count):
-                rest = np.sum(mass[c])
-                if rest < 1e-13:  # as good as empty: what is left breaks now
-                    open_mass[birth] += rest
-                    mass[c] = 0.0
-                    continue
-                total += (X - place[c]) * rest
-                if kept < c:
-                    place[kept] = place[c]
-                    mass[kept] = mass[c]
-                    mass[c] = 0.0
-                kept += 1
-            count = kept
-            held = float(np.sum(open_mass))
-            turned = V * v_0 < 0.0
-            if abs(moved) >= 0.999 * reach * mean or (turned and moved != 0.0):
-                if newborn <= 0.0:
-                    rest = abs(x_open)
-                    while rest > 0.0:
-                        part = min(rest, edges[1])
-                        _shift_up(open_mass, edges, part)
-                        rest -= part
-                if count >= mass.shape[0] - 1:
-                    raise ValueError("no room for another cohort: hand in longer arrays")
-                place[count] = X - x_open
-                mass[count] = open_mass
-                total += held * x_open
-                count += 1
-                open_mass[:] = 0.0
-                held, x_open, opened, since = 0.0, 0.0, X, 0.0
-            F_new = total + held * x_open
-            if dX != 0.0:
-                undone = min(max(1.0 - (F_new - F) / dX, 0.0), 1.0)
-            now = target if dt == target - now else now + dt
-        P, v_d, a_d, knot = drive_at(drive, times[j])
-        samples[j, 0], samples[j, 1] = X, V
-        samples[j, 3] = total + held * x_open
-        samples[j, 4] = np.sum(mass) + held
-        samples[j, 2] = samples[j, 3] if rigid else K * (P - X)
-    mass[count] = open_mass
-    place[count] = X - x_open
-    state[0], state[1], state[2], state[3] = now, X, V, undone
-    state[4], state[5], state[6] = float(count + 1), opened, since
+    width, work = gap_widths(nodes), np.zeros((10, nodes.size))
+    tops = np.full(place.size, nodes.size - 1)
+    F, total = _held(place, mass, moment, count, X)
+    amplitude, samples, ramp, last = 0.0, np.empty((times.size, 5)), 0.0, 0.0
+    filled = _fill(samples, 0, times, now, drive, slider, now, X, V, F, 1.0, 0.0, 0.0, total)
+    while filled < times.size:
+        X_0, V_0, F_0 = X, V, F
+        end = min(times[filled if pausing else -1], drive_at(drive, now)[3])
+        dt = _pace(now, end, drive, slider, V, 1.0, amplitude, step / square, reach * mean, 0.35)
+        X, V, amplitude, shorter = _guess(drive, slider, now, X_0, V_0, F_0, 1.0, loss + 0.5 * ramp * last, ramp, dt)
+        if shorter < dt or dt < end - now:
+            dt, end = shorter, now + shorter
+        # The contacts are moved to where the slider is guessed to go, from where it was last guessed to have gone.
+        count = _age_density(
+            place,
+            mass,
+            moment,
+            tops,
+            count,
+            nodes,
+            width,
+            X_0 - lag,
+            X - X_0 + lag,
+            (dt, square, mean, D),
+            newborn,
+            work,
+        )
+        way = abs(X - place[count])
+        if way >= 3.999 * reach * mean or (V * V_0 < 0.0 and way > 0.4 * reach * mean):
+            soft = 2.0 * np.sqrt(D * dt) if newborn <= 0.0 else 0.0
+            count = _close(place, mass, moment, nodes, count, X, 2.0 * reach * mean, soft)
+            tops[count] = nodes.size - 1
+        F, total = _held(place, mass, moment, count, X)
+        before, loss = loss, (F_0 + X - X_0 - F) / dt
+        ramp = 2.0 * (loss - before) / (dt + last) if last > 0.0 else 0.0
+        start, last = loss - 0.5 * ramp * dt, dt
+        if not rigid:
+            lag = -X
+            X, V, amplitude = _slide(drive, slider, now, X_0, V_0, F_0, 1.0, start, ramp, dt)
+            lag += X
+            F += lag
+        filled = _fill(samples, filled, times, end, drive, slider, now, X_0, V_0, F_0, 1.0, start, ramp, total)
+        now = end
+    state[0], state[1], state[2], state[3], state[4], state[5] = now, X, V, loss, float(count), lag
     return samples
 
 
@@ -1400,6 +1445,31 @@ def pull_newborns(
 
 
 # ---------------------------------------------------------------- the paper's closure
+
+
+@jit
+def threshold_edges(mean: float, spread: float, newborn: float, cells: float) -> Floats:
+    """Edges of the threshold cells of the closure: `cells` per spread, eight times as many near zero.
+
+    The last edge lies beyond all thresholds.
+    """
+    end = max(mean, newborn) + 8.0 * spread
+    widest = spread / cells
+    width = widest if newborn > 0.0 else widest / 8.0
+    edges = np.empty(int(end / widest) + 100)
+    edges[0] = 0.0
+    k = 0
+    while edges[k] < end and k + 1 < edges.size:
+        edges[k + 1] = edges[k] + width
+        width = min(1.06 * width, widest)
+        k += 1
+    return edges[: k + 1].copy()
+
+
+@jit
+def _cell(edges: Floats, place: float) -> int:
+    """Cell that holds a place; the first or the last for places outside."""
+    return min(max(int(np.searchsorted(edges, place, side="right")) - 1, 0), edges.size - 2)
 
 
 @jit
