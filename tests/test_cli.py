@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -215,6 +216,11 @@ def test_a_failed_write_leaves_the_old_file(rig, tmp_path, capsys, monkeypatch):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["rig.toml", "run.nc"]
 
 
+def heed_interrupts():
+    """A shell's background jobs are born deaf to Ctrl-C, and hand that on."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def test_an_interrupt_leaves_nothing_half_written(tmp_path):
     file = tmp_path / "big.toml"
     file.write_text(SMALL.replace("distance = 40.0", "distance = 1e6"))
@@ -223,9 +229,10 @@ def test_an_interrupt_leaves_nothing_half_written(tmp_path):
         [sys.executable, "-m", "stickslip.cli", "simulate", str(file), "-o", str(target)],
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=heed_interrupts,
     )
     time.sleep(4)
-    process.send_signal(2)
+    process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "Traceback" not in errors

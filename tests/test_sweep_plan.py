@@ -579,7 +579,14 @@ SLOW = changed(
 def start_command(file, store, *options):
     command = [sys.executable, "-m", "stickslip.cli", "sweep", str(file), "--store", str(store), *options]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+    return subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, preexec_fn=heed_interrupts
+    )
+
+
+def heed_interrupts():
+    """A shell's background jobs are born deaf to Ctrl-C, and hand that on."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def finished(store):

@@ -882,8 +882,9 @@ class _GrowingContacts:
         self._strength = np.append(self._pool[which], rng.choice(self._pool, detached))
         self._attach = np.append(-age, pending)
 
-    def advance(self, drive: Array, times: Array) -> Array:
-        """Advance to the last of `times`."""
+    def advance(self, drive: Array, times: Array, *, pausing: bool = False) -> Array:
+        """Advance to the last of `times`; its steps end at each, pausing or not."""
+        del pausing
         from stickslip.kernels.ageing import advance_growing
 
         contacts, rig = (self._x, self._strength, self._attach), (drive, self._slider, np.array(self._growth))
@@ -975,8 +976,9 @@ class _AgeingClosure:
         self._state[2] = motion.first_velocity
         self._slider = _ageing_slider(motion.slider)
 
-    def advance(self, drive: Array, times: Array) -> Array:
-        """Advance to the last of `times`, with room for as many cohorts as it takes."""
+    def advance(self, drive: Array, times: Array, *, pausing: bool = False) -> Array:
+        """Advance to the last of `times`, with room for as many cohorts as it takes; its steps end at each."""
+        del pausing
         from stickslip.kernels.ageing import advance_closure
 
         while True:
