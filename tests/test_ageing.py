@@ -281,8 +281,14 @@ def test_the_density_slides_with_the_steady_friction(u, tolerance):
 
 @pytest.mark.slow
 def test_the_density_slides_slowly_with_the_steady_friction():
-    exact = ageing.steady_friction(np.array([0.1]), 1.0, SPREAD)[0]
-    assert friction_of_density(0.1, 200) == pytest.approx(exact, rel=0.003)
+    u, cells, lives = 0.1, 200, 30
+    density = density_at_rest(cells)
+    density[0][4], density[1][:40] = 40.0, -0.02 * np.arange(40)  # of all ages, for slow ones forget their start slowly
+    density[2][:40], density[3][:] = density[2][:2].sum(axis=0) / 40, 0.0
+    times = np.arange(lives * 50) * 0.2
+    run = advance_density(density, holding(u), RIGID, 1.0, times, cells)[-500:, 3]
+    exact = ageing.steady_friction(np.array([u]), 1.0, SPREAD)[0]
+    assert np.average(run, weights=np.hanning(run.size)) == pytest.approx(exact, rel=0.003)
 
 
 @pytest.mark.parametrize("u", [0.5, 1.0])
@@ -422,8 +428,14 @@ def test_fig_8_kinetic_equation_has_the_peaks_of_many_contacts(rate, low, high):
     sampled = pulled_contacts(rate, False, n=50_000, span=16.0, step=0.01, reach=0.01)[600:, 2]
     force = run[600:, 2]
     assert low < np.ptp(force) < high
-    assert force.max() == pytest.approx(sampled.max(), rel=0.03)
-    assert np.ptp(force) == pytest.approx(np.ptp(sampled), rel=0.03)
+    # In windows longer than a period, over which the noise of 50,000 contacts is averaged.
+    top, bottom = force.reshape(-1, 250).max(axis=1).mean(), force.reshape(-1, 250).min(axis=1).mean()
+    top_sampled, bottom_sampled = (
+        sampled.reshape(-1, 250).max(axis=1).mean(),
+        sampled.reshape(-1, 250).min(axis=1).mean(),
+    )
+    assert top == pytest.approx(top_sampled, rel=0.03)
+    assert top - bottom == pytest.approx(top_sampled - bottom_sampled, rel=0.03)
     assert np.all(np.abs(run[:, 4] - 1.0) < 1e-12)
 
 
@@ -496,25 +508,44 @@ def test_smooth_sliding_of_fig_8_is_unstable_between_two_rates():
     assert 0.78 < edge_of_stability(16.0, 0.8)[1] < 0.86
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("rate", "root"), [(1.55, 0.3144 + 5.3670j), (1.7, -0.3080 + 5.7551j)])
-def test_small_kicks_grow_as_the_dynamic_stiffness_says(rate, root):
-    kappa = ageing.dynamic_stiffness_ageing(1.0, rate, SPREAD, np.array([root]))[0]
-    assert abs(1e-4 * root**2 + 1e-3 * root + 1.0 + kappa) < 2e-3
-    state, place, mass, edges = density_at_rest(2000)
-    law, slider = np.array([rate, 1.0, SPREAD, 0.0]), np.array([1.0, 1e-4, 10.0])
-    run = ageing.advance_density(state, place, mass, edges, holding(1.0), RIGID, law, np.array([8.0]), 0.01, 0.01)
-    drive = np.array([[8.0, state[1] + run[0, 3] + 3e-3, 1.0, 0.0]])
-    times = 8.0 + np.arange(1, 401) * 0.01
-    run = ageing.advance_density(state, place, mass, edges, drive, slider, law, times, 0.01, 0.01)
-    series = np.diff(run[100:400:5, 2])  # four damped modes by linear prediction
+def growth_after_a_small_kick(rate, near, cells=400):
+    """Growth rate and frequency of the mode next to `near` in a run of the kinetic equation, by linear prediction."""
+    density, slider, settled = density_at_rest(cells), np.array([1.0, 1e-4, 10.0]), 8.0
+    run = advance_density(density, holding(1.0), RIGID, rate, [settled], cells)
+    drive = np.array([[settled, density[0][1] + run[0, 3] + 2e-3, 1.0, 0.0]])
+    run = advance_density(density, drive, slider, rate, settled + np.arange(1, 1251) * 0.002, cells)
+    series = np.diff(run[150::25, 2])  # four damped modes
     rows = np.array([series[i : i + 4] for i in range(series.size - 4)])
     coefficients = np.linalg.lstsq(rows, series[4:], rcond=None)[0]
     modes = np.log(np.roots(np.r_[1.0, -coefficients[::-1]]).astype(complex)) / 0.05
-    seen = modes[np.argmin(np.abs(modes - root))]
-    # 2 % of the edge in rate: the growth rate falls by 4.1 per unit of rate, the frequency hardly changes.
-    assert abs(seen.real - root.real) < 0.02 * 1.61 * 4.1
-    assert seen.imag == pytest.approx(root.imag, rel=0.02)
+    return modes[np.argmin(np.abs(modes - near))]
+
+
+@pytest.mark.parametrize(("omega", "guess", "rates"), [(5.5, 1.6, (1.59, 1.63)), (16.0, 0.82, (0.80, 0.82))])
+def test_small_kicks_begin_to_grow_where_the_dynamic_stiffness_says(omega, guess, rates):
+    omega, edge = edge_of_stability(omega, guess)
+    growth = [growth_after_a_small_kick(rate, 1j * omega).real for rate in rates]
+    seen = rates[0] - growth[0] * (rates[1] - rates[0]) / (growth[1] - growth[0])
+    assert growth[0] * growth[1] < 0
+    assert seen == pytest.approx(edge, rel=0.005)
+
+
+@pytest.mark.parametrize("omega", [0.5, 2.15, 5.0])
+def test_shaking_the_density_gives_the_dynamic_stiffness(omega):
+    u, swing, per = 1.5, 1e-3, 32
+    density, law_step, settled = density_at_rest(), 4.0 / 400, 8.0
+    advance_density(density, holding(u), RIGID, 1.0, [settled])
+    t = np.arange(4 * per + 1) * 2 * np.pi / omega / per
+    velocity = u + swing * omega * np.cos(omega * t)  # linear between the knots
+    way = density[0][1] + np.r_[0.0, np.cumsum(0.5 * np.diff(t) * (velocity[1:] + velocity[:-1]))]
+    drive = np.column_stack([settled + t[:-1], way[:-1], velocity[:-1], np.diff(velocity) / np.diff(t)])
+    law = np.array([1.0, 1.0, SPREAD, 0.0])
+    run = ageing.advance_density(*density, drive, RIGID, law, settled + t[1:], law_step, law_step)[2 * per :]
+    t = t[2 * per + 1 :]
+    waves = np.column_stack([np.sin(omega * t), np.cos(omega * t), np.ones(t.size), t])
+    force, shaken = (np.linalg.lstsq(waves, part, rcond=None)[0] for part in (run[:, 3], run[:, 0]))
+    kappa = ageing.dynamic_stiffness_ageing(u, 1.0, SPREAD, np.array([1j * omega]))[0]
+    assert abs((force[0] + 1j * force[1]) / (shaken[0] + 1j * shaken[1]) - kappa) < 0.002 + 0.005 * abs(kappa)
 
 
 # ---------------------------------------------------------------- newborns dragged along: Fig. 11

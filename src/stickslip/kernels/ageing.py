@@ -30,6 +30,10 @@ Floats = NDArray[np.float64]
 # Relaxation times of the reflected gap, noise/drift^2, after which its start is forgotten to exp(-FORGOTTEN/2).
 FORGOTTEN = 16.0
 
+# A contact sleeps while the slider goes a third of its gap, and for this share of gap^2/noise: the other two thirds are
+# then four standard deviations of its threshold.
+SLEEP = (2.0 / 3.0 / 4.0) ** 2
+
 NO_DELAY = np.zeros(1)
 
 # ---------------------------------------------------------------- grids and exponentially fitted rates
@@ -516,8 +520,8 @@ def _age_contacts(
 ) -> tuple[float, int]:
     """One step of all contacts while the slider moves from `X` to ``X + dX`` at constant velocity.
 
-    A contact far from breaking sleeps: nothing is done until the time ``until`` or until the slider leaves the
-    range ``room`` (low and high end for each contact); its threshold is that of the time ``seen``, its stretching
+    A contact far from breaking sleeps (`SLEEP`): nothing is done until the time ``until`` or until the slider leaves
+    the range ``room`` (low and high end for each contact); its threshold is that of the time ``seen``, its stretching
     is ``base + X`` all the time.
 
     Returns what breaking has taken from the sum of all stretchings, and how many contacts the step has attached
@@ -544,11 +548,16 @@ def _age_contacts(
             continue
         if attach[i] <= now:
             left, x, f = dt, base[i] + X, threshold[i]
-            lost += x + dX
-            more -= 1
             if seen[i] < now:
                 e = np.exp(-square * (now - seen[i]))
                 f = mean + (f - mean) * e + spread * np.sqrt(1.0 - e * e) * rng.standard_normal()
+                gap = f - abs(x) - max(f - mean, 0.0)
+                if gap > 3.0 * abs(dX) and SLEEP * gap * gap > noise * dt:  # on it sleeps
+                    threshold[i], seen[i], until[i] = f, now, now + SLEEP * gap * gap / noise
+                    room[i, 0], room[i, 1] = X - gap / 3.0, X + gap / 3.0
+                    continue
+            lost += x + dX
+            more -= 1
         else:
             left, x, f = end - attach[i], 0.0, newborn
             if left <= 0.0:
@@ -576,7 +585,7 @@ def _age_contacts(
             new_gap = new_f - abs(new_x)
             if new_gap > 0.0:
                 hidden = 2.0 * gap * new_gap / var
-                if hidden > 40.0 or rng.random() >= np.exp(-hidden):
+                if hidden > 40.0 or rng.standard_exponential() < hidden:
                     x, f, left = new_x, new_f, 0.0
                     break
             if newborn > 0.0:
@@ -598,10 +607,9 @@ def _age_contacts(
         more += 1
         attach[i] = -np.inf
         base[i], threshold[i], seen[i] = x - new_X, f, end
-        # One third of the gap for the slider, two thirds for 4.5 standard deviations of the noise.
         gap = f - abs(x) - max(f - mean, 0.0)
         if gap > 0.0:
-            until[i] = end + 0.022 * gap * gap / noise if noise > 0.0 else np.inf
+            until[i] = end + SLEEP * gap * gap / noise if noise > 0.0 else np.inf
             room[i, 0], room[i, 1] = new_X - gap / 3.0, new_X + gap / 3.0
         else:
             until[i] = -np.inf
