@@ -766,10 +766,10 @@ def test_what_the_page_on_sweeps_shows_is_true(tmp_path, monkeypatch, capsys):
         file.write_text(block)
         assert read_plan(file).total in (120, 160)
     short = "[run]\ncycles = 0\ndistance = '8 um'"
-    whole = Path("wiper.toml").read_text().replace("count = 20", "count = 2").replace("[run]", short)
-    Path("wiper.toml").write_text(whole.replace("contacts = 2000", "contacts = 50"))
-    assert run("sweep", "wiper.toml", "--store", "wiper.zarr", "--plot", "wiper.png") == 0
-    assert run("plot", "wiper.zarr", "wiper.png", "--at", "velocity=4e-4") == 0
+    whole = Path("wiper_speeds.toml").read_text().replace("count = 20", "count = 2").replace("[run]", short)
+    Path("wiper_speeds.toml").write_text(whole.replace("contacts = 2000", "contacts = 50"))
+    assert run("sweep", "wiper_speeds.toml", "--store", "wiper_speeds.zarr", "--plot", "wiper_speeds.png") == 0
+    assert run("plot", "wiper_speeds.zarr", "wiper_speeds.png", "--at", "velocity=4e-4") == 0
     reading, in_python = blocks_of("sweep.md", "python")
     capsys.readouterr()
     exec(compile(reading, "reading", "exec"), {})
