@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 _STARTS: dict[str, Start] = {"relaxed": Relaxed(), "smooth": Sliding()}
 _METHODS: dict[str, Method] = {"contacts": Contacts(FIG8.contacts, seed=8), "kinetic equation": MasterEquation()}
-_COARSE: dict[str, Method] = {**_METHODS, "kinetic equation": MasterEquation(cells=100)}
+_COARSE: dict[str, Method] = {**_METHODS, "kinetic equation": MasterEquation(cells=200)}
 _QUICK = (0.7, 1.5, 2.0)
 _SHOWN = (0.7, 0.9, 1.5, 2.0)
 _FULL = (0.6, 0.7, 0.9, 1.0, 1.2, 1.5, 1.8, 2.0, 2.5, 4.0)
