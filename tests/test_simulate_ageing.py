@@ -55,6 +55,12 @@ def test_stick_slip_of_figure_8_in_both_solvers(slips):
     assert peaks[0] == pytest.approx(peaks[1], rel=0.03)
 
 
+@pytest.mark.parametrize("method", [Contacts(2_000, seed=1), MasterEquation(cells=400)])
+def test_small_stick_slip_of_figure_8_in_both_solvers(method):
+    run = simulate(aged(0.9), FIG8.slider, hold(1.0, 10.0), method, record=SAMPLED)
+    assert 0.36 < np.ptp(late(run, 5.0)) < 0.46
+
+
 @pytest.mark.parametrize("method", [Contacts(2_000, seed=1), MasterEquation(cells=200)])
 def test_slow_ageing_slides_smoothly_as_in_figure_8(method):
     run = simulate(aged(0.7), FIG8.slider, hold(1.0, 10.0), method, record=SAMPLED)
@@ -70,9 +76,9 @@ def test_upper_range_of_figure_8_depends_on_the_start():
 
 
 # The spread of a contact's stretching is below .3: .3/sqrt(N) at the start, less in the mean over time. The kinetic
-# equation is good to 1 % at this resolution.
+# equation is good to .3 % of the force.
 @pytest.mark.parametrize(
-    ("method", "tolerance"), [(Contacts(8_000, seed=3), 0.008), (MasterEquation(cells=400), 0.006)]
+    ("method", "tolerance"), [(Contacts(8_000, seed=3), 0.008), (MasterEquation(cells=400), 0.0012)]
 )
 def test_a_sliding_start_is_in_balance_and_stays(method, tolerance):
     velocity = 0.5

@@ -883,13 +883,12 @@ class _GrowingContacts:
         self._attach = np.append(-age, pending)
 
     def advance(self, drive: Array, times: Array, *, pausing: bool = False) -> Array:
-        """Advance to the last of `times`; its steps end at each, pausing or not."""
-        del pausing
+        """Advance to the last of `times`."""
         from stickslip.kernels.ageing import advance_growing
 
         contacts, rig = (self._x, self._strength, self._attach), (drive, self._slider, np.array(self._growth))
         pools = self._pool, self._delays
-        return advance_growing(self._state, *contacts, *rig, *pools, times, _GROWING_REACH, self._rng)
+        return advance_growing(self._state, *contacts, *rig, *pools, times, _GROWING_REACH, self._rng, pausing)
 
     def contact_force(self) -> float:
         """Force of the contacts now, per contact."""

@@ -1574,7 +1574,7 @@ def advance_closure(
     Parameters
     ----------
     state : ndarray, shape (5,)
-        Time, X, V, undone share (see `advance_contacts`), number of cohorts; changed in place.
+        Time, X, V, loss per time (see `advance_contacts`), number of cohorts; changed in place.
     place, weight : ndarray, shape (C,)
         Slider positions at which the cohorts have stretching 0, and their shares of contacts; changed in place.
     thresholds : ndarray, shape (cells,)
@@ -1590,93 +1590,77 @@ def advance_closure(
         X, V, F_d, F_c, sum of the weights.
     """
     rate, mean, spread, newborn = law[0], law[1], law[2], law[3]
-    K, slab, damping = slider[0], slider[1], slider[2]
-    rigid = np.isinf(K)
+    rigid = np.isinf(slider[0])
     n = edges.size - 1
-    now, X, V, undone, count = state[0], state[1], state[2], state[3], int(state[4])
+    now, X, V, loss, count = state[0], state[1], state[2], state[3], int(state[4])
     if rigid and times.size > 0:
         X = drive_at(drive, now)[0]
-    up, down, back, beyond, loss = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n)
+    up, down, back, beyond, swept = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n)
     _threshold_rates(edges, rate * rate, (rate * spread) ** 2, mean, up, down)
     birth = _cell(edges, newborn)
-    F, amplitude = 0.0, 0.0
+    F, amplitude, reached = 0.0, 0.0, X  # reached: where the contacts have been moved to
     for c in range(count):
         F += weight[c] * (X - place[c])
     samples = np.empty((times.size, 5))
-    for j in range(times.size):
-        while now < times[j]:
-            P, v_d, a_d, knot = drive_at(drive, now)
-            dt = step / rate**2
-            fast = abs(v_d) + abs(a_d) * dt
-            if not rigid:
-                fast = max(fast, abs(V))
-                if amplitude > 0.05 * reach * mean:
-                    dt = min(dt, 0.35 / np.sqrt((K + 1.0) / slab))
-            dt = min(dt, reach * mean / max(fast, 1e-300))
-            target = min(times[j], knot)
-            if now + 1.0000001 * dt >= target:
-                dt = target - now
-            elif now + 2.0 * dt > target:
-                dt = 0.5 * (target - now)
-            before = X
-            if rigid:
-                X, V = P + dt * (v_d + 0.5 * a_d * dt), v_d + a_d * dt
-            else:
-                grip = 1.0 - undone
-                X, V, amplitude = _oscillator(
-                    X, V, K + grip, slab, damping, K * P - F + grip * X, K * v_d, 0.5 * K * a_d, dt
-                )
-            _relax(thresholds, up, down, dt, back)
-            beyond[n] = 0.0
-            for i in range(n - 1, -1, -1):
-                beyond[i] = beyond[i + 1] + thresholds[i]
-            loss[:] = 0.0
-            born, total, kept = 0.0, 0.0, 0
-            for c in range(count):
-                a, b = abs(before - place[c]), abs(X - place[c])
-                if (X - place[c]) * (before - place[c]) < 0.0:
-                    a = 0.0
-                if b > a:
-                    i = _cell(edges, a)
-                    held = beyond[i] - thresholds[i] * (a - edges[i]) / (edges[i + 1] - edges[i])
-                    share = weight[c] / held if held > 1e-14 else 0.0
-                    gone = 0.0
-                    while i < n and edges[i] < b:
-                        part = (min(b, edges[i + 1]) - max(a, edges[i])) / (edges[i + 1] - edges[i])
-                        loss[i] += share * part
-                        gone += share * part * thresholds[i]
-                        i += 1
-                    if held <= 1e-14 or b >= edges[n]:
-                        gone = weight[c]
-                    gone = min(gone, weight[c])
-                    weight[c] -= gone
-                    born += gone
-                if weight[c] < 1e-14:
-                    born += weight[c]
-                    continue
-                total += weight[c] * (X - place[c])
-                place[kept], weight[kept] = place[c], weight[c]
-                kept += 1
-            count = kept
-            for i in range(n):  # as e^-loss: the share that stays is positive
-                part = -thresholds[i] * np.expm1(-loss[i])
-                thresholds[i] -= part
-                thresholds[birth] += part
-            if count >= place.size:
-                raise ValueError("no room for another cohort: hand in longer arrays")
-            # Born all through the step: on average in its middle.
-            place[count], weight[count] = 0.5 * (before + X), born
-            total += born * 0.5 * (X - before)
-            count += 1
-            if before != X:
-                undone = min(max(1.0 - (total - F) / (X - before), 0.0), 1.0)
-            F = total
-            now = target if dt == target - now else now + dt
-        P, v_d, a_d, knot = drive_at(drive, times[j])
-        samples[j, 0], samples[j, 1], samples[j, 3] = X, V, F
-        samples[j, 4] = np.sum(weight[:count])
-        samples[j, 2] = F if rigid else K * (P - X)
-    state[0], state[1], state[2], state[3], state[4] = now, X, V, undone, float(count)
+    filled = _fill(samples, 0, times, now, drive, slider, now, X, V, F, 1.0, 0.0, 0.0, np.sum(weight[:count]))
+    while filled < times.size:
+        X_0, V_0, F_0 = X, V, F
+        end = min(times[-1], drive_at(drive, now)[3])
+        dt = _pace(now, end, drive, slider, V, 1.0, amplitude, step / rate**2, reach * mean, 0.35)
+        X, V, amplitude, shorter = _guess(drive, slider, now, X_0, V_0, F_0, 1.0, loss, 0.0, dt)
+        if shorter < dt or dt < end - now:
+            dt, end = shorter, now + shorter
+        _relax(thresholds, up, down, dt, back)
+        beyond[n] = 0.0
+        for i in range(n - 1, -1, -1):
+            beyond[i] = beyond[i + 1] + thresholds[i]
+        swept[:] = 0.0
+        born, total, kept = 0.0, 0.0, 0
+        for c in range(count):
+            a, b = abs(reached - place[c]), abs(X - place[c])
+            if (X - place[c]) * (reached - place[c]) < 0.0:
+                a = 0.0
+            if b > a:
+                i = _cell(edges, a)
+                held = beyond[i] - thresholds[i] * (a - edges[i]) / (edges[i + 1] - edges[i])
+                share = weight[c] / held if held > 1e-14 else 0.0
+                gone = 0.0
+                while i < n and edges[i] < b:
+                    part = (min(b, edges[i + 1]) - max(a, edges[i])) / (edges[i + 1] - edges[i])
+                    swept[i] += share * part
+                    gone += share * part * thresholds[i]
+                    i += 1
+                if held <= 1e-14 or b >= edges[n]:
+                    gone = weight[c]
+                gone = min(gone, weight[c])
+                weight[c] -= gone
+                born += gone
+            if weight[c] < 1e-14:
+                born += weight[c]
+                continue
+            total += weight[c] * (X - place[c])
+            place[kept], weight[kept] = place[c], weight[c]
+            kept += 1
+        count = kept
+        for i in range(n):  # as e^-swept: the share that stays is positive
+            part = -thresholds[i] * np.expm1(-swept[i])
+            thresholds[i] -= part
+            thresholds[birth] += part
+        if count >= place.size:
+            raise ValueError("no room for another cohort: hand in longer arrays")
+        # Born all through the step: on average in its middle.
+        place[count], weight[count] = 0.5 * (reached + X), born
+        total += born * 0.5 * (X - reached)
+        count += 1
+        loss = (F_0 + X - X_0 - total) / dt
+        F, reached = total, X
+        if not rigid:
+            X, V, amplitude = _slide(drive, slider, now, X_0, V_0, F_0, 1.0, loss, 0.0, dt)
+            F += X - reached
+        share = np.sum(weight[:count])
+        filled = _fill(samples, filled, times, end, drive, slider, now, X_0, V_0, F_0, 1.0, loss, 0.0, share)
+        now = end
+    state[0], state[1], state[2], state[3], state[4] = now, X, V, loss, float(count)
     return samples
 
 
@@ -1782,6 +1766,7 @@ def advance_growing(
     times: Floats,
     reach: float,
     rng: np.random.Generator,
+    pausing: bool = False,
 ) -> Floats:
     """Advance N contacts whose thresholds grow by a fixed law (`grown`), and the slider of Eq. (11).
 
@@ -1791,7 +1776,7 @@ def advance_growing(
     Parameters
     ----------
     state : ndarray, shape (4,)
-        Time, X, V, undone share (see `advance_contacts`); changed in place.
+        Time, X, V, loss per time (see `advance_contacts`); changed in place.
     stretching, strength, attach : ndarray, shape (N,)
         Stretchings, strengths, and the times from which contacts hold or will hold (their births: the age of a
         contact is the time since); changed in place.
@@ -1803,7 +1788,7 @@ def advance_growing(
         Strengths of newborns, one drawn at random for each birth.
     delays : ndarray, shape (d,)
         Delays after breaking, one drawn at random for each break; ``[0.]`` for none.
-    times, rng
+    times, rng, pausing
         See `advance_contacts`.
     reach : float
         Largest way of the slider in a step.
@@ -1813,12 +1798,11 @@ def advance_growing(
     ndarray, shape (m, 5)
         X, V, F_d, F_c, share of attached contacts.
     """
-    K, mass, damping = slider[0], slider[1], slider[2]
     kind, first, second = int(law[0]), law[1], law[2]
     unready, strongest = kind == 0 and second <= 0.0, np.max(pool)
-    rigid = np.isinf(K)
+    rigid = np.isinf(slider[0])
     n = stretching.size
-    now, X, V, undone = state[0], state[1], state[2], state[3]
+    now, X, V, loss = state[0], state[1], state[2], state[3]
     if rigid and times.size > 0:
         X = drive_at(drive, now)[0]
     total, count = 0.0, 0
@@ -1826,74 +1810,64 @@ def advance_growing(
         if attach[i] <= now:
             total += stretching[i]
             count += 1
-    amplitude = 0.0
-    samples = np.empty((times.size, 5))
-    for j in range(times.size):
-        while now < times[j]:
-            P, v_d, a_d, knot = drive_at(drive, now)
-            F, share = total / n, count / n
-            target = min(times[j], knot)
-            dt = target - now
-            if not rigid and amplitude > 0.05 * reach:
-                dt = min(dt, 0.35 / np.sqrt((K + share) / mass))
-            fast = max(abs(v_d) + abs(a_d) * dt, 0.0 if rigid else abs(V))
-            dt = min(dt, reach / max(fast, 1e-300))
-            if now + 1.0000001 * dt >= target:
-                dt = target - now
-            before = X
-            if rigid:
-                X, V = P + dt * (v_d + 0.5 * a_d * dt), v_d + a_d * dt
-            else:
-                grip = share * (1.0 - undone)
-                X, V, amplitude = _oscillator(
-                    X, V, K + grip, mass, damping, K * P - F + grip * X, K * v_d, 0.5 * K * a_d, dt
-                )
-            v, end = (X - before) / dt, now + dt
-            hopeless = unready and strongest * first <= abs(v)
-            total, held = 0.0, 0
+    amplitude, samples = 0.0, np.empty((times.size, 5))
+    filled = _fill(samples, 0, times, now, drive, slider, now, X, V, total / n, 1.0, 0.0, 0.0, count / n)
+    while filled < times.size:
+        X_0, V_0, F, grip = X, V, total / n, count / n
+        end = min(times[filled if pausing else -1], drive_at(drive, now)[3])
+        dt = _pace(now, end, drive, slider, V, grip, amplitude, end - now, reach, 0.35)
+        X, V, amplitude, shorter = _guess(drive, slider, now, X_0, V_0, F, grip, loss, 0.0, dt)
+        if shorter < dt or dt < end - now:
+            dt, end = shorter, now + shorter
+        v = (X - X_0) / dt
+        hopeless = unready and strongest * first <= abs(v)
+        total, held = 0.0, 0
+        for i in range(n):
+            x, start = stretching[i], now
+            if attach[i] > now:
+                if attach[i] >= end:
+                    continue
+                x, start = 0.0, attach[i]
+            tries = 0
+            while start < end:
+                factor, addend = grown(kind, first, second, end - attach[i])
+                if abs(x + v * (end - start)) < strength[i] * factor + addend:
+                    x += v * (end - start)
+                    start = end
+                    break
+                low, high = start, end
+                # A threshold that grows from 0 more slowly than the stretching never leads it.
+                at_once = x == 0.0 and attach[i] == start and unready and strength[i] * first <= abs(v)
+                if at_once:
+                    high = start
+                for _ in range(0 if at_once else 40):
+                    middle = 0.5 * (low + high)
+                    factor, addend = grown(kind, first, second, middle - attach[i])
+                    if abs(x + v * (middle - start)) < strength[i] * factor + addend:
+                        low = middle
+                    else:
+                        high = middle
+                x = 0.0
+                strength[i] = pool[int(rng.random() * pool.size)]
+                start = high + delays[int(rng.random() * delays.size)]
+                attach[i] = start
+                tries += 1
+                if (tries > 100 or hopeless) and attach[i] < end:  # breaks as soon as it is born
+                    attach[i] = start = end
+            stretching[i] = x
+            if start == end:
+                total += x
+                held += 1
+        loss = (F + grip * (X - X_0) - total / n) / dt
+        count = held
+        if not rigid:
+            X_1 = X
+            X, V, amplitude = _slide(drive, slider, now, X_0, V_0, F, grip, loss, 0.0, dt)
+            total += count * (X - X_1)
             for i in range(n):
-                x, start = stretching[i], now
-                if attach[i] > now:
-                    if attach[i] >= end:
-                        continue
-                    x, start = 0.0, attach[i]
-                tries = 0
-                while start < end:
-                    factor, addend = grown(kind, first, second, end - attach[i])
-                    if abs(x + v * (end - start)) < strength[i] * factor + addend:
-                        x += v * (end - start)
-                        start = end
-                        break
-                    low, high = start, end
-                    # A threshold that grows from 0 more slowly than the stretching never leads it.
-                    at_once = x == 0.0 and attach[i] == start and unready and strength[i] * first <= abs(v)
-                    if at_once:
-                        high = start
-                    for _ in range(0 if at_once else 40):
-                        middle = 0.5 * (low + high)
-                        factor, addend = grown(kind, first, second, middle - attach[i])
-                        if abs(x + v * (middle - start)) < strength[i] * factor + addend:
-                            low = middle
-                        else:
-                            high = middle
-                    x = 0.0
-                    strength[i] = pool[int(rng.random() * pool.size)]
-                    start = high + delays[int(rng.random() * delays.size)]
-                    attach[i] = start
-                    tries += 1
-                    if (tries > 100 or hopeless) and attach[i] < end:  # breaks as soon as it is born
-                        attach[i] = start = end
-                stretching[i] = x
-                if start == end:
-                    total += x
-                    held += 1
-            if count > 0 and before != X:
-                undone = min(max(1.0 - (total - n * F) / (count * (X - before)), 0.0), 1.0)
-            count = held
-            now = target if dt == target - now else end
-        P, v_d, a_d, knot = drive_at(drive, times[j])
-        samples[j, 0], samples[j, 1] = X, V
-        samples[j, 3], samples[j, 4] = total / n, count / n
-        samples[j, 2] = samples[j, 3] if rigid else K * (P - X)
-    state[0], state[1], state[2], state[3] = now, X, V, undone
+                if attach[i] <= end:
+                    stretching[i] += X - X_1
+        filled = _fill(samples, filled, times, end, drive, slider, now, X_0, V_0, F, grip, loss, 0.0, count / n)
+        now = end
+    state[0], state[1], state[2], state[3] = now, X, V, loss
     return samples
