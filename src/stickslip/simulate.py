@@ -77,7 +77,7 @@ class MasterEquation:
         Resolution: cohorts per ``x_s`` of motion. The error falls as ``cells**-2``. With thresholds that age it is
         the kinetic equation that is solved, with a sixteenth as many cohorts, and ``cells/40`` cells of the gap per
         spread, in steps of at most ``4/cells`` times ``rate**-2`` and ``x_s``; the error falls as ``cells**-2``, too
-        (400: 0.15 % of the steady force up to ``velocity = rate**2``, peaks to 0.5 %).
+        (400: 0.1 % of the steady force up to ``velocity = rate**2``, peaks to 0.5 %).
     memoryless : bool
         Use the paper's approximation, Eq. (10), for the detached contacts in place of the true delay. It has no
         memory and gives an oscillation of its own; for comparison only.
