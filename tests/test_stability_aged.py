@@ -96,6 +96,13 @@ def test_the_table_agrees_with_single_points_and_there_are_two_windows_of_instab
     assert np.max(np.abs(table - dynamic_stiffness(interface, 0.7, 1j * omega))) < 5e-3
 
 
+@pytest.mark.parametrize("speed", [0.7, 1.5, 3.0, 8.0])
+def test_the_table_reaches_up_to_where_contacts_are_springs(speed):
+    response, omega = respond(aged(1.0)), np.geomspace(30.0, 1000.0, 8)
+    table, points = response.stiffness(speed, 1j * omega), dynamic_stiffness(aged(1.0), speed, 1j * omega)
+    assert np.max(np.abs(table - points)) < (0.03 if speed < 1 else 0.01)
+
+
 def test_rates_of_ageing_at_the_edges_of_figure_8():
     found = critical(AGEING, FIG8.interface, FIG8.slider, 1.0, between=(0.2, 3.0))
     rates = sorted(edge.value**-0.5 for edge in found.edges)

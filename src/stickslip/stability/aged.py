@@ -36,8 +36,6 @@ _SLOWEST, _FASTEST = 1e-3, 50.0
 """Reduced speeds for which the response is computed."""
 _POINT = 80
 """Cells of the gap where one point is asked for; one extrapolation to half their width."""
-_TOP = 100.0
-"""Frequency, in units of ``rate**2``, up to which the table goes; above it kappa nears 1 as a power of it."""
 _LOWEST = 0.01
 """Phase of a life down to which the table goes; below it kappa is in proportion to the frequency."""
 
@@ -77,7 +75,8 @@ class AgedResponse:
         u = self._reduced(velocity)
         longest = 1.0 / (u + u * u) + float(np.max(self._delays[0], initial=0.0))
         fine = np.arange(1.0, 4000.0) * 0.2 / longest
-        w = np.union1d(np.geomspace(1e-4 / longest, _TOP, 240), fine[fine < _TOP])
+        top = _top(u, self._shape[0])
+        w = np.union1d(np.geomspace(1e-4 / longest, top, 240), fine[fine < top])
         return np.asarray(w * self._square)
 
     def life(self, velocity: float) -> float:
@@ -122,7 +121,8 @@ class AgedResponse:
             (t + 1) * t * (t - 1) / 6,
         )
         unit = u + u * u
-        size = np.clip(np.abs(w), _LOWEST * unit, _TOP)
+        top = _top(u, self._shape[0])
+        size = np.clip(np.abs(w), _LOWEST * unit, top)
         parts, rest = np.zeros((4, size.size), dtype=complex), 0.0
         for k, weight in enumerate(weights):
             if weight != 0.0:
@@ -131,7 +131,7 @@ class AgedResponse:
                 parts += weight * row(np.log(size / unit))
                 rest += weight * held
         kappa = self._join(1j * size, parts, rest)
-        slow, fast = np.abs(w) / size, _TOP / np.maximum(np.abs(w), _TOP)
+        slow, fast = np.abs(w) / size, top / np.maximum(np.abs(w), top)
         kappa = np.where(slow < 1, slow * slow * kappa.real + 1j * slow * kappa.imag, kappa)
         kappa = 1.0 - (1.0 - kappa) * fast ** (0.5 if self.ageing.newborn == 0 else 1.0)
         return np.asarray(np.where(w < 0, np.conj(kappa), kappa))
@@ -182,6 +182,14 @@ def _life(u: float, delta: float, newborn: float, p: ComplexArray, cells: int) -
     return parts[:, :-1].reshape(4, *p.shape), float(parts[0, -1].real)
 
 
+def _top(u: float, delta: float) -> float:
+    """Frequency, in units of ``rate**2``, up to which the table goes; above it kappa nears 1 as a power of it.
+
+    Contacts driven into their boundary forget at the rate ``((u - 1)/delta)**2``, and only faster shakes find springs.
+    """
+    return max(100.0, 100.0 * (max(u - 1.0, 0.0) / delta) ** 2)
+
+
 @lru_cache(maxsize=2048)
 def _row(delta: float, newborn: float, number: int) -> tuple[CubicSpline[Any], float]:
     """One row of the table: transforms of a life over the logarithm of its phase, and its mean length."""
@@ -189,8 +197,8 @@ def _row(delta: float, newborn: float, number: int) -> tuple[CubicSpline[Any], f
     unit = u + u * u
     # Lives are in step for as many turns as their scatter allows.
     turning = np.arange(0.3, max(30.0, min(3.0 / delta, 100.0)), 0.3 if u > 0.15 else 0.2)
-    top = 2.0 * _TOP / unit
-    beyond = np.geomspace(turning[-1], max(top, 2.0 * turning[-1]), 40)[1:]
+    top = 2.0 * _top(u, delta) / unit
+    beyond = np.geomspace(turning[-1], max(top, 2.0 * turning[-1]), 70)[1:]
     phase = np.concatenate([np.geomspace(_LOWEST, 0.3, 20, endpoint=False), turning, beyond])
     phase = phase[: int(np.searchsorted(phase, top)) + 4]
     # The slower the slide, the thinner is the layer of gaps that are about to close.
