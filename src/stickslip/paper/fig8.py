@@ -166,7 +166,7 @@ def _window(data: xr.Dataset) -> Claim:
             between(f"{what} 1.5, relaxed, {solver}", seen(1.5, "relaxed"), 1.20 - wider, 1.28, "f_s"),
             between(f"{what} 1.5, from smooth sliding, {solver}", seen(1.5, "smooth"), 1.20 - wider, 1.28, "f_s"),
             between(f"largest F_d at beta = 1.5, {solver}", float(run.max()), 0.73, 0.77, "f_s"),
-            # Converged in the step of the contacts; the usual steps are .4 % off.
+            # Converged in the step of the contacts.
             near(f"period at beta = 1.5, {solver}", _period(run), _PERIOD, 0.01 * _PERIOD, "time"),
             between(f"{what} 2, relaxed, {solver}", seen(2.0, "relaxed"), 1.17 - wider, 1.26, "f_s"),
             at_most(f"{what} 2, from smooth sliding, {solver}", seen(2.0, "smooth"), 0.12, "f_s"),
