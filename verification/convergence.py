@@ -7,8 +7,23 @@ from dataclasses import replace
 
 import numpy as np
 
-from stickslip import Contacts, Delay, Gaussian, Interface, MasterEquation, Record, Renewal, hold, simulate, slide
-from stickslip.model import FIG4
+from stickslip import (
+    Contacts,
+    Delay,
+    Gaussian,
+    Interface,
+    Langevin,
+    MasterEquation,
+    Record,
+    Renewal,
+    Slider,
+    Sliding,
+    hold,
+    kinetic_friction,
+    simulate,
+    slide,
+)
+from stickslip.model import FIG4, FIG8
 from stickslip.paper import Claim
 from stickslip.paper.record import at_most, between, near
 from verification.study import Study, finding
@@ -88,9 +103,30 @@ def _contacts() -> tuple[Claim, ...]:
     )
 
 
+def _kinetic() -> tuple[Claim, ...]:
+    interface, velocity = replace(FIG8.interface, ageing=Langevin(rate=1.0)), 0.5
+    exact = float(kinetic_friction(interface, velocity))
+    # A stiff, heavily damped spring holds the slider to the drive: the force is that of steady sliding.
+    held = Slider(stiffness=200.0, mass=1e-2, damping=100.0)
+    drag = held.mass * held.damping * velocity
+    cells, errors = [100, 200, 400], []
+    for count in cells:
+        run = simulate(interface, held, hold(velocity, 16.0), MasterEquation(cells=count), start=Sliding())
+        errors.append(abs(float(run["F_d"].sel(t=slice(12.0, None)).mean()) - drag - exact))
+    return (
+        finding(
+            "The kinetic equation of ageing thresholds in time is of second order, but for the layer at the boundary",
+            between("order", _slope(cells, errors), 1.5, 2.5),
+            at_most("relative error with 400 cells", errors[-1] / exact, 1e-3),
+            evidence="steady force at u = .5 against the stationary kinetic equation",
+        ),
+    )
+
+
 _GROUP = "Orders of convergence"
 STUDIES = (
     Study(name="renewal-order", group=_GROUP, title="Renewal convolution", run=_renewal),
     Study(name="cohorts-order", group=_GROUP, title="Cohorts", run=_cohorts),
     Study(name="contacts-order", group=_GROUP, title="Contacts", run=_contacts),
+    Study(name="kinetic-order", group=_GROUP, title="Kinetic equation of ageing thresholds", run=_kinetic),
 )
