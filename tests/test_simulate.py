@@ -660,8 +660,11 @@ GOOD = {
         ({"start": Sliding(), "drive": ramp(-1, 1, 1)}, r"^Sliding: the drive starts at velocity -1"),
         ({"start": Sliding(), "interface": interface(math.inf)}, r"^Sliding: contacts that never come back"),
         (
-            {"interface": replace(interface(), ageing=LogarithmicGrowth(slope=0.1, time=1.0))},
-            r"^Interface\.ageing = LogarithmicGrowth.*: not available with Contacts",
+            {
+                "interface": replace(interface(), ageing=LogarithmicGrowth(slope=0.1, time=1.0)),
+                "method": MasterEquation(),
+            },
+            r"^Interface\.ageing = LogarithmicGrowth.*: not available with MasterEquation",
         ),
         (
             {"interface": interface(thresholds=Gaussian(mean=1, spread=0)), "method": MasterEquation()},
