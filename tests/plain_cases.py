@@ -66,8 +66,35 @@ def _cases() -> dict[str, Callable[[], object]]:
     cases["memoryless"] = partial(_run, delayed, ss.MasterEquation(cells=10, memoryless=True))
     cases["contacts, ageing with a delay"] = partial(_run, strong, few, drive=ss.hold(0.5, 0.4))
     cases["contacts, ageing, sliding"] = partial(_run, ageing, few, drive=ss.hold(0.5, 0.4), start=ss.Sliding())
-    cases["kinetic friction with ageing"] = lambda: float(ss.kinetic_friction(ageing, 0.5))
-    return cases
+    cases["contacts, ageing, in one place"] = partial(_run, ageing, few, drive=ss.hold(0.0, 0.4))
+    cases["kinetic equation, sliding"] = partial(_run, ageing, coarse, drive=ss.hold(2.0, 0.2), start=ss.Sliding())
+    cases["kinetic equation, a snapshot"] = partial(_snapshots, ageing, coarse)
+    cases["closure"] = partial(_run, ageing, ss.PaperClosure(cells=10), drive=back)
+    cases["closure, sliding"] = partial(_run, ageing, ss.PaperClosure(cells=10), drive=back, start=ss.Sliding())
+    for growth in (ss.ExponentialGrowth(rate=2.0, newborn=0.1), ss.LogarithmicGrowth(slope=0.1, time=0.1)):
+        for delay in (ss.Delay(0.0), ss.Delay(0.1)):
+            growing = ss.Interface(thresholds=TENTH, ageing=growth, delay=delay)
+            cases[f"{growth}, {delay}"] = partial(_run, growing, few, drive=THERE_AND_BACK)
+            cases[f"{growth}, {delay}, sliding"] = partial(_run, growing, few, drive=back, start=ss.Sliding())
+        cases[f"{growth}, friction"] = lambda i=growing: float(ss.kinetic_friction(i, 0.5))
+    return cases | _numbers()
+
+
+def _numbers() -> dict[str, Callable[[], object]]:
+    """Kernels of ageing contacts that give numbers, coarsely."""
+    from stickslip.kernels import ageing
+
+    p = np.array([0.3 + 0.5j, 0.005 + 0.001j])
+    return {
+        "steady moments": lambda: [ageing.steady_moments(u, 0.1, born, 8) for u in (0.1, 1.5) for born in (0.0, 0.3)],
+        "dynamic stiffness": lambda: [
+            [value.real, value.imag]
+            for born in (0.0, 0.3)
+            for value in ageing.life_transforms(0.5, 0.1, born, p, 6).ravel()
+        ],
+        "newborns pulled": lambda: ageing.pull_newborns(0.3, 1.0, 0.1, 1.0, 1.0, 20, 12)[0].tolist(),
+        "closure, friction": lambda: ageing.closure_friction(np.array([0.1, 0.5]), 1.0, 0.1, 0.0, 1.0, 5.0).tolist(),
+    }
 
 
 def results() -> dict[str, object]:
