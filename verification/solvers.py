@@ -17,7 +17,6 @@ from stickslip import (
     MasterEquation,
     RandomDelay,
     Record,
-    Slider,
     Sliding,
     critical_velocities,
     growth_rate,
@@ -33,7 +32,7 @@ from stickslip.paper import Claim, Measured
 from stickslip.paper.record import at_most, near
 from stickslip.theory import driving_force
 from verification import phase_diagram
-from verification.study import Study, finding
+from verification.study import Study, finding, held_friction
 
 _NARROW = Interface(thresholds=Gaussian(mean=1.0, spread=0.1), initial=Gaussian(mean=0.0, spread=0.05))
 
@@ -183,18 +182,12 @@ def _ageing() -> tuple[Claim, ...]:
             steady = float(kinetic_friction(interface, velocity))
             name = f"F at u = {u:g}, beta = {rate:g}"
             measured.append(near(f"{name}, kinetic equation", steady, exact, 3e-3 * exact, "f_s"))
-            # A stiff, heavily damped spring holds the slider to the drive: the force is that of steady sliding.
-            held = Slider(stiffness=200.0, mass=1e-2, damping=100.0)
-            drag = held.mass * held.damping * velocity
+            record = Record(interval=0.02 / velocity)
             for found, method, within in (
                 (contacts, Contacts(20_000, seed=7), 1e-2), (kinetic, MasterEquation(), 3e-3)
             ):  # fmt: skip
-                run = simulate(
-                    interface, held, hold(velocity, 12.0 / velocity), method, start=Sliding(),
-                    record=Record(interval=0.02 / velocity),
-                )  # fmt: skip
-                mean = float(run["F_d"].sel(t=slice(4.0 / velocity, None)).mean()) - drag
-                found.append(near(f"{name}, {type(method).__name__}", mean, exact, within * exact, "f_s"))
+                force = held_friction(interface, velocity, method, distance=12.0, after=4.0, record=record)
+                found.append(near(f"{name}, {type(method).__name__}", force, exact, within * exact, "f_s"))
     return (
         finding(
             "Ageing thresholds: the steady friction of the kinetic equation depends on u = v/beta^2 alone",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from stickslip import Contacts, Interface, MasterEquation, Record, Slider, Sliding, hold, simulate
 from stickslip.paper import Claim, Measured
 
 
@@ -39,3 +40,22 @@ def finding(statement: str, *measured: Measured, evidence: str) -> Claim:
         measured=measured,
         evidence=evidence,
     )
+
+
+def held_friction(
+    interface: Interface,
+    velocity: float,
+    method: Contacts | MasterEquation,
+    *,
+    distance: float,
+    after: float,
+    record: Record = Record(),
+) -> float:
+    """Return the mean force of steady sliding in a run over a distance, what comes `after` a part of it.
+
+    A stiff, heavily damped spring holds the slider to the drive: the force is that of steady sliding.
+    """
+    slider = Slider(stiffness=200.0, mass=1e-2, damping=100.0)
+    run = simulate(interface, slider, hold(velocity, distance / velocity), method, start=Sliding(), record=record)
+    drag = slider.mass * slider.damping * velocity
+    return float(run["F_d"].sel(t=slice(after / velocity, None)).mean()) - drag

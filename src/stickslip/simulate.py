@@ -836,12 +836,22 @@ class _AgeingContacts:
 
     def contact_force(self) -> float:
         """Force of the contacts now, per contact."""
-        return float(np.mean(np.where(self._attach <= self._state[0], self._x, 0.0)))
+        return _mean_force(self._x, self._attach, self._state[0])
 
     def stretchings(self) -> tuple[Array, Array, bool]:
         """Stretchings of attached contacts, and their shares."""
-        x = self._x[self._attach <= self._state[0]]
-        return x, np.full(x.size, 1.0 / self._x.size), False
+        return *_of_attached(self._x, self._attach, self._state[0]), False
+
+
+def _mean_force(x: Array, attach: Array, now: float) -> float:
+    """Force per contact of stretchings `x` that hold from the times `attach` on."""
+    return float(np.mean(np.where(attach <= now, x, 0.0)))
+
+
+def _of_attached(x: Array, attach: Array, now: float) -> tuple[Array, Array]:
+    """Stretchings of the contacts that hold now, and their shares of all."""
+    held = x[attach <= now]
+    return held, np.full(held.size, 1.0 / x.size)
 
 
 class _GrowingContacts:
@@ -892,12 +902,11 @@ class _GrowingContacts:
 
     def contact_force(self) -> float:
         """Force of the contacts now, per contact."""
-        return float(np.mean(np.where(self._attach <= self._state[0], self._x, 0.0)))
+        return _mean_force(self._x, self._attach, self._state[0])
 
     def stretchings(self) -> tuple[Array, Array, bool]:
         """Stretchings of attached contacts, and their shares."""
-        x = self._x[self._attach <= self._state[0]]
-        return x, np.full(x.size, 1.0 / self._x.size), False
+        return *_of_attached(self._x, self._attach, self._state[0]), False
 
 
 class _AgeingDensity:
