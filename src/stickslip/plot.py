@@ -650,7 +650,6 @@ def _swing_along(data: xr.Dataset, axis: str) -> Figure:
     ax = figure.add_subplot()
     swing, kinds = data["peak_to_peak"], _kinds(data)
     starts = [str(start) for start in data["start"].values] if "start" in swing.dims else [None]
-    found: dict[str, Any] = {}
     for start, dashes in zip(starts, ("-", (0, (4, 2))), strict=False):
         mine = swing if start is None else swing.sel(start=start)
         middle = mine.median("seed") if "seed" in mine.dims and axis != "seed" else mine
