@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from stickslip.model import FIG7
+from stickslip.paper.cases import FIG7
 from stickslip.stability import (
     boundary,
     critical_delay,

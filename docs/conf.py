@@ -50,7 +50,9 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
-autodoc_type_aliases = {name: name for name in ("ArrayLike", "Array", "ComplexArray", "Law", "DelayLaw", "Rig")}
+autodoc_type_aliases = {
+    name: name for name in ("ArrayLike", "Array", "ComplexArray", "Distribution", "DelayModel", "Rig")
+}
 autodoc_default_options = {"members": True}
 maximum_signature_line_length = 80
 add_module_names = False

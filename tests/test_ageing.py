@@ -7,7 +7,7 @@ import pytest
 
 from stickslip.kernels import ageing
 
-SPREAD = 0.1
+STD = 0.1
 NONE = np.zeros(1)
 
 
@@ -19,7 +19,7 @@ RIGID = np.array([np.inf, 1.0, 1.0])
 
 
 def contacts_at_rest(n, rng):
-    return np.zeros(n), np.abs(rng.normal(1.0, SPREAD, n)), np.full(n, -np.inf)
+    return np.zeros(n), np.abs(rng.normal(1.0, STD, n)), np.full(n, -np.inf)
 
 
 def friction_of_contacts(u, rate=1.0, step=0.04, n=10_000, span=20.0, newborn=0.0, delay=0.0, seed=1):
@@ -28,11 +28,13 @@ def friction_of_contacts(u, rate=1.0, step=0.04, n=10_000, span=20.0, newborn=0.
     velocity = u * rate**2
     x, f, attach = contacts_at_rest(n, rng)
     f *= rng.random(n)  # desynchronised, so that the start is soon forgotten
-    law, state = np.array([rate, 1.0, SPREAD, newborn]), np.zeros(4)
+    distribution, state = np.array([rate, 1.0, STD, newborn]), np.zeros(4)
     start = 12.0 / velocity + 4.0 / rate**2
     times = start + np.arange(0, 401) * span / rate**2 / 400
     delays = np.array([delay])
-    run = ageing.advance_contacts(state, x, f, attach, holding(velocity), RIGID, law, delays, times, step, np.inf, rng)
+    run = ageing.advance_contacts(
+        state, x, f, attach, holding(velocity), RIGID, distribution, delays, times, step, np.inf, rng
+    )
     blocks = run[1:, 3].reshape(20, -1).mean(axis=1)
     return blocks.mean(), blocks.std() / sqrt(20)
 
@@ -40,10 +42,10 @@ def friction_of_contacts(u, rate=1.0, step=0.04, n=10_000, span=20.0, newborn=0.
 def plain_euler(u, dt, n, steps, seed):
     """The plain loop: Euler-Maruyama, breaking seen at the end of a step only. Force in the second half."""
     rng = np.random.default_rng(seed)
-    x, f, forces = np.zeros(n), np.abs(rng.normal(1.0, SPREAD, n)), []
+    x, f, forces = np.zeros(n), np.abs(rng.normal(1.0, STD, n)), []
     for k in range(steps):
         x += u * dt
-        f += (1.0 - f) * dt + SPREAD * sqrt(2.0 * dt) * rng.standard_normal(n)
+        f += (1.0 - f) * dt + STD * sqrt(2.0 * dt) * rng.standard_normal(n)
         broken = np.abs(x) >= f
         x[broken] = 0.0
         f[broken] = 0.0
@@ -52,24 +54,24 @@ def plain_euler(u, dt, n, steps, seed):
     return np.mean(forces)
 
 
-# ---------------------------------------------------------------- the threshold law
+# ---------------------------------------------------------------- the threshold distribution
 
 
 @pytest.mark.eq(13, 15, 16)
-def test_thresholds_at_rest_keep_their_law_and_forget_as_exp_minus_rate_squared_t():
+def test_distributions_at_rest_keep_their_distribution_and_forget_as_exp_minus_rate_squared_t():
     rng, n, rate, lag = np.random.default_rng(3), 20_000, 1.3, 0.4
     x, f, attach = contacts_at_rest(n, rng)
-    law, state = np.array([rate, 1.0, SPREAD, 0.0]), np.zeros(4)
+    distribution, state = np.array([rate, 1.0, STD, 0.0]), np.zeros(4)
     before = f.copy()
     times = np.array([0.5 * lag, lag])
-    ageing.advance_contacts(state, x, f, attach, holding(0.0), RIGID, law, NONE, times, 0.04, 0.05, rng)
-    assert abs(f.mean() - 1.0) < 4 * SPREAD / sqrt(n)
-    assert abs(f.std() - SPREAD) < 4 * SPREAD / sqrt(2 * n)
+    ageing.advance_contacts(state, x, f, attach, holding(0.0), RIGID, distribution, NONE, times, 0.04, 0.05, rng)
+    assert abs(f.mean() - 1.0) < 4 * STD / sqrt(n)
+    assert abs(f.std() - STD) < 4 * STD / sqrt(2 * n)
     expected = exp(-(rate**2) * lag)
     correlation = np.corrcoef(before, f)[0, 1]
     assert abs(correlation - expected) < 4 * (1 - expected**2) / sqrt(n)
-    third = np.mean(((f - 1.0) / SPREAD) ** 3)
-    fourth = np.mean(((f - 1.0) / SPREAD) ** 4)
+    third = np.mean(((f - 1.0) / STD) ** 3)
+    fourth = np.mean(((f - 1.0) / STD) ** 4)
     assert abs(third) < 4 * sqrt(15 / n)
     assert abs(fourth - 3.0) < 4 * sqrt(96 / n)
 
@@ -78,16 +80,16 @@ def test_thresholds_at_rest_keep_their_law_and_forget_as_exp_minus_rate_squared_
 def test_cells_of_thresholds_relax_to_the_gaussian_at_second_order():
     errors = []
     for cells in (4.0, 8.0):
-        edges = ageing.threshold_edges(1.0, SPREAD, 1.0, cells)
+        edges = ageing.threshold_edges(1.0, STD, 1.0, cells)
         n = edges.size - 1
         up, down, back = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
-        ageing._threshold_rates(edges, 1.0, SPREAD**2, 1.0, up, down)
+        ageing._threshold_rates(edges, 1.0, STD**2, 1.0, up, down)
         mass = np.zeros(n)
         mass[n // 3] = 1.0
-        ageing._relax(mass, up, down, 1e5, back)  # an endless step lands on the stationary law
+        ageing._relax(mass, up, down, 1e5, back)  # an endless step lands on the stationary distribution
         assert abs(mass.sum() - 1.0) < 1e-9
         assert mass.min() >= 0.0
-        gauss = np.diff([0.5 * (1 + erf((e - 1.0) / SPREAD / sqrt(2))) for e in edges])
+        gauss = np.diff([0.5 * (1 + erf((e - 1.0) / STD / sqrt(2))) for e in edges])
         errors.append(np.abs(mass - gauss).sum())
     assert errors[0] < 0.02
     assert errors[0] / errors[1] > 3.5
@@ -96,7 +98,7 @@ def test_cells_of_thresholds_relax_to_the_gaussian_at_second_order():
 # ---------------------------------------------------------------- the pieces of a step
 
 
-def test_a_gap_that_is_reflected_has_the_law_of_a_reflected_brownian_motion():
+def test_a_gap_that_is_reflected_has_the_distribution_of_a_reflected_brownian_motion():
     rng, n, drift, noise, time = np.random.default_rng(5), 40_000, -0.7, 0.5, 1.0
     sigma = sqrt(noise * time)
     sample = np.array([ageing._regenerate(0.0, drift, noise, time, rng) for _ in range(n)])
@@ -105,8 +107,10 @@ def test_a_gap_that_is_reflected_has_the_law_of_a_reflected_brownian_motion():
         return 0.5 * erfc(-z / sqrt(2))
 
     for y in (0.1, 0.3, 0.6, 1.0):
-        law = normal((y - drift * time) / sigma) - exp(2 * drift * y / noise) * normal((-y - drift * time) / sigma)
-        assert abs(np.mean(sample[:, 0] <= y) - law) < 4 * sqrt(law * (1 - law) / n)
+        distribution = normal((y - drift * time) / sigma) - exp(2 * drift * y / noise) * normal(
+            (-y - drift * time) / sigma
+        )
+        assert abs(np.mean(sample[:, 0] <= y) - distribution) < 4 * sqrt(distribution * (1 - distribution) / n)
     assert sample[:, 1].min() > 0.0
     assert sample[:, 1].max() <= time
 
@@ -115,7 +119,7 @@ def test_the_last_visit_to_the_boundary_is_where_the_bridge_has_it_on_average():
     """First passage densities of the two parts of the step, integrated over where the minimum lies."""
     rng, noise, time = np.random.default_rng(6), 0.3, 2.0
     gap, age = ageing._regenerate(0.05, -0.2, noise, time, rng)
-    # The depth of the minimum follows from gap and age, gap/(down + gap) of the step; the law of its time is
+    # The depth of the minimum follows from gap and age, gap/(down + gap) of the step; the distribution of its time is
     down = gap * (time - age) / age
     t = time * 0.5 * (1 - np.cos(np.pi * (np.arange(20_000) + 0.5) / 20_000))
     weight = np.sin(np.pi * (np.arange(20_000) + 0.5) / 20_000) * (t * (time - t)) ** -1.5
@@ -123,7 +127,7 @@ def test_the_last_visit_to_the_boundary_is_where_the_bridge_has_it_on_average():
     assert age == pytest.approx(((time - t) * weight).sum() / weight.sum(), rel=1e-6)
 
 
-def test_a_forgotten_start_and_an_exact_one_give_the_same_law():
+def test_a_forgotten_start_and_an_exact_one_give_the_same_distribution():
     rng, n, noise, time = np.random.default_rng(7), 40_000, 1.0, 1.0
     near = np.array([ageing._regenerate(0.0, -3.9999, noise, time, rng) for _ in range(n)])
     past = np.array([ageing._regenerate(0.0, -4.0001, noise, time, rng) for _ in range(n)])
@@ -173,9 +177,9 @@ def test_the_drive_is_read_segment_by_segment():
 @pytest.mark.parametrize(("u", "force"), [(0.1, 0.4677), (0.5, 0.3756), (1.0, 0.1243), (5.0, 0.00310)])
 @pytest.mark.parametrize("rate", [1.0, 1.5])
 def test_steady_friction_of_the_kinetic_equation(u, force, rate):
-    solved = ageing.steady_friction(np.array([u * rate**2]), rate, SPREAD)[0]
+    solved = ageing.steady_friction(np.array([u * rate**2]), rate, STD)[0]
     assert solved == pytest.approx(force, rel=0.003)
-    assert ageing.steady_friction(np.array([-u * rate**2]), rate, SPREAD)[0] == -solved
+    assert ageing.steady_friction(np.array([-u * rate**2]), rate, STD)[0] == -solved
 
 
 def test_steady_friction_scales_with_the_mean_threshold():
@@ -184,24 +188,24 @@ def test_steady_friction_scales_with_the_mean_threshold():
 
 
 def test_steady_friction_has_its_tail():
-    u, spread = np.array([20.0, 50.0, 100.0]), 0.02
-    tail = spread**2 * u / (u - 1) ** 2
+    u, std = np.array([20.0, 50.0, 100.0]), 0.02
+    tail = std**2 * u / (u - 1) ** 2
     # The next order is spread^2/(u-1)^2 with a factor near 5.
-    assert np.all(np.abs(ageing.steady_friction(u, 1.0, spread) / tail - 1) < 2e-4 + 12 * spread**2 / (u - 1))
+    assert np.all(np.abs(ageing.steady_friction(u, 1.0, std) / tail - 1) < 2e-4 + 12 * std**2 / (u - 1))
 
 
 @pytest.mark.parametrize("u", [1e-3, 0.05, 0.5, 1.0, 3.0, 20.0])
 def test_steady_friction_is_accurate_to_1e_4_and_of_second_order(u):
-    plain = [np.divide(*ageing._steady_moments(u, SPREAD, 0.0, m, 4 * m)[::-1]) for m in (100, 200, 400)]
+    plain = [np.divide(*ageing._steady_moments(u, STD, 0.0, m, 4 * m)[::-1]) for m in (100, 200, 400)]
     assert (plain[0] - plain[1]) / (plain[1] - plain[2]) == pytest.approx(4.0, rel=0.1)
     best = (4 * plain[2] - plain[1]) / 3
-    assert ageing.steady_friction(np.array([u]), 1.0, SPREAD)[0] == pytest.approx(best, rel=1e-4)
+    assert ageing.steady_friction(np.array([u]), 1.0, STD)[0] == pytest.approx(best, rel=1e-4)
 
 
 @pytest.mark.parametrize("u", [0.1, 0.5, 1.0, 2.0, 5.0])
 def test_contacts_have_the_friction_of_the_kinetic_equation(u):
     force, error = friction_of_contacts(u)
-    exact = ageing.steady_friction(np.array([u]), 1.0, SPREAD)[0]
+    exact = ageing.steady_friction(np.array([u]), 1.0, STD)[0]
     assert abs(force - exact) < 4 * error + 0.005 * exact
 
 
@@ -219,7 +223,7 @@ def test_halving_the_step_does_not_move_the_friction(u):
 
 
 def test_the_plain_loop_is_biased_where_bridges_are_not():
-    u, exact = 2.0, ageing.steady_friction(np.array([2.0]), 1.0, SPREAD)[0]
+    u, exact = 2.0, ageing.steady_friction(np.array([2.0]), 1.0, STD)[0]
     bias = [plain_euler(u, dt, 2000, int(4.0 / dt), seed=4) / exact - 1 for dt in (8e-3, 2e-3)]
     assert -0.06 < bias[1] < -0.03
     assert 1.5 < bias[0] / bias[1] < 4.0  # a quarter of the step gives less than a quarter of the bias
@@ -230,16 +234,18 @@ def test_the_plain_loop_is_biased_where_bridges_are_not():
 @pytest.mark.parametrize(("u", "delay"), [(0.5, 0.0), (0.5, 0.2), (2.0, 0.1)])
 def test_contacts_born_above_their_boundary_break_at_a_finite_rate(u, delay):
     force, error = friction_of_contacts(u, newborn=0.3, delay=delay, n=5000)
-    exact = ageing.steady_friction(np.array([u]), 1.0, SPREAD, 0.3, 1.0, delay)[0]
+    exact = ageing.steady_friction(np.array([u]), 1.0, STD, 0.3, 1.0, delay)[0]
     assert abs(force - exact) < 4 * error + 0.005 * exact
 
 
 def test_a_delay_needs_a_newborn_threshold():
     rng = np.random.default_rng(0)
     x, f, attach = contacts_at_rest(3, rng)
-    law, state = np.array([1.0, 1.0, SPREAD, 0.0]), np.zeros(4)
+    distribution, state = np.array([1.0, 1.0, STD, 0.0]), np.zeros(4)
     with pytest.raises(ValueError, match="newborn"):
-        ageing.advance_contacts(state, x, f, attach, holding(1.0), RIGID, law, np.ones(1), np.ones(1), 0.04, 1.0, rng)
+        ageing.advance_contacts(
+            state, x, f, attach, holding(1.0), RIGID, distribution, np.ones(1), np.ones(1), 0.04, 1.0, rng
+        )
 
 
 # ---------------------------------------------------------------- the kinetic equation in time
@@ -247,9 +253,9 @@ def test_a_delay_needs_a_newborn_threshold():
 
 def density_at_rest(cells=400):
     """Relaxed contacts as two cohorts, pulled back and ahead: Gaussian stretchings (20 points) and thresholds."""
-    nodes, rows = ageing.gap_nodes(1.0, SPREAD, 0.0, cells / 40), cells // 2
+    nodes, rows = ageing.gap_nodes(1.0, STD, 0.0, cells / 40), cells // 2
     points, weights = np.polynomial.hermite_e.hermegauss(20)
-    gauss = np.exp(-0.5 * ((nodes + 0.01 * np.abs(points)[:, None] - 1.0) / SPREAD) ** 2) * ageing.gap_widths(nodes)
+    gauss = np.exp(-0.5 * ((nodes + 0.01 * np.abs(points)[:, None] - 1.0) / STD) ** 2) * ageing.gap_widths(nodes)
     gauss[:, 0] = 0.0
     gauss *= (weights / weights.sum() / gauss.sum(axis=1))[:, None]
     place, mass, moment = np.zeros(rows), np.zeros((rows, nodes.size)), np.zeros((rows, nodes.size))
@@ -259,8 +265,8 @@ def density_at_rest(cells=400):
 
 
 def advance_density(density, drive, slider, rate, times, cells=400):
-    law, step = np.array([rate, 1.0, SPREAD, 0.0]), 4.0 / cells
-    return ageing.advance_density(*density, drive, slider, law, np.asarray(times), step, step)
+    distribution, step = np.array([rate, 1.0, STD, 0.0]), 4.0 / cells
+    return ageing.advance_density(*density, drive, slider, distribution, np.asarray(times), step, step)
 
 
 def friction_of_density(u, cells):
@@ -275,7 +281,7 @@ def friction_of_density(u, cells):
 @pytest.mark.eq(17)
 @pytest.mark.parametrize(("u", "tolerance"), [(0.5, 0.003), (1.0, 0.003), (2.0, 0.01), (5.0, 0.02)])
 def test_the_density_slides_with_the_steady_friction(u, tolerance):
-    exact = ageing.steady_friction(np.array([u]), 1.0, SPREAD)[0]
+    exact = ageing.steady_friction(np.array([u]), 1.0, STD)[0]
     assert friction_of_density(u, 400) == pytest.approx(exact, rel=tolerance)
 
 
@@ -287,13 +293,13 @@ def test_the_density_slides_slowly_with_the_steady_friction():
     density[2][:40], density[3][:] = density[2][:2].sum(axis=0) / 40, 0.0
     times = np.arange(lives * 50) * 0.2
     run = advance_density(density, holding(u), RIGID, 1.0, times, cells)[-500:, 3]
-    exact = ageing.steady_friction(np.array([u]), 1.0, SPREAD)[0]
+    exact = ageing.steady_friction(np.array([u]), 1.0, STD)[0]
     assert np.average(run, weights=np.hanning(run.size)) == pytest.approx(exact, rel=0.003)
 
 
 @pytest.mark.parametrize("u", [0.5, 1.0])
 def test_the_density_converges_at_second_order(u):
-    exact = ageing.steady_friction(np.array([u]), 1.0, SPREAD)[0]
+    exact = ageing.steady_friction(np.array([u]), 1.0, STD)[0]
     errors = [friction_of_density(u, cells) / exact - 1 for cells in (100, 200, 400)]
     assert np.log(errors[0] / errors[2]) / np.log(4) > 1.6
     assert abs(errors[2]) < 0.001
@@ -303,11 +309,11 @@ def test_the_density_converges_at_second_order(u):
 def test_the_density_at_rest_stays_the_gaussian_of_its_thresholds():
     state, place, mass, moment, nodes = density_at_rest()
     moment[:], mass[:] = 0.0, 0.0
-    mass[0] = np.exp(-0.5 * ((nodes - 1.0) / SPREAD) ** 2) * ageing.gap_widths(nodes)
+    mass[0] = np.exp(-0.5 * ((nodes - 1.0) / STD) ** 2) * ageing.gap_widths(nodes)
     mass[0] /= mass.sum()
     mass[0, 0], before = 0.0, mass.copy()
     run = advance_density((state, place, mass, moment, nodes), holding(0.0), RIGID, 1.0, [3.0])
-    assert np.abs(mass - before).sum() < 1e-10  # up to what the breaking boundary, ten spreads away, takes
+    assert np.abs(mass - before).sum() < 1e-10  # up to what the breaking boundary, ten standard deviations away, takes
     assert run[0, 3] == 0.0
 
 
@@ -326,8 +332,10 @@ def test_fast_motion_to_and_fro_agrees_with_many_contacts():
     drive = np.array([[0.0, 0.0, 10.0, 0.0], [0.12, 1.2, -10.0, 0.0]])
     run = advance_density(density_at_rest(800), drive, RIGID, 1.5, times, 800)
     x, f, attach = contacts_at_rest(n, rng)
-    x[:], law = rng.normal(0.0, 0.01, n), np.array([1.5, 1.0, SPREAD, 0.0])
-    sampled = ageing.advance_contacts(np.zeros(4), x, f, attach, drive, RIGID, law, NONE, times, 0.005, 0.01, rng)
+    x[:], distribution = rng.normal(0.0, 0.01, n), np.array([1.5, 1.0, STD, 0.0])
+    sampled = ageing.advance_contacts(
+        np.zeros(4), x, f, attach, drive, RIGID, distribution, NONE, times, 0.005, 0.01, rng
+    )
     # A contact's stretching scatters by less than 0.5.
     assert np.all(np.abs(run[:, 3] - sampled[:, 3]) < 4 * 0.5 / sqrt(n) + 0.004)
 
@@ -335,12 +343,12 @@ def test_fast_motion_to_and_fro_agrees_with_many_contacts():
 def test_newborns_with_strength_have_the_steady_friction_in_the_density_too():
     u, newborn, cells = 0.5, 0.3, 400
     state, place, _, _, nodes = density_at_rest(cells)
-    nodes = ageing.gap_nodes(1.0, SPREAD, newborn, cells / 40)
+    nodes = ageing.gap_nodes(1.0, STD, newborn, cells / 40)
     mass, moment = np.zeros((place.size, nodes.size)), np.zeros((place.size, nodes.size))
     mass[0, nodes.size // 2] = 1.0
-    law, times = np.array([1.0, 1.0, SPREAD, newborn]), np.linspace(28.0, 32.0, 50)
-    run = ageing.advance_density(state, place, mass, moment, nodes, holding(u), RIGID, law, times, 0.01, 0.01)
-    exact = ageing.steady_friction(np.array([u]), 1.0, SPREAD, newborn)[0]
+    distribution, times = np.array([1.0, 1.0, STD, newborn]), np.linspace(28.0, 32.0, 50)
+    run = ageing.advance_density(state, place, mass, moment, nodes, holding(u), RIGID, distribution, times, 0.01, 0.01)
+    exact = ageing.steady_friction(np.array([u]), 1.0, STD, newborn)[0]
     assert run[:, 3].mean() == pytest.approx(exact, rel=0.003)
     assert np.all(np.abs(run[:, 4] - 1.0) < 1e-12)
 
@@ -359,19 +367,21 @@ def test_the_density_can_be_advanced_in_chunks():
 
 
 def pulled_contacts(rate, steady, n=2000, span=40.0, seed=0, step=0.04, reach=0.03):
-    """Fig. 8: driving force from relaxed contacts or from steady sliding, sampled every 0.01."""
+    """Fig. 8: spring force from relaxed contacts or from steady sliding, sampled every 0.01."""
     rng, velocity = np.random.default_rng(seed), 1.0
-    law, slider = np.array([rate, 1.0, SPREAD, 0.0]), np.array([1.0, 1e-4, 10.0])
+    distribution, slider = np.array([rate, 1.0, STD, 0.0]), np.array([1.0, 1e-4, 10.0])
     x, f, attach = contacts_at_rest(n, rng)
     state, drive = np.zeros(4), holding(velocity)
     if steady:
         f *= rng.random(n)
-        run = ageing.advance_contacts(state, x, f, attach, drive, RIGID, law, NONE, np.array([15.0]), step, reach, rng)
+        run = ageing.advance_contacts(
+            state, x, f, attach, drive, RIGID, distribution, NONE, np.array([15.0]), step, reach, rng
+        )
         drive = np.array([[15.0, state[1] + run[0, 3] + 1e-3, velocity, 0.0]])
     else:
         x[:] = rng.normal(0.0, 0.01, n)
     times = state[0] + np.arange(1, int(100 * span) + 1) * 0.01
-    return ageing.advance_contacts(state, x, f, attach, drive, slider, law, NONE, times, step, reach, rng)
+    return ageing.advance_contacts(state, x, f, attach, drive, slider, distribution, NONE, times, step, reach, rng)
 
 
 def period(force, dt=0.01, between=(1.5, 2.5), cycles=6):
@@ -391,10 +401,10 @@ def period(force, dt=0.01, between=(1.5, 2.5), cycles=6):
 def test_contacts_and_slider_at_rest_balance():
     rng, n = np.random.default_rng(11), 500
     x, f, attach = contacts_at_rest(n, rng)
-    law, slider, state = np.array([1.0, 1.0, SPREAD, 0.0]), np.array([2.0, 1e-4, 40.0]), np.zeros(4)
+    distribution, slider, state = np.array([1.0, 1.0, STD, 0.0]), np.array([2.0, 1e-4, 40.0]), np.zeros(4)
     times = np.array([1.0, 2.0])
     drive = np.array([[0.0, 0.3, 0.0, 0.0]])  # pulled by 0.3 at once, far from any threshold
-    run = ageing.advance_contacts(state, x, f, attach, drive, slider, law, NONE, times, 0.04, 0.05, rng)
+    run = ageing.advance_contacts(state, x, f, attach, drive, slider, distribution, NONE, times, 0.04, 0.05, rng)
     assert run[-1, 0] == pytest.approx(0.2, abs=1e-9)  # K (D - X) = X
     assert run[-1, 2] == pytest.approx(run[-1, 3], abs=1e-9)
 
@@ -445,38 +455,38 @@ def test_fig_8_kinetic_equation_has_the_peaks_of_many_contacts(rate, low, high):
 @pytest.mark.parametrize("u", [0.05, 0.3, 0.5, 1.0, 3.0])
 def test_dynamic_stiffness_at_low_frequency_is_the_slope_of_the_friction(u):
     h, s = 1e-4 * u, 1e-4
-    low, high = ageing.steady_friction(np.array([u - h, u + h]), 1.0, SPREAD, 0.0, 1.0, 0.0, 300)
+    low, high = ageing.steady_friction(np.array([u - h, u + h]), 1.0, STD, 0.0, 1.0, 0.0, 300)
     slope = (high - low) / (2 * h)
-    kappa = ageing.dynamic_stiffness_ageing(u, 1.0, SPREAD, np.array([s + 0j]))[0]
+    kappa = ageing.dynamic_stiffness_ageing(u, 1.0, STD, np.array([s + 0j]))[0]
     assert kappa.real / s == pytest.approx(slope, abs=1e-3 * max(0.3, abs(slope)))
 
 
 def test_dynamic_stiffness_depends_on_velocity_and_frequency_over_rate_squared():
     s = np.array([1j, 0.3 + 5j])
-    one = ageing.dynamic_stiffness_ageing(0.4, 1.0, SPREAD, s)
-    other = ageing.dynamic_stiffness_ageing(0.4 * 2.25, 1.5, SPREAD, 2.25 * s)
+    one = ageing.dynamic_stiffness_ageing(0.4, 1.0, STD, s)
+    other = ageing.dynamic_stiffness_ageing(0.4 * 2.25, 1.5, STD, 2.25 * s)
     assert np.allclose(one, other, rtol=1e-12)
-    assert np.allclose(ageing.dynamic_stiffness_ageing(0.4, 1.0, SPREAD, np.conj(s)), np.conj(one), rtol=1e-12)
+    assert np.allclose(ageing.dynamic_stiffness_ageing(0.4, 1.0, STD, np.conj(s)), np.conj(one), rtol=1e-12)
 
 
 def test_dynamic_stiffness_converges():
     s = np.array([1j, 0.5 + 5j, 30j])
     for u in (0.1, 0.44, 1.2):
-        coarse = ageing.dynamic_stiffness_ageing(u, 1.0, SPREAD, s)
-        fine = ageing.dynamic_stiffness_ageing(u, 1.0, SPREAD, s, 0.0, 1.0, NONE, 160)
+        coarse = ageing.dynamic_stiffness_ageing(u, 1.0, STD, s)
+        fine = ageing.dynamic_stiffness_ageing(u, 1.0, STD, s, 0.0, 1.0, NONE, 160)
         assert np.all(np.abs(coarse - fine) < np.array([3e-4, 3e-4, 2e-3]))
 
 
 def test_at_high_frequency_all_contacts_are_springs():
-    kappa = ageing.dynamic_stiffness_ageing(0.1, 1.0, SPREAD, np.array([1e3j, 1e4j]))
+    kappa = ageing.dynamic_stiffness_ageing(0.1, 1.0, STD, np.array([1e3j, 1e4j]))
     assert abs(kappa[1] - 1) < 0.02
     assert abs(kappa[1] - 1) < abs(kappa[0] - 1)
 
 
 def test_dynamic_stiffness_with_newborns_and_delay_at_low_frequency():
     u, newborn, delay, s, h = 0.5, 0.3, 0.2, 1e-4, 1e-4
-    low, high = ageing.steady_friction(np.array([u - h, u + h]), 1.0, SPREAD, newborn, 1.0, delay, 300)
-    kappa = ageing.dynamic_stiffness_ageing(u, 1.0, SPREAD, np.array([s + 0j]), newborn, 1.0, np.array([delay]))
+    low, high = ageing.steady_friction(np.array([u - h, u + h]), 1.0, STD, newborn, 1.0, delay, 300)
+    kappa = ageing.dynamic_stiffness_ageing(u, 1.0, STD, np.array([s + 0j]), newborn, 1.0, np.array([delay]))
     assert kappa[0].real / s == pytest.approx((high - low) / (2 * h), abs=2e-3)
 
 
@@ -486,7 +496,7 @@ def edge_of_stability(omega, rate, velocity=1.0):
 
     def balance(w, b):
         s = 1j * w
-        kappa = ageing.dynamic_stiffness_ageing(velocity, b, SPREAD, np.array([s]))[0]
+        kappa = ageing.dynamic_stiffness_ageing(velocity, b, STD, np.array([s]))[0]
         value = 1e-4 * s * s + 1e-3 * s + 1.0 + kappa
         return np.array([value.real, value.imag])
 
@@ -522,7 +532,7 @@ def growth_after_a_small_kick(rate, near, cells=400):
 
 
 @pytest.mark.parametrize(("omega", "guess", "rates"), [(5.5, 1.6, (1.59, 1.63)), (16.0, 0.82, (0.80, 0.82))])
-def test_small_kicks_begin_to_grow_where_the_dynamic_stiffness_says(omega, guess, rates):
+def test_small_perturbations_begin_to_grow_where_the_dynamic_stiffness_says(omega, guess, rates):
     omega, edge = edge_of_stability(omega, guess)
     growth = [growth_after_a_small_kick(rate, 1j * omega).real for rate in rates]
     seen = rates[0] - growth[0] * (rates[1] - rates[0]) / (growth[1] - growth[0])
@@ -532,19 +542,19 @@ def test_small_kicks_begin_to_grow_where_the_dynamic_stiffness_says(omega, guess
 
 @pytest.mark.parametrize("omega", [0.5, 2.15, 5.0])
 def test_shaking_the_density_gives_the_dynamic_stiffness(omega):
-    u, swing, per = 1.5, 1e-3, 32
+    u, oscillation, per = 1.5, 1e-3, 32
     density, law_step, settled = density_at_rest(), 4.0 / 400, 8.0
     advance_density(density, holding(u), RIGID, 1.0, [settled])
     t = np.arange(4 * per + 1) * 2 * np.pi / omega / per
-    velocity = u + swing * omega * np.cos(omega * t)  # linear between the knots
+    velocity = u + oscillation * omega * np.cos(omega * t)  # linear between the knots
     way = density[0][1] + np.r_[0.0, np.cumsum(0.5 * np.diff(t) * (velocity[1:] + velocity[:-1]))]
     drive = np.column_stack([settled + t[:-1], way[:-1], velocity[:-1], np.diff(velocity) / np.diff(t)])
-    law = np.array([1.0, 1.0, SPREAD, 0.0])
-    run = ageing.advance_density(*density, drive, RIGID, law, settled + t[1:], law_step, law_step)[2 * per :]
+    distribution = np.array([1.0, 1.0, STD, 0.0])
+    run = ageing.advance_density(*density, drive, RIGID, distribution, settled + t[1:], law_step, law_step)[2 * per :]
     t = t[2 * per + 1 :]
     waves = np.column_stack([np.sin(omega * t), np.cos(omega * t), np.ones(t.size), t])
     force, shaken = (np.linalg.lstsq(waves, part, rcond=None)[0] for part in (run[:, 3], run[:, 0]))
-    kappa = ageing.dynamic_stiffness_ageing(u, 1.0, SPREAD, np.array([1j * omega]))[0]
+    kappa = ageing.dynamic_stiffness_ageing(u, 1.0, STD, np.array([1j * omega]))[0]
     assert abs((force[0] + 1j * force[1]) / (shaken[0] + 1j * shaken[1]) - kappa) < 0.002 + 0.005 * abs(kappa)
 
 
@@ -554,17 +564,17 @@ def test_shaking_the_density_gives_the_dynamic_stiffness(omega):
 @pytest.mark.eq(7)
 @pytest.mark.parametrize(("velocity", "stiffness"), [(0.1, 3.306), (0.3, 2.257), (0.5, 0.919), (0.8, 0.112)])
 def test_effective_stiffness_of_fig_11(velocity, stiffness):
-    way, force = ageing.pull_newborns(velocity, 1.0, SPREAD, 1.0, 1.5, 400)
+    way, force = ageing.pull_newborns(velocity, 1.0, STD, 1.0, 1.5, 400)
     assert np.max(-np.gradient(force, way)[2:]) == pytest.approx(stiffness, rel=0.01)
 
 
 def test_newborns_dragged_along_agree_with_contacts():
     velocity, n, rng = 0.5, 40_000, np.random.default_rng(12)
-    way, force = ageing.pull_newborns(velocity, 1.0, SPREAD, 1.0, 1.5, 300)
-    law, state = np.array([1.0, 1.0, SPREAD, 0.0]), np.zeros(4)
+    way, force = ageing.pull_newborns(velocity, 1.0, STD, 1.0, 1.5, 300)
+    distribution, state = np.array([1.0, 1.0, STD, 0.0]), np.zeros(4)
     x, f, attach = np.zeros(n), np.zeros(n), np.full(n, -np.inf)
     run = ageing.advance_contacts(
-        state, x, f, attach, holding(velocity), RIGID, law, NONE, way[19::20] / velocity, 0.01, np.inf, rng
+        state, x, f, attach, holding(velocity), RIGID, distribution, NONE, way[19::20] / velocity, 0.01, np.inf, rng
     )
     # A contact's stretching scatters by less than 0.5.
     assert np.all(np.abs(run[:, 3] - force[19::20]) < 4 * 0.5 / sqrt(n) + 0.002)
@@ -576,7 +586,7 @@ def test_newborns_dragged_along_agree_with_contacts():
 @pytest.mark.eq(1, 2, 3, 18)
 def test_the_closure_differs_from_the_exact_friction_as_stated():
     u = np.array([0.01, 0.5, 1.0])
-    ratio = ageing.closure_friction(u, 1.0, SPREAD) / ageing.steady_friction(u, 1.0, SPREAD)
+    ratio = ageing.closure_friction(u, 1.0, STD) / ageing.steady_friction(u, 1.0, STD)
     assert ratio - 1 == pytest.approx([0.231, -0.089, -0.281], abs=0.005)
 
 
@@ -586,25 +596,27 @@ def test_the_closure_at_low_speed_is_that_of_an_exponential_life():
     gamma = 1 / (1 - u)
     mean = 1 / (1 + gamma * u)
     first, second = 1 - mean, gamma * u / (gamma * u + 2)
-    square = 1 - 2 * first + second + SPREAD**2 * (1 - second)
-    force = ageing.closure_friction(np.array([u]), 1.0, SPREAD, 0.0, 1.0, 40.0)[0]
+    square = 1 - 2 * first + second + STD**2 * (1 - second)
+    force = ageing.closure_friction(np.array([u]), 1.0, STD, 0.0, 1.0, 40.0)[0]
     assert force == pytest.approx(square / (2 * mean), rel=1e-3)
 
 
 @pytest.mark.eq(18)
 def test_the_closure_in_time_ends_in_its_steady_state():
     velocity = 0.5
-    edges = ageing.threshold_edges(1.0, SPREAD, 0.0, 20.0)
-    thresholds = np.diff([0.5 * (1 + erf((e - 1.0) / SPREAD / sqrt(2))) for e in edges])
+    edges = ageing.threshold_edges(1.0, STD, 0.0, 20.0)
+    thresholds = np.diff([0.5 * (1 + erf((e - 1.0) / STD / sqrt(2))) for e in edges])
     thresholds /= thresholds.sum()
-    law, end = np.array([1.0, 1.0, SPREAD, 0.0]), 40.0
-    steady = ageing.closure_friction(np.array([velocity]), 1.0, SPREAD)[0]
+    distribution, end = np.array([1.0, 1.0, STD, 0.0]), 40.0
+    steady = ageing.closure_friction(np.array([velocity]), 1.0, STD)[0]
     errors = []
     for reach in (0.01, 0.005):
         place, weight, state, p = np.zeros(1000), np.zeros(1000), np.zeros(5), thresholds.copy()
         weight[0], state[4] = 1.0, 1
         times = np.array([0.9 * end, end])
-        run = ageing.advance_closure(state, place, weight, p, edges, holding(velocity), RIGID, law, times, 0.02, reach)
+        run = ageing.advance_closure(
+            state, place, weight, p, edges, holding(velocity), RIGID, distribution, times, 0.02, reach
+        )
         assert np.all(np.abs(run[:, 4] - 1) < 1e-12)
         assert abs(p.sum() - 1) < 1e-10
         assert p.min() >= 0.0
@@ -613,22 +625,22 @@ def test_the_closure_in_time_ends_in_its_steady_state():
     assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.25)  # first order in the step
 
 
-# ---------------------------------------------------------------- fixed laws of growth
+# ---------------------------------------------------------------- fixed distributions of growth
 
 
 @pytest.mark.parametrize(("kind", "first", "second"), [(0, 2.25, 0.0), (0, 1.0, 0.3), (1, 0.1, 0.01)])
 @pytest.mark.parametrize("delay", [0.0, 0.2])
-def test_contacts_that_grow_by_a_fixed_law(kind, first, second, delay):
+def test_contacts_that_grow_by_a_fixed_distribution(kind, first, second, delay):
     rng, velocity, n = np.random.default_rng(13), 0.5, 4000
     strengths = np.linspace(0.3, 1.7, 1401)
-    survival = np.array([0.5 * erfc((s - 1) / SPREAD / sqrt(2)) for s in strengths])
+    survival = np.array([0.5 * erfc((s - 1) / STD / sqrt(2)) for s in strengths])
     exact = ageing.growing_friction(np.array([velocity]), kind, first, second, strengths, survival, delay)[0]
-    pool = rng.normal(1.0, SPREAD, 100_000)
+    pool = rng.normal(1.0, STD, 100_000)
     # Born at moments spread over a life, so that all ages are there from the start.
     x, s, attach = np.zeros(n), rng.choice(pool, n), rng.uniform(0.0, 3.0, n)
-    law, times = np.array([kind, first, second]), np.linspace(40.0, 120.0, 400)
+    distribution, times = np.array([kind, first, second]), np.linspace(40.0, 120.0, 400)
     run = ageing.advance_growing(
-        np.zeros(4), x, s, attach, holding(velocity), RIGID, law, pool, np.array([delay]), times, 0.05, rng
+        np.zeros(4), x, s, attach, holding(velocity), RIGID, distribution, pool, np.array([delay]), times, 0.05, rng
     )
     force, error = run[:, 3].mean(), run[:, 3].reshape(10, -1).mean(axis=1).std() / sqrt(10)
     assert abs(force - exact) < 5 * error + 0.003 * exact
@@ -639,8 +651,8 @@ def test_growth_too_slow_for_the_slider_carries_nothing():
     assert ageing.growing_friction(np.array([3.0]), 0, 1.0, 0.0, strengths, survival)[0] == 0.0
 
 
-def test_a_logarithmic_threshold_that_does_not_grow_is_the_law_of_the_renewal():
+def test_a_logarithmic_threshold_that_does_not_grow_is_the_distribution_of_the_renewal():
     strengths = np.linspace(0.3, 1.7, 1401)
-    survival = np.array([0.5 * erfc((s - 1) / SPREAD / sqrt(2)) for s in strengths])
+    survival = np.array([0.5 * erfc((s - 1) / STD / sqrt(2)) for s in strengths])
     force = ageing.growing_friction(np.array([0.7]), 1, 0.0, 1.0, strengths, survival)[0]
     assert force == pytest.approx(0.505, rel=1e-5)  # <x_s^2>/(2 <x_s>)

@@ -23,7 +23,7 @@ stiffness = 2.0
 mass = 1e-4
 damping = 200.0
 [interface]
-thresholds = { law = "gaussian", spread = 0.1 }
+thresholds = { distribution = "gaussian", std = 0.1 }
 delay = 0.2
 [drive]
 velocity = 1.0
@@ -90,7 +90,7 @@ def test_measure_reads_the_bench_trace(capsys):
     assert 150 <= statistics["count"] <= 190
     assert 2.6 <= statistics["drop"]["mean"] <= 3.6
     assert 5.3 <= statistics["recurrence"]["mean"] <= 6.8
-    assert 0.24 <= statistics["recurrence"]["spread"] / statistics["recurrence"]["mean"] <= 0.36
+    assert 0.24 <= statistics["recurrence"]["std"] / statistics["recurrence"]["mean"] <= 0.36
     assert len(found["unreadable"]) == 1
 
 

@@ -286,7 +286,7 @@ MOTIONS = {
     "heavy": (0.5, 1.0, 0.1, 0.5, (0.0, 1.0, 0.0, 8.0)),
     "there and back": (3.0, 1e-2, 10.0, 0.15, (0.0, 2.0, -1.0, 5.0)),
     "backwards": (2.0, 1e-2, 20.0, 0.2, (0.0, -1.0, 0.0, 4.0)),
-    "kicked from afar": (2.0, 1e-2, 5.0, 0.2, (2.0, 0.0, 0.0, 3.0)),
+    "perturbed from afar": (2.0, 1e-2, 5.0, 0.2, (2.0, 0.0, 0.0, 3.0)),
     "random delays": (2.0, 1e-2, 20.0, math.nan, (0.0, 1.0, 0.0, 4.0)),
 }
 
@@ -337,7 +337,7 @@ def test_the_running_sums_are_those_of_the_contacts(name):
     assert samples[0, 4] == pytest.approx(0.5 * np.sum(x * x) / N, abs=1e-13)
     # No contact is stretched beyond its threshold.
     assert np.all(np.abs(x) <= state.contacts["threshold"][on] * (1 + 1e-12))
-    # Each contact is attached or waits to be reborn, once.
+    # Each contact is attached or waits to be re-attached, once.
     waiting = []
     while kernel._peek(state.rebirths) < math.inf:
         waiting.append(int(state.rebirths.front_slot[state.rebirths.counts[kernel._FIRST]]))
@@ -388,7 +388,7 @@ def test_blocks_of_random_numbers_and_budgets_change_nothing():
 
 @pytest.mark.parametrize("N", [1, 2, 13, 300])
 def test_sums_and_queues_survive_many_rebuilds(N):
-    """A slider shaken to and fro: entries go stale on both sides, and both queues are filled anew many times."""
+    """A slider perturbed to and fro: entries go stale on both sides, and both queues are filled anew many times."""
     rng = np.random.default_rng(5)
     rig = kernel.Rig(4.0, 1e2, 3.0, 0.0)
     thresholds = rng.uniform(0.01, 0.05, 400_000)

@@ -40,7 +40,7 @@ def test_number_takes_nothing_else(value):
         (10**400, {"above": 0}, "place = an integer of 401 digits: must be a number above 0"),
     ],
 )
-def test_number_names_place_value_and_remedy(value, bounds, message):
+def test_number_names_place_value_and_mitigation(value, bounds, message):
     with pytest.raises(InputError) as caught:
         number("place", value, **bounds)
     assert str(caught.value) == message
@@ -79,7 +79,7 @@ def test_whole_keeps_every_digit_of_a_large_seed():
         ("3", "place = '3': must be a number at least 1 and at most 9 (contacts)"),
     ],
 )
-def test_whole_names_place_value_and_remedy(value, message):
+def test_whole_names_place_value_and_mitigation(value, message):
     with pytest.raises(InputError) as caught:
         whole("place", value, at_least=1, at_most=9, hint="contacts")
     assert str(caught.value) == message

@@ -22,8 +22,9 @@ TRACE = Path(__file__).parent / "data" / "guldstrand_force7.txt"
 def trace(t, force, **more):
     """A Dataset with the force, and whatever else is given, along t."""
     return xr.Dataset(
-        {"F_d": ("t", force)} | {name: ("t", np.broadcast_to(v, np.shape(t))) for name, v in more.items()},
-        coords={"t": t},
+        {"spring_force": ("time", force)}
+        | {name: ("time", np.broadcast_to(v, np.shape(t))) for name, v in more.items()},
+        coords={"time": t},
     )
 
 
@@ -139,7 +140,7 @@ def test_slip_length_and_peak_velocity_come_with_the_motion():
 def test_falls_cut_off_at_the_ends_are_left_out_and_counted():
     t, force = even_sawtooth(cycles=10)
     whole = trace(t, force)
-    cut = whole.sel(t=slice(1.53, 13.53))  # starts and ends in the middle of a fall
+    cut = whole.sel(time=slice(1.53, 13.53))  # starts and ends in the middle of a fall
     found = events(cut)
     assert found.sizes["event"] == 7
     assert found.attrs["cut"] == 2
@@ -180,11 +181,11 @@ def test_a_wrong_minimum_drop_is_refused(drop):
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda d: d.drop_vars("F_d"), "F_d along t"),
-        (lambda d: d.isel(t=slice(5)), "5 samples"),
-        (lambda d: d.assign(F_d=d.F_d.where(d.t != 3.0)), "F_d = nan at t = 3"),
-        (lambda d: d.assign_coords(t=d.t.values[::-1]), "rising"),
-        (lambda d: d.assign(X=d.F_d.expand_dims(seed=2).transpose("t", "seed")), "X has shape"),
+        (lambda d: d.drop_vars("spring_force"), "F_d along t"),
+        (lambda d: d.isel(time=slice(5)), "5 samples"),
+        (lambda d: d.assign(spring_force=d.spring_force.where(d.t != 3.0)), "F_d = nan at t = 3"),
+        (lambda d: d.assign_coords(time=d.t.values[::-1]), "rising"),
+        (lambda d: d.assign(X=d.spring_force.expand_dims(seed=2).transpose("time", "seed")), "X has shape"),
     ],
 )
 def test_data_that_cannot_be_measured_are_refused(measure, spoil, message):
@@ -210,7 +211,7 @@ def wave(*, growth=0.0, size=0.2, omega=5.0, end=100.0, mean=0.4, noise=0.0):
 
 def test_a_lasting_sine_is_a_small_oscillation():
     result = regime(wave())
-    assert result.kind == "small oscillation"
+    assert result.kind == "sustained oscillation"
     assert result.period == pytest.approx(2 * math.pi / 5.0, rel=0.01)
     assert result.peak_to_peak == pytest.approx(0.4, rel=0.01)
     assert result.trend == pytest.approx(1.0, abs=0.01)
@@ -242,7 +243,7 @@ def test_contact_noise_is_smooth_sliding(rms):
     t = np.arange(0.0, 100.0, 0.01)
     data = with_motion(t, 0.45 + rms * contact_noise(np.random.default_rng(5), t.size), velocity=10.0)
     assert regime(data).kind == "smooth sliding"
-    assert regime(data[["F_d"]]).kind == "smooth sliding"
+    assert regime(data[["spring_force"]]).kind == "smooth sliding"
 
 
 def test_slow_creep_between_slips_is_stick_slip_not_smooth():
@@ -257,10 +258,10 @@ def test_slow_creep_between_slips_is_stick_slip_not_smooth():
 
 
 @settings(max_examples=50)
-@given(seed=st.integers(0, 10_000), spread=st.floats(0.1, 0.5))
-def test_irregular_slips_of_a_force_alone_are_stick_slip(seed, spread):
+@given(seed=st.integers(0, 10_000), std=st.floats(0.1, 0.5))
+def test_irregular_slips_of_a_force_alone_are_stick_slip(seed, std):
     rng = np.random.default_rng(seed)
-    gaps = np.maximum(rng.normal(6.0, 6.0 * spread, 60), 1.5)
+    gaps = np.maximum(rng.normal(6.0, 6.0 * std, 60), 1.5)
     when, drops = np.cumsum(gaps), 0.5 * np.append(gaps[1:], 6.0)
     t = np.arange(0.0, when[-1] + 4.0, 0.25)
     force = sawtooth(t, [(w, 11.0) for w in when], drops, fall=0.4) + rng.normal(0.0, 0.03, t.size)
@@ -273,10 +274,10 @@ def test_samples_that_step_over_slips_do_not_make_them_smooth():
     t, force = even_sawtooth(cycles=60)
     data = with_motion(t, force)
     for every in (1, 5, 10, 20):  # 150 to 7.5 samples in a cycle, 6 to .3 in a fall
-        thin = data.isel(t=slice(None, None, every))
-        assert regime(thin.assign(velocity=("t", np.gradient(thin.X, thin.t)))).kind == "stick-slip"
-    assert regime(data.isel(t=slice(None, None, 60))).kind == "undecided"
-    assert "record more often" in regime(wave().isel(t=slice(None, None, 40))).reason
+        thin = data.isel(time=slice(None, None, every))
+        assert regime(thin.assign(velocity=("time", np.gradient(thin.X, thin.t)))).kind == "stick-slip"
+    assert regime(data.isel(time=slice(None, None, 60))).kind == "undecided"
+    assert "record more often" in regime(wave().isel(time=slice(None, None, 40))).reason
 
 
 def test_too_few_cycles_are_undecided():
@@ -312,12 +313,12 @@ def test_forces_that_tell_nothing_are_undecided(force, reason):
 def test_the_regime_is_judged_at_a_constant_drive():
     t, force = even_sawtooth(cycles=60)
     data = with_motion(t, force)
-    ramped = data.assign(drive_velocity=("t", np.linspace(0.5, 2.0, t.size)))
+    ramped = data.assign(drive_velocity=("time", np.linspace(0.5, 2.0, t.size)))
     assert regime(ramped).kind == "undecided"
     assert "transitions" in regime(ramped).reason
-    stopped = data.assign(drive_velocity=("t", np.zeros(t.size)))
+    stopped = data.assign(drive_velocity=("time", np.zeros(t.size)))
     assert "stands still" in regime(stopped).reason
-    ramp_then_hold = data.assign(drive_velocity=("t", np.minimum(0.1 + t / 30.0, 1.0)))
+    ramp_then_hold = data.assign(drive_velocity=("time", np.minimum(0.1 + t / 30.0, 1.0)))
     result = regime(ramp_then_hold)
     assert result.kind == "stick-slip"
     assert result.window[0] > 27.0
@@ -325,7 +326,9 @@ def test_the_regime_is_judged_at_a_constant_drive():
 
 def test_a_drive_that_pulls_the_other_way_gives_the_same_answer():
     data = with_motion(*even_sawtooth(cycles=60))
-    mirrored = data.assign({name: -data[name] for name in ("F_d", "X", "velocity", "drive_velocity")})
+    mirrored = data.assign(
+        {name: -data[name] for name in ("spring_force", "displacement", "velocity", "drive_velocity")}
+    )
     there, back = regime(data), regime(mirrored)
     assert back.kind == there.kind
     assert back.mean_force == -there.mean_force
@@ -347,12 +350,12 @@ CONTACTS, COHORTS = ss.Contacts(10_000, seed=1), ss.MasterEquation()
 
 def run(stiffness, delay, *, method=COHORTS, duration=100.0, damping=200.0, velocity=1.0):
     interface = ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, spread=0.1),
-        initial=ss.Gaussian(mean=0.0, spread=0.01),
+        thresholds=ss.Gaussian(mean=1.0, std=0.1),
+        initial=ss.Gaussian(mean=0.0, std=0.01),
         delay=ss.Delay(delay),
     )
     slider = ss.Slider(stiffness=stiffness, mass=1e-4, damping=damping)
-    return ss.simulate(interface, slider, ss.hold(velocity=velocity, duration=duration), method=method)
+    return ss.simulate(interface, slider, ss.constant(velocity=velocity, duration=duration), method=method)
 
 
 @pytest.mark.parametrize("method", [CONTACTS, COHORTS], ids=["contacts", "cohorts"])
@@ -365,14 +368,14 @@ def run(stiffness, delay, *, method=COHORTS, duration=100.0, damping=200.0, velo
         (2.0, 0.2, {"stick-slip"}),
         (5.0, 0.1, {"smooth sliding"}),
         (5.0, 0.2, {"smooth sliding", "undecided"}),
-        (5.0, 0.3, {"small oscillation"}),
+        (5.0, 0.3, {"sustained oscillation"}),
     ],
 )
 def test_the_regimes_of_fig_4(method, stiffness, delay, kinds):
     data = run(stiffness, delay, method=method)
     result = regime(data)
     assert result.kind in kinds, str(result)
-    assert regime(data[["F_d"]], after=60.0).kind in kinds  # from the force alone
+    assert regime(data[["spring_force"]], after=60.0).kind in kinds  # from the force alone
     if kinds == {"smooth sliding"}:
         assert result.peak_to_peak < (0.05 if stiffness == 2.0 else 0.04)
     if (stiffness, delay) == (2.0, 0.2):
@@ -398,12 +401,12 @@ def test_few_contacts_make_noise_but_no_other_regime(count, seed):
     method = ss.Contacts(count, seed=seed)
     assert regime(run(2.0, 0.0, method=method)).kind == "smooth sliding"
     assert regime(run(2.0, 0.2, method=method)).kind == "stick-slip"
-    assert regime(run(5.0, 0.3, method=method)).kind == "small oscillation"
+    assert regime(run(5.0, 0.3, method=method)).kind == "sustained oscillation"
 
 
 def test_a_ringing_run_has_one_event_per_cycle():
     data = run(2.0, 0.1, damping=42.4, method=ss.Contacts(2000, seed=1), duration=60.0)
-    for each in (data, data[["F_d"]]):
+    for each in (data, data[["spring_force"]]):
         found = events(each)
         cycle = float(found["recurrence"].median())
         assert cycle == pytest.approx(1.35, abs=0.03)
@@ -414,22 +417,22 @@ def test_a_ringing_run_has_one_event_per_cycle():
 # ----------------------------------------------------------------------------------------------- transitions
 
 
-def loop(swing, *, top=3.0, low=0.1, duration=400.0, noise=0.0):
-    """A run up and down a ramp, whose force swings at a wavelength 1.3 of drive travel by swing(v, way)."""
+def loop(oscillation, *, top=3.0, low=0.1, duration=400.0, noise=0.0):
+    """A run up and down a ramp, whose force oscillates at a wavelength 1.3 of drive travel by oscillation(v, way)."""
     t = np.arange(0.0, 2 * duration, 0.02)
     v = top - (top - low) * np.abs(t - duration) / duration
     travel = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t))])
     up = t <= duration
-    size = np.where(up, swing(v, "up"), swing(v, "down"))
+    size = np.where(up, oscillation(v, "up"), oscillation(v, "down"))
     force = 0.45 + 0.5 * size * np.cos(2 * np.pi * travel / 1.3)
     force += noise * np.random.default_rng(6).normal(size=t.size)
     return trace(t, force, drive_velocity=v)
 
 
-def window_of_stick_slip(up, down, *, swing=0.8):
+def window_of_stick_slip(up, down, *, oscillation=0.8):
     def size(v, way):
         low, high = up if way == "up" else down
-        return np.where((v > low) & (v < high), swing, 0.01)
+        return np.where((v > low) & (v < high), oscillation, 0.01)
 
     return size
 
@@ -461,7 +464,7 @@ def test_what_is_not_seen_is_none_and_says_why():
 
 def test_one_way_ramps():
     whole = loop(window_of_stick_slip((1.4, 2.4), (0.7, 2.0)))
-    up, down = transitions(whole.sel(t=slice(0, 400))), transitions(whole.sel(t=slice(400.01, None)))
+    up, down = transitions(whole.sel(time=slice(0, 400))), transitions(whole.sel(time=slice(400.01, None)))
     assert (up.v1, up.v2) == pytest.approx((1.4, 2.4), abs=0.04)
     assert up.v1_down is None
     assert any("never slows down" in note for note in up.notes)
@@ -482,20 +485,20 @@ def test_the_transient_of_the_start_is_no_transition():
 def test_ramps_that_cannot_be_read_are_refused():
     data = loop(window_of_stick_slip((1.4, 2.4), (0.7, 2.0)))
     with pytest.raises(ss.InputError, match="drive_velocity"):
-        transitions(data[["F_d"]])
+        transitions(data[["spring_force"]])
     with pytest.raises(ss.UndecidedError, match="keeps its velocity"):
         transitions(data.assign(drive_velocity=data.drive_velocity * 0.0 + 1.0))
     with pytest.raises(ss.UndecidedError, match="2 times"):
-        transitions(data.assign(drive_velocity=2.0 + np.sin(4 * np.pi * data.t / 800.0 - 0.5 * np.pi)))
+        transitions(data.assign(drive_velocity=2.0 + np.sin(4 * np.pi * data.time / 800.0 - 0.5 * np.pi)))
     with pytest.raises(ss.UndecidedError, match="run it longer"):
-        transitions(data.isel(t=slice(None, 300)))
+        transitions(data.isel(time=slice(None, 300)))
     with pytest.raises(ss.UndecidedError, match="record more often"):
-        transitions(data.isel(t=slice(None, None, 100)))
+        transitions(data.isel(time=slice(None, None, 100)))
     with pytest.raises(ss.InputError, match="level"):
         transitions(data, level=0.0)
     with pytest.raises(ss.InputError, match="turns back"):
         amplitude(data.assign(drive_velocity=data.drive_velocity - 1.0))
-    si = data.assign(F_d=data.F_d.assign_attrs(units="N"))
+    si = data.assign(spring_force=data.spring_force.assign_attrs(units="N"))
     with pytest.raises(ss.InputError, match="give level"):
         transitions(si)
     assert transitions(si, level=0.4).v1 == pytest.approx(1.4, abs=0.04)
@@ -506,13 +509,13 @@ def test_hysteresis_shows_both_ways():
     assert float(both["difference"].sel(drive_velocity=1.05, method="nearest")) == pytest.approx(0.8, abs=0.05)
     assert float(both["difference"].sel(drive_velocity=2.5, method="nearest")) == pytest.approx(0.0, abs=0.05)
     with pytest.raises(ss.UndecidedError, match="one way"):
-        hysteresis(loop(window_of_stick_slip((1.4, 9.0), (0.7, 9.0))).sel(t=slice(0, 400)))
+        hysteresis(loop(window_of_stick_slip((1.4, 9.0), (0.7, 9.0))).sel(time=slice(0, 400)))
 
 
 def test_the_loop_of_fig_7a():
     interface = ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, spread=0.1),
-        initial=ss.Gaussian(mean=0.0, spread=0.01),
+        thresholds=ss.Gaussian(mean=1.0, std=0.1),
+        initial=ss.Gaussian(mean=0.0, std=0.01),
         delay=ss.Delay(0.1),
     )
     slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=0.3 * math.sqrt(2.0 / 1e-4))
@@ -563,7 +566,7 @@ COMMA = str.maketrans(".", ",")
         (rows(lambda t, f: f"{t},{f}"), {"time": "1", "force": "2"}),
         (rows(lambda t, f: f"{t},{f}"), {"force": 2, "step": 0.25}),
         ("x,a,b\n" + rows(lambda t, f: f"{9 - f},{f},{t}"), {"force": "a", "time": "B"}),
-        ('"t","F_d","what"\n' + rows(lambda t, f: f'"{t}","{f}","pull, slow"'), {}),
+        ('"t","spring_force","what"\n' + rows(lambda t, f: f'"{t}","{f}","pull, slow"'), {}),
         ("date,t,F_d\n" + rows(lambda t, f: f"2020-01-02,{t},{f}"), {}),
         ("Instrument: X7\nOperator: N. N.\n\nt;F_d\n" + rows(lambda t, f: f"{t};{f}"), {}),
         (rows(lambda t, f: f"{t}|{f}"), {"delimiter": "|", "time": 1, "force": 2}),
@@ -575,23 +578,23 @@ COMMA = str.maketrans(".", ",")
 )
 def test_tables_of_every_usual_form_are_read(tmp_path, text, options):
     data = read_trace(written(tmp_path, text, encoding="utf-8"), **options)
-    np.testing.assert_array_equal(data["F_d"], FORCES)
-    np.testing.assert_allclose(data["t"], 0.25 * np.arange(FORCES.size))
-    assert data["F_d"].attrs["units"] == "N"
-    assert data["t"].attrs["units"] == "s"
+    np.testing.assert_array_equal(data["spring_force"], FORCES)
+    np.testing.assert_allclose(data["time"], 0.25 * np.arange(FORCES.size))
+    assert data["spring_force"].attrs["units"] == "N"
+    assert data["time"].attrs["units"] == "s"
     assert not data["filled"].any()
 
 
 def test_units_are_kept(tmp_path):
     path = written(tmp_path, "t (ms);F (mN)\n" + rows(lambda t, f: f"{t};{f}"))
     data = read_trace(path)
-    assert (data["t"].attrs["units"], data["F_d"].attrs["units"]) == ("ms", "mN")
+    assert (data["time"].attrs["units"], data["spring_force"].attrs["units"]) == ("ms", "mN")
     latin = tmp_path / "latin.csv"
     latin.write_bytes(("t (s);F (µN)\n" + rows(lambda t, f: f"{t};{f}")).encode("latin-1"))
-    assert read_trace(latin)["F_d"].attrs["units"] == "µN"
+    assert read_trace(latin)["spring_force"].attrs["units"] == "µN"
     wide = tmp_path / "wide.csv"
     wide.write_bytes(("t;F\n" + rows(lambda t, f: f"{t};{f}")).encode("utf-16"))
-    np.testing.assert_array_equal(read_trace(wide)["F_d"], FORCES)
+    np.testing.assert_array_equal(read_trace(wide)["spring_force"], FORCES)
 
 
 @pytest.mark.parametrize("word", ["NaN N1", "inf", "---", "1e999", "overload", "1.2.3"])
@@ -599,8 +602,8 @@ def test_a_few_unreadable_rows_are_filled_and_reported(tmp_path, word):
     lines = [f"{f}" for f in FORCES]
     lines[20] = word
     data = read_trace(written(tmp_path, "\n".join(lines)), step=0.25)
-    assert data.sizes["t"] == FORCES.size
-    assert float(data["F_d"][20]) == pytest.approx(0.5 * (FORCES[19] + FORCES[21]))
+    assert data.sizes["time"] == FORCES.size
+    assert float(data["spring_force"][20]) == pytest.approx(0.5 * (FORCES[19] + FORCES[21]))
     assert list(np.flatnonzero(data["filled"])) == [20]
     assert json.loads(data.attrs["unreadable"]) == [{"line": 21, "text": word}]
     assert "line 21" in data.attrs["note"]
@@ -610,9 +613,9 @@ def test_unreadable_rows_with_times_leave_a_gap_in_time(tmp_path):
     lines = [f"{0.25 * i},{f}" for i, f in enumerate(FORCES)]
     lines[10], lines[30] = "2.5,", "??"
     data = read_trace(written(tmp_path, "t,F_d\n" + "\n".join(lines)))
-    assert data.sizes["t"] == FORCES.size - 1  # the time of row 30 is not known
-    assert 7.5 not in data["t"].values
-    assert bool(data["filled"].sel(t=2.5))
+    assert data.sizes["time"] == FORCES.size - 1  # the time of row 30 is not known
+    assert 7.5 not in data["time"].values
+    assert bool(data["filled"].sel(time=2.5))
     assert "2 of 60 rows" in data.attrs["note"]
 
 
@@ -630,10 +633,10 @@ TWO = "t,F_d\n" + rows(lambda t, f: f"{t},{f}")
         (NUMBERS, {"step": 0.25, "force": 2}, "no such column"),
         (NUMBERS, {"step": 0.25, "delimiter": ";;"}, "delimiter"),
         (NUMBERS, {"step": 0.25, "decimal": "x"}, "decimal"),
-        (TWO, {"force": "F_c"}, "did you mean 'f_d'"),
+        (TWO, {"force": "friction_force"}, "did you mean 'f_d'"),
         (TWO, {"force": 0}, "counted from 1"),
         (TWO, {"force": 1, "time": 1}, "both time and force"),
-        (TWO, {"step": 0.1, "time": "t"}, "leave one out"),
+        (TWO, {"step": 0.1, "time": "time"}, "leave one out"),
         (rows(lambda t, f: f"{t},{f}"), {"step": 0.1}, "which column is the force"),
         (rows(lambda t, f: f"{int(t)},{int(f)}"), {"step": 0.1}, "decimal comma"),
         ("", {"step": 1.0}, "empty"),
@@ -674,7 +677,7 @@ def test_paths_that_are_no_file_are_refused(tmp_path, monkeypatch):
 
 def test_the_real_trace():
     data = read_trace(TRACE, step=0.25)
-    assert data.sizes["t"] == 4262
+    assert data.sizes["time"] == 4262
     assert json.loads(data.attrs["unreadable"]) == [{"line": 3295, "text": "NaN N1"}]
     statistics = event_statistics(events(data))
     assert 150 <= statistics.count <= 190
@@ -690,7 +693,7 @@ def test_the_real_trace():
 
 
 def test_a_slip_that_overshoots_is_not_taken_for_ringing():
-    """A soft spring: each slip throws the slider past the drive, it swings back once, and is loaded again."""
+    """A soft spring: each slip throws the slider past the drive, it oscillates back once, and is loaded again."""
     stiffness, period, cycles = 0.01, 60.0, 12
     t = np.arange(0.0, cycles * period, 0.05)
     phase = t % period
@@ -700,12 +703,12 @@ def test_a_slip_that_overshoots_is_not_taken_for_ringing():
     force = np.where((t // period).astype(int) % 2 == 1, 0.6 * force, force)
     run = xr.Dataset(
         {
-            "F_d": ("t", force, {"units": "f_s"}),
-            "X": ("t", t - force / stiffness, {"units": "x_s"}),
-            "velocity": ("t", np.gradient(t - force / stiffness, t), {"units": "x_s/time"}),
-            "drive_velocity": ("t", np.ones_like(t), {"units": "x_s/time"}),
+            "spring_force": ("time", force, {"units": "f_s"}),
+            "displacement": ("time", t - force / stiffness, {"units": "x_s"}),
+            "velocity": ("time", np.gradient(t - force / stiffness, t), {"units": "x_s/time"}),
+            "drive_velocity": ("time", np.ones_like(t), {"units": "x_s/time"}),
         },
-        coords={"t": ("t", t, {"units": "time"})},
+        coords={"time": ("time", t, {"units": "time"})},
     )
     assert events(run).sizes["event"] == cycles
     assert regime(run).kind == "stick-slip"

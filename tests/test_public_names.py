@@ -24,7 +24,7 @@ def test_importing_loads_nothing_heavy():
 def test_records_and_closed_forms_load_nothing_heavy():
     code = """
 import stickslip as ss
-rig = ss.Interface(thresholds=ss.Gaussian(mean=1.0, spread=0.1), delay=ss.RandomDelay(mean=0.2, spread=0.12))
+rig = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.RandomDelay(mean=0.2, std=0.12))
 ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.ramp(0.1, 3.0, duration=200), ss.Contacts(100)
 ss.Scales(force=1, stretching=1), ss.kinetic_friction(rig, velocity=1.0)
 """
@@ -39,10 +39,6 @@ def test_every_public_name_is_there():
         assert name in dir(ss)
 
 
-def test_every_name_with_a_home_is_public():
-    assert set(ss._HOME_OF) <= set(ss.__all__)
-
-
 def test_public_things_say_what_they_are():
     for name in ss.__all__:
         assert getattr(ss, name).__doc__, name
@@ -55,36 +51,22 @@ def test_the_version_is_that_of_the_package():
 
 
 def test_a_name_that_does_not_exist():
-    with pytest.raises(AttributeError, match="module 'stickslip' has no attribute 'stick'"):
+    with pytest.raises(AttributeError, match="No stickslip attribute stick"):
         _ = ss.stick
-
-
-@pytest.mark.parametrize(
-    "code",
-    [
-        "import stickslip.simulate, stickslip.measure, stickslip.rigid, stickslip as ss",
-        "import stickslip as ss; ss.regime; ss.slide; ss.critical_delay; import stickslip.simulate",
-        "from stickslip.rigid import slide; import stickslip as ss",
-        "from stickslip import *; import stickslip as ss; assert simulate is ss.simulate",
-    ],
-)
-def test_simulate_is_a_function_whatever_was_imported_before(code):
-    check = "from types import FunctionType; assert isinstance(ss.simulate, FunctionType), ss.simulate"
-    subprocess.run([sys.executable, "-c", f"{code}; {check}"], check=True)
 
 
 def test_the_code_a_user_writes():
     """Section 5 of the design, with fewer contacts and shorter runs."""
     interface = ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, spread=0.1), initial=ss.Gaussian(mean=0.0, spread=0.01), delay=ss.Delay(0.2)
+        thresholds=ss.Gaussian(mean=1.0, std=0.1), initial=ss.Gaussian(mean=0.0, std=0.01), delay=ss.Delay(0.2)
     )
     slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4)
-    run = ss.simulate(interface, slider, ss.hold(velocity=1.0, duration=100), method=ss.Contacts(1_000, seed=1))
+    run = ss.simulate(interface, slider, ss.constant(velocity=1.0, duration=100), method=ss.Contacts(1_000, seed=1))
     assert ss.regime(run).kind == "stick-slip"
     events = ss.events(run)
     assert {"start", "end", "drop", "peak_velocity"} <= set(events.variables)
     # With the delay some contacts are missing at the first maximum, .79560 without.
-    assert 0.7 < float(ss.slide(interface, distance=6.0)["F_c"].max()) < 0.79560
+    assert 0.7 < float(ss.rigid_slide(interface, distance=6.0)["friction_force"].max()) < 0.79560
     assert ss.kinetic_friction(interface, velocity=1.0) == pytest.approx(1.01 / 2.4, rel=1e-12)
     assert ss.critical_stiffness(interface) == pytest.approx(2.989, abs=0.003)
     assert abs(complex(ss.dynamic_stiffness(interface, velocity=1.0, s=2j))) > 0

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from stickslip.errors import InputError, UndecidedError
-from stickslip.model import FIG8, Delay, ExponentialGrowth, Langevin
+from stickslip.model import Delay, ExponentialGrowth, Langevin
+from stickslip.paper.cases import FIG8
 from stickslip.stability import (
     AGEING,
     Setting,

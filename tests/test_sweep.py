@@ -40,7 +40,7 @@ from stickslip.sweep._content import cell_seed, code_parts, encode
 
 pytest.importorskip("zarr", reason="the store of a sweep needs zarr: pip install stickslip[sweep]")
 
-AXES = {"stiffness": [1.0, 2.0, 3.0], "velocity": np.linspace(0.1, 1.0, 7), "start": ["cold", "smooth"]}
+AXES = {"stiffness": [1.0, 2.0, 3.0], "velocity": np.linspace(0.1, 1.0, 7), "start": ["from rest", "smooth"]}
 
 
 def case(stiffness, velocity, start, seed):
@@ -126,7 +126,7 @@ def test_axes_become_dimensions_of_one_dataset():
     assert dict(result["sum"].sizes) == {"stiffness": 3, "velocity": 7, "start": 2}
     assert result["draws"].dims == ("stiffness", "velocity", "start", "draw")
     assert result["draws"].attrs["units"] == "f_s"
-    at = {"stiffness": 2.0, "velocity": AXES["velocity"][3], "start": "cold"}
+    at = {"stiffness": 2.0, "velocity": AXES["velocity"][3], "start": "from rest"}
     alone = measure(case(**at, seed=cell_seed(0, at)))
     assert float(result["sum"].sel(at)) == alone["sum"]
     assert result["regime"].sel(at).item() == alone["regime"]
@@ -765,7 +765,7 @@ def test_functions_that_workers_cannot_import_are_named(monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_script_without_a_guard_gets_the_remedy(tmp_path):
+def test_a_script_without_a_guard_gets_the_mitigation(tmp_path):
     script = tmp_path / "unguarded.py"
     script.write_text(
         textwrap.dedent(
@@ -848,7 +848,7 @@ def test_equal_content_has_equal_encodings_and_other_content_others():
 
 
 def test_code_that_a_case_calls_is_part_of_it():
-    parts = code_parts(functools.partial(case, start="cold"))
+    parts = code_parts(functools.partial(case, start="from rest"))
     assert {"code", "code: bound arguments", "code: defaults"} <= parts.keys()
     assert code_parts(Rig(1.0))["code: its object"] != code_parts(Rig(2.0))["code: its object"]
 

@@ -20,10 +20,10 @@ import xarray as xr
 
 import stickslip as ss
 from stickslip import cli, plot
-from stickslip import rig as rigs
 from stickslip.errors import InputError
+from stickslip.io import rig_files as rigs
 from stickslip.measure import regime
-from stickslip.simulate import Contacts, MasterEquation, Relaxed, Sliding
+from stickslip.model import Contacts, FromRest, FromSliding, MasterEquation
 from stickslip.sweep import Threads, open_sweep, study, summary
 from stickslip.sweep import _store as store_module
 from stickslip.sweep.plan import from_document, plan_of, read_plan, with_theory
@@ -39,13 +39,13 @@ NATURAL = {
     "axes": {
         "stiffness": {"from": 0.5, "to": 8.0, "count": 3, "spacing": "log"},
         "velocity": [0.3, 1.0],
-        "start": ["cold", "smooth"],
+        "start": ["from rest", "smooth"],
     },
     "run": {"contacts": 100, "distance": 12.0, "cycles": 0.0, "extensions": 0},
     "rig": {
         "units": "natural",
         "slider": {"stiffness": 2.0, "mass": 1e-4, "damping": 200.0},
-        "interface": {"thresholds": {"law": "gaussian", "spread": 0.1}, "delay": 0.2},
+        "interface": {"thresholds": {"distribution": "gaussian", "std": 0.1}, "delay": 0.2},
     },
 }
 
@@ -91,8 +91,8 @@ def test_the_axes_of_a_file_are_as_written():
     plan = from_document(NATURAL)
     assert plan.axes["stiffness"].tolist() == pytest.approx([0.5, 2.0, 8.0])
     assert plan.axes["velocity"].tolist() == [0.3, 1.0]
-    assert plan.axes["start"].tolist() == ["cold", "smooth"]
-    assert (plan.total, plan.knobs) == (12, ("stiffness", "velocity"))
+    assert plan.axes["start"].tolist() == ["from rest", "smooth"]
+    assert (plan.total, plan.parameters) == (12, ("stiffness", "velocity"))
     assert plan.study.method == Contacts(100, 0)
     seeds = from_document(changed("axes.seed", {"from": 7, "count": 3})).axes["seed"]
     assert seeds.tolist() == [7, 8, 9]
@@ -124,19 +124,19 @@ def test_a_file_may_name_a_rig_file_beside_it(tmp_path):
 
 
 def test_the_order_of_the_axes_is_kept():
-    axes = {"start": ["cold"], "velocity": {"from": 1.0, "to": 2.0, "count": 2}, "stiffness": [1.0]}
+    axes = {"start": ["from rest"], "velocity": {"from": 1.0, "to": 2.0, "count": 2}, "stiffness": [1.0]}
     plan = from_document(changed("axes", axes))
     assert (
         list(plan.axes) == list(from_document(tomllib.loads(plan.to_toml())).axes) == ["start", "velocity", "stiffness"]
     )
 
 
-def test_knobs_are_turned_in_the_units_of_the_file():
+def test_parameters_are_turned_in_the_units_of_the_file():
     document = {
         "rig": tomllib.loads(BENCH.read_text()),
         "axes": {
             "stiffness": ["1 MN/m"], "velocity": ["2 mm/s"], "mass": ["10 g"],
-            "damping": ["100 1/s"], "delay": ["1 ms"], "spread": [0.2],
+            "damping": ["100 1/s"], "delay": ["1 ms"], "std": [0.2],
         },
     }  # fmt: skip
     plan = from_document(document)
@@ -147,7 +147,7 @@ def test_knobs_are_turned_in_the_units_of_the_file():
     assert scales.si(setting.rig.damping, "rate") == pytest.approx(100.0)
     assert scales.si(setting.velocity, "velocity") == pytest.approx(2e-3)
     assert scales.si(setting.interface.delay.time, "time") == pytest.approx(1e-3)
-    assert setting.interface.thresholds == ss.Gaussian(mean=1.0, spread=0.2)
+    assert setting.interface.thresholds == ss.Gaussian(mean=1.0, std=0.2)
 
 
 MISTAKES = [
@@ -171,7 +171,7 @@ MISTAKES = [
     ("rig.slider.mas", 1.0, "rig: slider.mas", "did you mean 'mass'"),
     ("rig.slider.mass", 0.0, "rig.slider.mass = 0", "above 0"),
     ("rig.drive", {"pieces": [{"start": 1.0, "end": 2.0, "duration": 1.0}]}, "rig.drive.pieces", "drive.velocity"),
-    ("rig.interface.thresholds", {"law": "exponential"}, "Interface.thresholds", "has no spread of its own to vary"),
+    ("rig.interface.thresholds", {"distribution": "exponential"}, "Interface.thresholds", "has no standard deviation of its own to vary"),
     ("run.contcts", 3, "run.contcts", "did you mean 'contacts'"),
     ("run.contacts", 0, "Contacts.count = 0", "at least 1"),
     ("run.method", "monte carlo", "run.method", "'contacts' or 'master equation'"),
@@ -192,7 +192,7 @@ MISTAKES = [
 def test_a_mistake_names_its_place_and_its_remedy(tmp_path, capsys, path, value, place, remedy):
     document = changed(path, value)
     if path == "rig.interface.thresholds":
-        document = changed("axes.spread", [0.1], document)
+        document = changed("axes.std", [0.1], document)
     line = refused(capsys, "sweep", written(tmp_path, document), "--store", tmp_path / "s.zarr")
     assert line.startswith("stickslip: sweep.toml: ")
     assert place in line
@@ -216,11 +216,11 @@ def test_a_case_can_be_made_again_from_what_the_store_says(tmp_path, capsys):
     assert capsys.readouterr().out.strip().splitlines()[-1] == "12 of 12 cases done"
     result = open_sweep(tmp_path / "s.zarr")
     assert len(np.unique(result["seed"])) == 12
-    for start, of_start in (("cold", Relaxed()), ("smooth", Sliding())):
+    for start, of_start in (("from rest", FromRest()), ("smooth", FromSliding())):
         here = result.isel(stiffness=1, velocity=0).sel(start=start)
-        interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, spread=0.1), delay=ss.Delay(0.2))
+        interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
         slider = ss.Slider(stiffness=float(here["stiffness"]), mass=1e-4, damping=200.0)
-        drive = ss.hold(0.3, 12.0 / 0.3)
+        drive = ss.constant(0.3, 12.0 / 0.3)
         seen = regime(ss.simulate(interface, slider, drive, Contacts(100, int(here["seed"])), start=of_start))
         assert here["regime"].item() == seen.kind == study.KINDS[int(here["regime_code"])]
         for name in ("peak_to_peak", "mean_force", "period"):
@@ -239,7 +239,7 @@ def test_results_come_in_the_units_of_the_file():
     result = plan.run().isel(velocity=0, seed=0)
     scales = plan.study.scales
     setting = plan.study.at({})
-    inside = regime(ss.simulate(setting.interface, setting.rig, ss.hold(setting.velocity, 20 / setting.velocity),
+    inside = regime(ss.simulate(setting.interface, setting.rig, ss.constant(setting.velocity, 20 / setting.velocity),
                                 Contacts(100, 3)))  # fmt: skip
     assert float(result["peak_to_peak"]) == pytest.approx(scales.si(inside.peak_to_peak, "force"))
     assert float(result["travel"]) == pytest.approx(40e-6)
@@ -310,19 +310,19 @@ def test_seeds_of_an_ensemble_are_those_of_the_file():
 
 
 def test_cases_that_fail_are_recorded_and_told(tmp_path, capsys):
-    document = changed("axes", {"spread": [0.1, -0.1, 0.2], "velocity": [0.5, 1.0]})
+    document = changed("axes", {"std": [0.1, -0.1, 0.2], "velocity": [0.5, 1.0]})
     file, store = written(tmp_path, document), tmp_path / "s.zarr"
     assert run("sweep", file, "--store", store, "--plot", tmp_path / "s.png") == 1
     lines = capsys.readouterr().out.strip().splitlines()
     assert lines[-1] == "4 of 6 cases done, 2 failed"
     told = [line for line in lines if line.startswith("failed: ")]
     assert len(told) == 2
-    assert "spread = -0.1, velocity = 0.5: InputError: Gaussian.spread = -0.1: must be" in told[0]
+    assert "std = -0.1, velocity = 0.5: InputError: Gaussian.std = -0.1: must be" in told[0]
     result = open_sweep(store)
-    assert (result["error"].sel(spread=-0.1) != "").all()
-    assert (result["peak_to_peak"].sel(spread=[0.1, 0.2]) > 0).all()
+    assert (result["error"].sel(std=-0.1) != "").all()
+    assert (result["peak_to_peak"].sel(std=[0.1, 0.2]) > 0).all()
     assert run("sweep", file, "--store", store, "--json") == 1  # it still says so
-    assert json.loads(capsys.readouterr().out)["failures"][1]["parameters"] == {"spread": -0.1, "velocity": 1.0}
+    assert json.loads(capsys.readouterr().out)["failures"][1]["parameters"] == {"std": -0.1, "velocity": 1.0}
 
 
 def test_stores_that_will_not_do(tmp_path, capsys, monkeypatch):
@@ -449,7 +449,7 @@ def meshes_of(ax):
 
 def test_a_phase_diagram_shows_every_kind_of_cell():
     result = from_document(NATURAL).run()
-    kinds = ["smooth sliding", "stick-slip", "small oscillation", "undecided", "smooth sliding", "stick-slip"]
+    kinds = ["smooth sliding", "stick-slip", "sustained oscillation", "undecided", "smooth sliding", "stick-slip"]
     result["regime"] = (("stiffness", "velocity", "start"), np.array([kinds, kinds], dtype=object).T.reshape(3, 2, 2))
     result["error"][0, 0, 0] = "ValueError: no"
     result["case_key"][2, 1, 1] = 0
@@ -457,7 +457,7 @@ def test_a_phase_diagram_shows_every_kind_of_cell():
     names = [text.get_text() for text in figure.legends[0].get_texts()]
     assert names == [
         "smooth sliding",
-        "small oscillation",
+        "sustained oscillation",
         "stick-slip",
         "undecided",
         "failed",
@@ -465,7 +465,7 @@ def test_a_phase_diagram_shows_every_kind_of_cell():
     ]
     assert [ax.get_title(loc="left") for ax in figure.axes] == ["(a) from a start at rest", "(b) from smooth sliding"]
     cells = [np.argwhere(~np.ma.getmaskarray(meshes_of(ax)[plot.BLUE].get_array())) for ax in figure.axes]
-    for found, start in zip(cells, ("cold", "smooth"), strict=True):
+    for found, start in zip(cells, ("from rest", "smooth"), strict=True):
         stuck = (result["regime"].sel(start=start) == "stick-slip") & (result["error"].sel(start=start) == "")
         stuck &= result["case_key"].sel(start=start) != 0
         np.testing.assert_array_equal(found, np.argwhere(stuck.transpose("velocity", "stiffness").values))
@@ -482,15 +482,17 @@ def test_cells_whose_seeds_differ_are_shown_as_such():
 
 
 def test_a_sweep_along_one_axis_is_a_line(tmp_path):
-    document = changed("axes", {"velocity": [0.5, 1.0, 2.0], "start": ["cold", "smooth"], "seed": [1, 2]})
+    document = changed("axes", {"velocity": [0.5, 1.0, 2.0], "start": ["from rest", "smooth"], "seed": [1, 2]})
     file, store = written(tmp_path, document), tmp_path / "s.zarr"
     assert run("sweep", file, "--store", store, "--plot", tmp_path / "s.svg") == 0
     assert "<svg" in (tmp_path / "s.svg").read_text()
     figure = plot.sweep_picture(with_theory(open_sweep(store)))
     (ax,) = figure.axes
-    swing = open_sweep(store)["peak_to_peak"]
+    oscillation = open_sweep(store)["peak_to_peak"]
     lines = {line.get_label(): line for line in ax.lines}
-    assert lines["from a start at rest"].get_ydata() == pytest.approx(swing.sel(start="cold").median("seed").values)
+    assert lines["from a start at rest"].get_ydata() == pytest.approx(
+        oscillation.sel(start="from rest").median("seed").values
+    )
     marks = sum(np.isfinite(line.get_ydata()).sum() for line in ax.lines if line.get_linestyle() == "None")
     assert marks == 12
     assert lines["linear boundary, computed"].get_xdata()[0] == pytest.approx(0.7142311)
@@ -516,7 +518,7 @@ def test_a_sweep_over_starts_alone_has_no_picture():
     with pytest.raises(InputError, match="no axis to draw along"):
         plot.sweep_picture(
             with_theory(
-                from_document(changed("axes", {"start": ["cold"]}, changed("rig.drive", {"velocity": 1.0}))).run()
+                from_document(changed("axes", {"start": ["from rest"]}, changed("rig.drive", {"velocity": 1.0}))).run()
             )
         )
 
@@ -541,7 +543,7 @@ def test_a_refinement_is_kept_drawn_and_gone_on_with(tmp_path, capsys, monkeypat
     axes = {
         "stiffness": {"from": 0.5, "to": 8.0, "spacing": "log"},
         "velocity": {"from": 0.1, "to": 1.0, "spacing": "log"},
-        "start": ["cold", "smooth"],
+        "start": ["from rest", "smooth"],
     }
     file = written(tmp_path, changed("refine", {"runs": 24}, changed("axes", axes)))
     store = tmp_path / "s"
@@ -573,7 +575,7 @@ SLOW = changed(
     "run",
     {"contacts": 2000, "distance": 250.0, "extensions": 0},
     changed("axes", {"stiffness": {"from": 0.5, "to": 8.0, "count": 10, "spacing": "log"}, "velocity": [0.2, 0.5, 1.0],
-                     "start": ["cold", "smooth"]}),
+                     "start": ["from rest", "smooth"]}),
 )  # fmt: skip
 
 
@@ -746,7 +748,7 @@ def test_a_disk_that_is_full(tmp_path):
 
 
 def test_the_example_is_the_interface_of_fig_4():
-    from stickslip.model import FIG4
+    from stickslip.paper.cases import FIG4
 
     plan = read_plan(EXAMPLE)
     assert plan.study.interface == FIG4.interface

@@ -2,8 +2,8 @@
 
 The linear boundary speaks of small disturbances of smooth sliding, so it is compared with runs that start from there.
 Below it the interface is bistable: a start at rest, which is a finite disturbance, leads to stick-slip down to where
-the cycle itself ends in a fold. Between the two, N contacts may kick themselves over; more contacts do so less, hence
-more of them here than in the example.
+the cycle itself ends in a fold. Between the two, N contacts may perturbation themselves over; more contacts do so less,
+hence more of them here than in the example.
 """
 
 from __future__ import annotations
@@ -13,9 +13,10 @@ from dataclasses import replace
 
 import xarray as xr
 
-from stickslip import Contacts, Slider, bistable_band, critical_velocities, rig
+from stickslip import Contacts, Slider, bistable_band, critical_velocities
+from stickslip.io import rig_files as rig
 from stickslip.paper import Claim
-from stickslip.paper.record import at_least, near
+from stickslip.paper.figure import at_least, near
 from stickslip.sweep.plan import Plan, read_plan
 from verification.study import finding
 
@@ -23,7 +24,7 @@ _CONTACTS = 20_000
 _MARGIN = 1.25
 """Factor of velocity on either side of a boundary within which nothing is claimed: growth rates beside it are so small
 that a run may end before an oscillation has grown out of the noise, and below it noise may trigger slips."""
-_OSCILLATES = ("stick-slip", "small oscillation")
+_OSCILLATES = ("stick-slip", "sustained oscillation")
 
 
 def regimes() -> tuple[Claim, ...]:
@@ -50,8 +51,8 @@ def _linear(plan: Plan, diagram: xr.Dataset) -> Claim:
     cells = diagram["regime"].size / 2
     return finding(
         "From smooth sliding, the stable side of the linear boundary stays smooth and the unstable side oscillates",
-        near("share of the cells that do", as_claimed / claimed, 1.0, 0.0),
-        at_least("share of the grid that is not too near to the boundary to be judged", claimed / cells, 0.8),
+        near("fraction of the cells that do", as_claimed / claimed, 1.0, 0.0),
+        at_least("fraction of the grid that is not too near to the boundary to be judged", claimed / cells, 0.8),
         evidence=f"{cells:.0f} rigs of {_CONTACTS:,} contacts; those within a factor {_MARGIN:g} left out",
     )
 
@@ -59,7 +60,7 @@ def _linear(plan: Plan, diagram: xr.Dataset) -> Claim:
 def _starts(diagram: xr.Dataset) -> Claim:
     undecided = (diagram["regime"] == "undecided").any("start")
     calm = (diagram["regime"] == "smooth sliding") | undecided
-    strange = (~calm.sel(start="smooth") & calm.sel(start="cold")).sum()
+    strange = (~calm.sel(start="smooth") & calm.sel(start="from rest")).sum()
     return finding(
         "A start at rest oscillates wherever a start from smooth sliding does",
         near("cells where it does not", float(strange), 0.0, 0.0),
@@ -75,15 +76,15 @@ def _fold(plan: Plan) -> Claim:
         (band,) = bistable_band(setting.interface, setting.rig, between=(0.1, 3.0), step=0.1, tolerance=0.01).bands
         low, high = band.low.value, band.high.value
         for velocity, start, expected in (
-            (math.sqrt(low * high), "cold", "stick-slip"),
+            (math.sqrt(low * high), "from rest", "stick-slip"),
             (math.sqrt(low * high), "smooth", "smooth sliding"),
-            (low * _MARGIN, "cold", "stick-slip"),
-            (low / _MARGIN, "cold", "smooth sliding"),
+            (low * _MARGIN, "from rest", "stick-slip"),
+            (low / _MARGIN, "from rest", "smooth sliding"),
         ):
             seen = plan.study(stiffness=stiffness, velocity=velocity, start=start, seed=1)["regime"]
             cases.append(seen == expected)
     return finding(
-        "From rest stick-slip lasts down to the fold of its cycle; between fold and linear boundary both regimes last",
-        near("share of the runs that do as computed", sum(cases) / len(cases), 1.0, 0.0),
+        "From rest stick-slip persists down to the fold of its cycle; between fold and linear boundary both regimes last",
+        near("fraction of the runs that do as computed", sum(cases) / len(cases), 1.0, 0.0),
         evidence=f"{len(cases)} runs of {_CONTACTS:,} contacts at two stiffnesses, on both sides of the fold",
     )

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import stickslip
+from stickslip.io.files import whole_file
 from stickslip.paper import Claim
-from stickslip.store import whole_file
 from verification import STUDIES
 
 _TEMPLATE = Path(__file__).with_name("template.html")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from stickslip.advise import Prediction
-    from stickslip.rig import Rig
+    from stickslip.io.rig_files import Rig
 
 app = App(
     name="stickslip",
@@ -63,18 +63,18 @@ def _fail(message: str, code: int = 2) -> int:
 
 @app.command
 def predict(rig: Path, *, verify: bool = False, json: Json = False, plot: Plot = None) -> None:
-    """Say whether a rig will stick-slip, with margins and remedies.
+    """Say whether a rig will stick-slip, with margins and mitigations.
 
     Parameters
     ----------
     rig
         A rig file in TOML, or the name of an example: `stickslip new` lists them.
     verify
-        Simulate the rig after each remedy with its own method.
+        Simulate the rig after each mitigation with its own method.
     """
     from stickslip import advise
     from stickslip import measure as measures
-    from stickslip import rig as rigs
+    from stickslip.io import rig_files as rigs
 
     _check_target(plot)
     described = rigs.read(rig)
@@ -100,7 +100,7 @@ def new(example: str | None = None) -> None:
     example
         Name of a rig that comes with the package; without one, their names are listed.
     """
-    from stickslip import rig as rigs
+    from stickslip.io import rig_files as rigs
 
     if example is None:
         for name in rigs.examples():
@@ -127,16 +127,17 @@ def simulate(
     rig
         A rig file in TOML, or with --again a run that `simulate` wrote.
     """
-    from stickslip import measure, store
-    from stickslip import rig as rigs
-    from stickslip.simulate import repeat
-    from stickslip.simulate import simulate as run_case
+    from stickslip import measure
+    from stickslip.io import files as store
+    from stickslip.io import rig_files as rigs
+    from stickslip.simulation import rerun
+    from stickslip.simulation import simulate as run_case
 
     _check_target(plot)
     _check_target(output)
     with _bar("simulating") as progress:
         if again:
-            run = repeat(before := store.load(rig), progress=progress)
+            run = rerun(before := store.load(rig), progress=progress)
             run.attrs.update({key: value for key, value in before.attrs.items() if key not in run.attrs})
         else:
             described = rigs.read(rig)
@@ -145,7 +146,7 @@ def simulate(
                 described.slider,
                 described.drive,
                 described.method,
-                record=described.record,
+                output=described.output,
                 start=described.start,
                 progress=progress,
             )
@@ -188,7 +189,7 @@ def measure(
         A run (NetCDF), or a table in plain text with a column of force.
     """
     from stickslip import measure as measures
-    from stickslip import store
+    from stickslip.io import files as store
 
     _check_target(plot)
     _check_target(events)
@@ -234,7 +235,7 @@ def plot(
     time: str | None = None,
     step: float | None = None,
     at: Annotated[str | None, Parameter(help="Of a sweep, the cut to draw: delay=0.1,start=cold.")] = None,
-    bistable: Annotated[bool, Parameter(help="Of a sweep: show where stick-slip dies, too.", negative="")] = False,
+    bistable: Annotated[bool, Parameter(help="Of a sweep: show where stick-slip decays, too.", negative="")] = False,
 ) -> None:
     """Draw a run, a measured trace or a sweep.
 
@@ -269,14 +270,14 @@ def plot(
 def map(
     rig: Path,
     *,
-    over: Annotated[str, Parameter(help="Two knobs, such as stiffness,velocity.")] = "stiffness,velocity",
+    over: Annotated[str, Parameter(help="Two parameters, such as stiffness,velocity.")] = "stiffness,velocity",
     around: Annotated[float, Parameter(help="Factor on either side of the rig's own point.")] = 30.0,
-    points: Annotated[int, Parameter(help="Points of the map along each knob.")] = 80,
-    bistable: Annotated[bool, Parameter(help="Show where stick-slip lasts beside it, too.", negative="")] = False,
+    points: Annotated[int, Parameter(help="Points of the map along each parameter.")] = 80,
+    bistable: Annotated[bool, Parameter(help="Show where stick-slip persists beside it, too.", negative="")] = False,
     output: Annotated[Path, Parameter(alias="-o", help="The picture.")] = Path("map.png"),
     json: Json = False,
 ) -> None:
-    """Draw where smooth sliding is stable, over two knobs of a rig; computed, not swept.
+    """Draw where smooth sliding is stable, over two parameters of a rig; computed, not swept.
 
     Parameters
     ----------
@@ -285,12 +286,12 @@ def map(
     """
     from stickslip import advise
     from stickslip import plot as drawing
-    from stickslip import rig as rigs
+    from stickslip.io import rig_files as rigs
 
     _check_target(output)
     names = tuple(part.strip() for part in over.split(","))
     if len(names) != 2:
-        raise InputError(f"--over {over}: must name two knobs with a comma between, such as stiffness,velocity")
+        raise InputError(f"--over {over}: must name two parameters with a comma between, such as stiffness,velocity")
     described = rigs.read(rig)
     with _bar("mapping") as progress:
         found = advise.chart(described, (names[0], names[1]), around, points, bistable=bistable, progress=progress)
@@ -312,11 +313,11 @@ def sweep(
     scheduler: Annotated[str | None, Parameter(help="Run them on a Dask cluster: tcp://HOST:PORT.")] = None,
     retry_failed: Annotated[bool, Parameter(help="Run cases again that failed before.", negative="")] = False,
     replot: Annotated[bool, Parameter(help="Run nothing: draw what the store holds.", negative="")] = False,
-    bistable: Annotated[bool, Parameter(help="Draw where stick-slip dies, too; takes seconds.", negative="")] = False,
+    bistable: Annotated[bool, Parameter(help="Draw where stick-slip decays, too; takes seconds.", negative="")] = False,
     json: Json = False,
     plot: Plot = None,
 ) -> int:
-    """Run many cases over the knobs of a rig; a second start with the same store runs what is missing.
+    """Run many cases over the parameters of a rig; a second start with the same store runs what is missing.
 
     The exit code is 1 if cases failed: they are recorded, and the others are done.
 
@@ -367,7 +368,7 @@ def paper(
         fig1, fig2 ...
     """
     from stickslip import plot as drawing
-    from stickslip import store
+    from stickslip.io import files as store
     from stickslip.paper import FIGURES
 
     if figure not in FIGURES:
@@ -591,11 +592,11 @@ def _check_target(path: Path | None) -> None:
 def _read_data(data: Path, force: str | None, time: str | None, step: float | None) -> xr.Dataset:
     """Read a run, in its units, or a measured trace."""
     from stickslip import measure as measures
-    from stickslip import store
+    from stickslip.io import files as store
 
     if data.is_file() and store.is_netcdf(data):
         run = store.load(data)
-        if "F_d" not in run or "t" not in run.coords:
+        if "spring_force" not in run or "time" not in run.coords:
             raise InputError(f"{data}: holds no run: there is no force F_d along a time t in it")
         return _in_its_units(run)
     return measures.read_trace(data, force=_column(force), time=_column(time), step=step)
@@ -607,7 +608,7 @@ def _column(name: str | None) -> str | int | None:
 
 def _in_its_units(run: xr.Dataset) -> xr.Dataset:
     """A run in the units of the rig file that it was made from."""
-    from stickslip import rig as rigs
+    from stickslip.io import rig_files as rigs
 
     if "rig" not in run.attrs:
         return run
@@ -684,16 +685,16 @@ def _print_prediction(found: Prediction, rig: Rig, picture: Path | None) -> None
         numbers.add_row(name, text)
     console.print(numbers)
     if found.margins:
-        console.print("\n[bold]Margins[/bold] of smooth sliding, each knob turned alone (linear stability)")
+        console.print("\n[bold]Margins[/bold] of smooth sliding, each parameter varied alone (linear stability)")
         table = Table(box=None, pad_edge=False)
-        for title in ("knob", "now", "nearest edge below", "nearest edge above"):
+        for title in ("parameter", "now", "nearest edge below", "nearest edge above"):
             table.add_column(title)
         for row in found.margin_rows():
             table.add_row(*row)
         console.print(table)
-    if found.remedies:
-        console.print("\n[bold]Remedies[/bold], one change at a time, the smallest first")
-        for line in found.remedy_lines():
+    if found.mitigations:
+        console.print("\n[bold]Mitigations[/bold], one change at a time, the smallest first")
+        for line in found.mitigation_lines():
             console.print(f"- {line}", markup=False)
     elif found.ill:
         console.print("\nNo single change within the ranges searched gives smooth sliding.")

@@ -1,6 +1,6 @@
 """Rigs as the page holds them: the content of a rig file, as a plain mapping.
 
-What the page shows in a field is what stands in the document; every check is made here, by `stickslip.rig`.
+What the page shows in a field is what stands in the document; every check is made here, by `stickslip.io.rig_files`.
 """
 
 from __future__ import annotations
@@ -13,13 +13,14 @@ from copy import deepcopy
 from typing import Any
 
 from stickslip import model
-from stickslip import rig as rigs
 from stickslip.errors import InputError
-from stickslip.model import PaperCase, RandomDelay
-from stickslip.rig import Rig
-from stickslip.simulate import Contacts
-from stickslip.stability import KNOBS
-from stickslip.units import SI, Quantity, Scales, quantity
+from stickslip.io import rig_files as rigs
+from stickslip.io.rig_files import Rig
+from stickslip.model import Contacts, RandomDelay
+from stickslip.model.units import SI, Quantity, Scales, quantity
+from stickslip.paper import cases
+from stickslip.paper.cases import PaperCase
+from stickslip.stability import PARAMETERS
 
 Document = dict[str, Any]
 
@@ -32,8 +33,8 @@ AGEING_COSTS = 20.0
 MOST_RADIANS = 2e6
 """Angle that the held slider's oscillation turns through in a run."""
 
-QUANTITIES: Mapping[str, Quantity] = {knob.name: quantity(knob.unit) for knob in KNOBS}
-"""Knobs of the theory of stability, and what they are."""
+QUANTITIES: Mapping[str, Quantity] = {parameter.name: quantity(parameter.unit) for parameter in PARAMETERS}
+"""Parameters of the theory of stability, and what they are."""
 
 _BENCH = Scales(force=768.0, stretching=2e-6, time=5e-3)
 """Scales for a rig in natural units that is to be shown in SI: those of the example pmma_slider."""
@@ -50,7 +51,7 @@ def rig_of(document: object) -> Rig:
     Raises
     ------
     InputError
-        As `stickslip.rig.from_document`, and if a run of it would keep the page waiting.
+        As `stickslip.io.rig_files.from_document`, and if a run of it would keep the page waiting.
     """
     if not isinstance(document, Mapping):
         raise InputError("rig: must be a table with slider, interface and drive")
@@ -105,16 +106,16 @@ _OF_RECORDS = {
     "Contacts.count": "simulation.contacts",
     "Contacts.seed": "simulation.seed",
     "MasterEquation.cells": "simulation.cells",
-    "Record.interval": "simulation.interval",
-    "Sliding": "simulation.start",
+    "Output.interval": "simulation.interval",
+    "FromSliding": "simulation.start",
     "Langevin.rate": "interface.ageing.time",
     "Interface.initial": "interface.initial",
     "Interface.ageing": "interface.ageing",
     "Interface.delay": "interface.delay",
     "Delay.time": "interface.delay",
     "RandomDelay.": "interface.delay.",
-    "Scales.force": "interface.total_threshold",
-    "Scales.stretching": "interface.threshold_stretching",
+    "Scales.force": "interface.contact_strength",
+    "Scales.stretching": "interface.breaking_displacement",
     "Piece.duration": "drive.distance",
     "Piece.": "drive.velocity",
     "drive:": "drive.velocity",
@@ -141,12 +142,12 @@ def _key(text: str, document: object) -> str:
         name = next(name for name in _OF_RECORDS if found[0].startswith(name))
         return _OF_RECORDS[name] + (found[0].removeprefix(name) if _OF_RECORDS[name].endswith(".") else "")
     if re.match(r"(Gaussian|Uniform|Exponential|Gamma|LogNormal|Weibull|Empirical)\b", text):
-        return "interface." + _faulty_law(document)
+        return "interface." + _faulty_distribution(document)
     return ""
 
 
-def _faulty_law(document: object) -> str:
-    """Which of the two laws of a document cannot be made; errors of a law do not say whose it is."""
+def _faulty_distribution(document: object) -> str:
+    """Which of the two distributions of a document cannot be made; errors of a distribution do not say whose it is."""
     plain = deepcopy(document)
     if not isinstance(plain, dict) or not isinstance(plain.get("interface"), dict):
         return "thresholds"
@@ -164,29 +165,29 @@ def _faulty_law(document: object) -> str:
 
 
 def turned(rig: Rig, values: Mapping[str, Any]) -> Document:
-    """Return the document of a rig with some knobs turned.
+    """Return the document of a rig with some parameters varied.
 
     Parameters
     ----------
     rig : Rig
     values : mapping of str to float
-        Knob and value, in the basic unit of the rig's own system (N/m, m/s, kg, 1/s, s, m; or natural).
+        Parameter and value, in the basic unit of the rig's own system (N/m, m/s, kg, 1/s, s, m; or natural).
 
     Raises
     ------
     InputError
-        If the rig has no such knob.
+        If the rig has no such parameter.
     """
     document = deepcopy(dict(rig.document))
     slider, interface, drive = (_table(document, name) for name in ("slider", "interface", "drive"))
     for name, value in values.items():
         if name not in QUANTITIES:
-            raise InputError(f"{name!r}: is no knob; there are {', '.join(QUANTITIES)}")
+            raise InputError(f"{name!r}: is no parameter; there are {', '.join(QUANTITIES)}")
         if not isinstance(value, (int, float)) or not math.isfinite(value) or value <= 0:
             raise InputError(f"{name} = {value!r}: must be a number above 0")
         natural = value if rig.scales is None else rig.scales.natural(value, QUANTITIES[name])
         if name in ("stiffness", "mass", "damping"):
-            # A knob is turned at constant eta, as on the map.
+            # A parameter is turned at constant eta, as on the map.
             if slider.pop("relative_damping", None) is not None:
                 slider["damping"] = _written(rig.slider.damping, "rate", rig.scales)
             slider[name] = _written(natural, QUANTITIES[name], rig.scales)
@@ -197,10 +198,10 @@ def turned(rig: Rig, values: Mapping[str, Any]) -> Document:
         elif name == "delay":
             delay = rig.interface.delay
             if isinstance(delay, RandomDelay) and delay.mean > 0:
-                spread = delay.spread * natural / delay.mean
+                std = delay.std * natural / delay.mean
                 interface["delay"] = {
                     "mean": _written(natural, "time", rig.scales),
-                    "spread": _written(spread, "time", rig.scales),
+                    "std": _written(std, "time", rig.scales),
                     "negative": delay.negative,
                 }
             else:
@@ -210,10 +211,10 @@ def turned(rig: Rig, values: Mapping[str, Any]) -> Document:
                 raise InputError("interface.ageing: these thresholds do not age by langevin; there is no time to turn")
             interface["ageing"]["time"] = _written(natural, "time", rig.scales)
         else:
-            law = _table(interface, "thresholds")
-            if "spread" not in law:
-                raise InputError("interface.thresholds: this law has no spread of its own to turn")
-            law["spread"] = _short(natural)
+            distribution = _table(interface, "thresholds")
+            if "std" not in distribution:
+                raise InputError("interface.thresholds: this distribution has no standard deviation of its own to turn")
+            distribution["std"] = _short(natural)
     return document
 
 
@@ -247,15 +248,15 @@ def in_units(rig: Rig, units: str) -> Document:
     slider["stiffness"] = _written(rig.slider.stiffness, "stiffness", scales)
     if "damping" in slider:
         slider["damping"] = _written(rig.slider.damping, "rate", scales)
-    for key in ("total_threshold", "normal_load", "friction_coefficient", "threshold_stretching"):
+    for key in ("contact_strength", "normal_load", "friction_coefficient", "breaking_displacement"):
         interface.pop(key, None)
     if scales is not None:
-        interface["total_threshold"] = _written(1.0, "force", scales)
-        interface["threshold_stretching"] = _written(1.0, "length", scales)
+        interface["contact_strength"] = _written(1.0, "force", scales)
+        interface["breaking_displacement"] = _written(1.0, "length", scales)
     delay = rig.interface.delay
     if isinstance(delay, RandomDelay):
         interface["delay"]["mean"] = _written(delay.mean, "time", scales)
-        interface["delay"]["spread"] = _written(delay.spread, "time", scales)
+        interface["delay"]["std"] = _written(delay.std, "time", scales)
     elif "delay" in interface and interface["delay"] != "never":
         interface["delay"] = _written(delay.moment(1), "time", scales)
     ageing = rig.interface.ageing
@@ -280,8 +281,8 @@ def in_units(rig: Rig, units: str) -> Document:
             drive["duration"] = _written(duration, "time", scales)
         else:
             drive["distance"] = _written(abs(velocity) * duration, "length", scales)
-    if rig.record.interval is not None:
-        _table(document, "simulation")["interval"] = _written(rig.record.interval, "time", scales)
+    if rig.output.interval is not None:
+        _table(document, "simulation")["interval"] = _written(rig.output.interval, "time", scales)
     document.pop("assumed", None)  # its sentences are about the numbers of the file
     return document
 
@@ -306,17 +307,17 @@ def _short(value: float) -> float:
 # ---------------------------------------------------------------------------------------------------------------------
 
 _FIGURES = {
-    1: (model.FIG1, "no delay, narrow start"),
-    2: (model.FIG2, "elastic instability"),
-    3: (model.FIG3, "critical stiffness"),
-    4: (model.FIG4, "delay .2: stick-slip"),
-    5: (model.FIG5, "broken contacts never come back"),
-    6: (model.FIG6, "critical delay"),
-    7: (model.FIG7, "transitions in velocity"),
-    8: (model.FIG8, "ageing contacts"),
-    9: (model.FIG9, "ageing, against velocity"),
-    10: (model.FIG10, "ageing, against its rate"),
-    11: (model.FIG11, "ageing, slower"),
+    1: (cases.FIG1, "no delay, narrow start"),
+    2: (cases.FIG2, "elastic instability"),
+    3: (cases.FIG3, "critical stiffness"),
+    4: (cases.FIG4, "delay .2: stick-slip"),
+    5: (cases.FIG5, "broken contacts never re-attach"),
+    6: (cases.FIG6, "critical delay"),
+    7: (cases.FIG7, "transitions in velocity"),
+    8: (cases.FIG8, "ageing contacts"),
+    9: (cases.FIG9, "ageing, against velocity"),
+    10: (cases.FIG10, "ageing, against its rate"),
+    11: (cases.FIG11, "ageing, slower"),
 }
 
 
@@ -338,7 +339,7 @@ def presets() -> list[dict[str, Any]]:
 
 def first() -> Document:
     """Return the rig that the app begins with: Fig. 4 of the paper, with fewer contacts over a shorter distance."""
-    document = paper(model.FIG4, "Sliding or stick-slip")
+    document = paper(cases.FIG4, "Sliding or stick-slip")
     document["simulation"]["contacts"] = 3_000
     document["drive"]["distance"] = 40.0
     return document
@@ -350,15 +351,19 @@ def paper(case: PaperCase, name: str) -> Document:
     thresholds, initial, delay = interface.thresholds, interface.initial, interface.delay
     relative = round(slider.damping / slider.frequency, 6)
     parts: Document = {
-        "thresholds": {"law": "gaussian", "mean": thresholds.moment(1), "spread": thresholds.standard_deviation()},
-        "initial": {"law": "gaussian", "mean": initial.moment(1), "spread": initial.standard_deviation()},
+        "thresholds": {
+            "distribution": "gaussian",
+            "mean": thresholds.moment(1),
+            "std": thresholds.standard_deviation(),
+        },
+        "initial": {"distribution": "gaussian", "mean": initial.moment(1), "std": initial.standard_deviation()},
     }
-    for law in parts.values():
-        law.update({key: _short(law[key]) for key in ("mean", "spread")})
+    for distribution in parts.values():
+        distribution.update({key: _short(distribution[key]) for key in ("mean", "std")})
     if delay.moment(1) > 0:
         parts["delay"] = "never" if math.isinf(delay.moment(1)) else delay.moment(1)
     if isinstance(interface.ageing, model.Langevin):
-        parts["ageing"] = {"law": "langevin", "time": float(f"{interface.ageing.rate**-2:.12g}")}
+        parts["ageing"] = {"distribution": "langevin", "time": float(f"{interface.ageing.rate**-2:.12g}")}
     damping = {"relative_damping": relative} if relative in (0.1, 0.3) else {"damping": slider.damping}
     distance = 60.0 if interface.ageing is None else 30.0
     return {

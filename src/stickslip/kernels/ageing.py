@@ -2,13 +2,13 @@
 
 Everything is per contact and in natural units (contact stiffness 1). A threshold follows the Langevin equation
 
-    df = rate^2 (mean - f) dt + rate spread sqrt(2) dW,        Eqs. (13), (15), (16)
+    df = rate^2 (mean - f) dt + rate std sqrt(2) dW,        Eqs. (13), (15), (16)
 
-with ``rate`` the paper's beta, ``mean`` its f_s and ``spread`` its delta f_s. A contact breaks when its stretching
-``|x|`` first meets its threshold ``f``; it is reborn at ``x = 0`` with the threshold ``newborn``. The *gap*
+with ``rate`` the paper's beta, ``mean`` its f_s and ``std`` its delta f_s. A contact breaks when its stretching
+``|x|`` first meets its threshold ``f``; it is re-attached at ``x = 0`` with the threshold ``newborn``. The *gap*
 ``y = f - |x|`` is what is left until it breaks.
 
-With ``newborn = 0`` a contact is born on its own breaking boundary. It then breaks and is reborn infinitely often
+With ``newborn = 0`` a contact is born on its own breaking boundary. It then breaks and is re-attached infinitely often
 before it leaves the boundary for good, as Brownian motion returns to zero: the rate of breaking is infinite, while
 force, stretchings and thresholds are finite. All solvers here therefore count *excursions* of the gap from zero, by
 its local time there, and never breaks:
@@ -30,8 +30,8 @@ Floats = NDArray[np.float64]
 # Relaxation times of the reflected gap, noise/drift^2, after which its start is forgotten to exp(-FORGOTTEN/2).
 FORGOTTEN = 16.0
 
-# A contact sleeps while the slider goes a third of its gap, and for this share of gap^2/noise: the other two thirds are
-# then four standard deviations of its threshold.
+# A contact sleeps while the slider goes a third of its gap, and for this fraction of gap^2/noise: the other two thirds
+# are then four standard deviations of its threshold.
 SLEEP = (2.0 / 3.0 / 4.0) ** 2
 
 NO_DELAY = np.zeros(1)
@@ -68,7 +68,7 @@ def _graded(end: float, cells: int, first: float) -> Floats:
 
 @jit
 def _gap_nodes(u: float, delta: float, newborn: float, cells: int) -> Floats:
-    """Nodes of the gap in units of the spread, from the boundary to where the density is below 1e-15.
+    """Nodes of the gap in units of the standard deviation, from the boundary to where the density is below 1e-15.
 
     The drift of the gap at birth is ``c = (1-u)/delta``, in the potential ``z^2/2 - c z``.
     """
@@ -166,8 +166,8 @@ def _steady_moments(u: float, delta: float, newborn: float, cells: int, steps: i
 def _resolution(u: float, delta: float, newborn: float, cells: int) -> tuple[int, int]:
     """Cells of the gap and steps of the age that keep the same accuracy everywhere.
 
-    A narrow law makes thin layers, a newborn that must come down to its boundary makes a travelling pulse, and a
-    slow slide takes many times 1/rate^2.
+    A narrow distribution makes thin layers, a newborn that must come down to its boundary makes a travelling pulse, and
+    a slow slide takes many times 1/rate^2.
     """
     peclet = newborn * max(u - 1.0, 0.0) / delta**2
     more = min(max(1.0, 0.1 / delta, peclet / 60.0), 16.0)
@@ -191,10 +191,11 @@ def steady_moments(u: float, delta: float, newborn: float, cells: int) -> tuple[
     u : float
         ``velocity / (rate^2 mean)``, above 0.
     delta : float
-        ``spread / mean``, above 0.
+        ``std / mean``, above 0.
     newborn : float
         Threshold at birth in units of `mean`. For 0 a contact is born on the boundary of breaking; the moments are
-        then those of an excursion, per unit of its entrance law (their slope in the gap, in units of the spread).
+        then those of an excursion, per unit of its entrance distribution (their slope in the gap, in units of the
+        standard deviation).
     cells : int
         Cells of the coarser grid; 100 gives 1e-5 (for 1e-5 <= u <= 50 and delta >= 0.1).
 
@@ -216,7 +217,7 @@ def steady_moments(u: float, delta: float, newborn: float, cells: int) -> tuple[
 def steady_friction(
     velocity: Floats,
     rate: float,
-    spread: float,
+    std: float,
     newborn: float = 0.0,
     mean: float = 1.0,
     delay: float = 0.0,
@@ -224,14 +225,14 @@ def steady_friction(
 ) -> Floats:
     """Force of the contacts in smooth sliding, N to infinity, from Eqs. (13)-(17).
 
-    A function of ``u = velocity/(rate^2 mean)`` alone (without delay); it falls as ``spread^2/mean u/(u-1)^2`` at
+    A function of ``u = velocity/(rate^2 mean)`` alone (without delay); it falls as ``std^2/mean u/(u-1)^2`` at
     large u.
 
     Parameters
     ----------
     velocity : ndarray, shape (n,)
         Sliding velocities, not 0. The force has the sign of the velocity.
-    rate, spread, mean, newborn : float
+    rate, std, mean, newborn : float
         Of Eqs. (15) and (16): beta, delta f_s, f_s, and the threshold of a newborn contact.
     delay : float
         Mean time a broken contact stays detached. With ``newborn = 0`` no contact ever holds for it.
@@ -249,7 +250,7 @@ def steady_friction(
         v = velocity[i]
         if delay > 0.0 and newborn <= 0.0:
             continue
-        life, work = steady_moments(abs(v) * time / mean, spread / mean, newborn / mean, cells)
+        life, work = steady_moments(abs(v) * time / mean, std / mean, newborn / mean, cells)
         force[i] = np.sign(v) * mean * work / (life + delay / time)
     return force
 
@@ -434,7 +435,7 @@ def _inverse_gaussian(mu: float, shape: float, rng: np.random.Generator) -> floa
 
 @jit
 def _crossing(start: float, end: float, variance: float, rng: np.random.Generator) -> float:
-    """Share of a step after which a Brownian bridge of the gap first meets zero, given that it does.
+    """Fraction of a step after which a Brownian bridge of the gap first meets zero, given that it does.
 
     The bridge is a Brownian motion with drift in the clock ``t/(1-t)``, whose first passage is inverse Gaussian.
     """
@@ -446,12 +447,13 @@ def _crossing(start: float, end: float, variance: float, rng: np.random.Generato
 
 @jit
 def _regenerate(start: float, drift: float, noise: float, time: float, rng: np.random.Generator) -> tuple[float, float]:
-    """Gap of a contact that is reborn on its boundary whenever it meets it; and its age.
+    """Gap of a contact that is re-attached on its boundary whenever it meets it; and its age.
 
     The gap is a Brownian motion with drift, reflected at 0: free motion less its running minimum where that is
-    below 0, sampled exactly by the bridge law of the minimum, so that a step may hold any number of breaks. The time
-    since the last visit to 0 is the time since the minimum; of it the mean is taken, given all else: the forces need
-    no more, and two passage times (before the minimum and after it) share the step in proportion to their depths.
+    below 0, sampled exactly by the bridge distribution of the minimum, so that a step may hold any number of breaks.
+    The time since the last visit to 0 is the time since the minimum; of it the mean is taken, given all else: the
+    forces need no more, and two passage times (before the minimum and after it) share the step in proportion to their
+    depths.
 
     Parameters
     ----------
@@ -514,7 +516,7 @@ def _age_contacts(
     dt: float,
     X: float,
     dX: float,
-    law: Floats,
+    distribution: Floats,
     delays: Floats,
     rng: np.random.Generator,
 ) -> tuple[float, int]:
@@ -527,13 +529,13 @@ def _age_contacts(
     Returns what breaking has taken from the sum of all stretchings, and how many contacts the step has attached
     (less those that it has detached).
     """
-    rate, mean, spread, newborn = law[0], law[1], law[2], law[3]
+    rate, mean, std, newborn = distribution[0], distribution[1], distribution[2], distribution[3]
     square = rate * rate
     decay = np.exp(-square * dt)
-    kick = spread * np.sqrt(1.0 - decay * decay)
+    perturbation = std * np.sqrt(1.0 - decay * decay)
     # Of the bridge, in the clock that makes an Ornstein-Uhlenbeck process a Brownian motion.
-    variance = 2.0 * spread * spread * np.sinh(square * dt)
-    noise = 2.0 * square * spread * spread
+    variance = 2.0 * std * std * np.sinh(square * dt)
+    noise = 2.0 * square * std * std
     v = dX / dt
     end, new_X = now + dt, X + dX
     # Where a step holds many lives, the moment of the first break in it does not matter.
@@ -550,7 +552,7 @@ def _age_contacts(
             left, x, f = dt, base[i] + X, threshold[i]
             if seen[i] < now:
                 e = np.exp(-square * (now - seen[i]))
-                f = mean + (f - mean) * e + spread * np.sqrt(1.0 - e * e) * rng.standard_normal()
+                f = mean + (f - mean) * e + std * np.sqrt(1.0 - e * e) * rng.standard_normal()
                 gap = f - abs(x) - max(f - mean, 0.0)
                 if gap > 3.0 * abs(dX) and SLEEP * gap * gap > noise * dt:  # on it sleeps
                     threshold[i], seen[i], until[i] = f, now, now + SLEEP * gap * gap / noise
@@ -574,11 +576,11 @@ def _age_contacts(
             f = abs(x) + gap
         while left > 0.0:
             if left == dt:
-                e, sigma, var = decay, kick, variance
+                e, sigma, var = decay, perturbation, variance
             else:
                 e = np.exp(-square * left)
-                sigma = spread * np.sqrt(1.0 - e * e)
-                var = 2.0 * spread * spread * np.sinh(square * left)
+                sigma = std * np.sqrt(1.0 - e * e)
+                var = 2.0 * std * std * np.sinh(square * left)
             new_x = x + v * left
             new_f = mean + (f - mean) * e + sigma * rng.standard_normal()
             gap = max(f - abs(x), 0.0)
@@ -624,7 +626,7 @@ def advance_contacts(
     attach: Floats,
     drive: Floats,
     slider: Floats,
-    law: Floats,
+    distribution: Floats,
     delays: Floats,
     times: Floats,
     step: float,
@@ -635,11 +637,11 @@ def advance_contacts(
     """Advance N ageing contacts and the slider to the last of `times`, Eqs. (11) and (13)-(16).
 
     Per contact and step: an exact Ornstein-Uhlenbeck step of the threshold, a Brownian-bridge test for breaking
-    inside the step, the exact law of the moment of breaking, and for contacts born on their boundary the exact law
-    of the gap after any number of breaks (`_regenerate`). Contacts far from breaking are left alone. The slider is
-    the exact oscillator of the driving spring and the contacts, less what breaking takes from their force: guessed
-    from the step before, the contacts move; then known, the slider moves again (second order in the step). Samples
-    inside a step are taken from that oscillation.
+    inside the step, the exact distribution of the moment of breaking, and for contacts born on their boundary the exact
+    distribution of the gap after any number of breaks (`_regenerate`). Contacts far from breaking are left alone. The
+    slider is the exact oscillator of the driving spring and the contacts, less what breaking takes from their force:
+    guessed from the step before, the contacts move; then known, the slider moves again (second order in the step).
+    Samples inside a step are taken from that oscillation.
 
     Parameters
     ----------
@@ -653,8 +655,8 @@ def advance_contacts(
         See `drive_at`.
     slider : ndarray, shape (3,)
         K, M, eta of Eq. (11), per contact. ``K = inf`` is rigid motion: the slider is the drive.
-    law : ndarray, shape (4,)
-        rate, mean, spread, newborn.
+    distribution : ndarray, shape (4,)
+        rate, mean, standard deviation, newborn.
     delays : ndarray, shape (n,)
         Delays after breaking, one drawn at random for each break; ``[0.]`` for none. A delay needs a newborn
         threshold above 0.
@@ -671,13 +673,13 @@ def advance_contacts(
     Returns
     -------
     ndarray, shape (m, 5)
-        X, V, driving force F_d, contact force F_c (both per contact), share of attached contacts.
+        X, V, spring force F_d, contact force F_c (both per contact), fraction of attached contacts.
     """
-    rate, mean, spread = law[0], law[1], law[2]
+    rate, mean, std = distribution[0], distribution[1], distribution[2]
     rigid = np.isinf(slider[0])
     n = stretching.size
     now, X, V, loss = state[0], state[1], state[2], state[3]
-    if law[3] <= 0.0 and np.max(delays) > 0.0:
+    if distribution[3] <= 0.0 and np.max(delays) > 0.0:
         raise ValueError("a delay after breaking needs a newborn threshold above 0")
     if rigid and times.size > 0:
         X = drive_at(drive, now)[0]
@@ -700,7 +702,7 @@ def advance_contacts(
         if shorter < dt or dt < end - now:
             dt, end = shorter, now + shorter
         lost, more = _age_contacts(
-            stretching, threshold, attach, seen, until, room, now, dt, X_0, X - X_0, law, delays, rng
+            stretching, threshold, attach, seen, until, room, now, dt, X_0, X - X_0, distribution, delays, rng
         )
         loss = lost / (n * dt)
         total += count * (X - X_0) - lost
@@ -717,7 +719,7 @@ def advance_contacts(
             stretching[i] = 0.0
         elif seen[i] < now:
             e = np.exp(-rate * rate * (now - seen[i]))
-            f = mean + (threshold[i] - mean) * e + spread * np.sqrt(1.0 - e * e) * rng.standard_normal()
+            f = mean + (threshold[i] - mean) * e + std * np.sqrt(1.0 - e * e) * rng.standard_normal()
             threshold[i] = max(f, abs(stretching[i]))
     state[0], state[1], state[2], state[3] = now, X, V, loss
     return samples
@@ -791,7 +793,7 @@ def _density_by_age(u: float, delta: float, newborn: float, z: Floats, age: Floa
 def _responses(
     u: float, delta: float, newborn: float, s: NDArray[np.complex128], z: Floats, age: Floats, mass: Floats
 ) -> NDArray[np.complex128]:
-    """Transforms of one life at Laplace variables `s`, and of its linear response to a shaken slider; shape (4, n).
+    """Transforms of one life at Laplace variables `s`, and of its linear response to a perturbed slider; shape (4, n).
 
     ``int S e^{-sa}``, ``int u a S e^{-sa}``, and the same two of the perturbation of S. Real and imaginary parts lie
     apart and all variables side by side, so that the inner loops run on vectors.
@@ -907,7 +909,7 @@ def life_transforms(
     Parameters
     ----------
     u, delta, newborn : float
-        ``velocity/(rate^2 mean)``, ``spread/mean`` and ``newborn/mean``.
+        ``velocity/(rate^2 mean)``, ``std/mean`` and ``newborn/mean``.
     p : ndarray of complex, shape (n,)
         Laplace variable in units of rate^2.
     cells : int
@@ -917,7 +919,7 @@ def life_transforms(
     -------
     ndarray of complex, shape (4, n + 1)
         For each `p`, and last for 0: ``int S e^{-pa}``, ``int u a S e^{-pa}``, and the same two of the perturbation of
-        the survivors S by a slider that is shaken by ``e^{pa}``.
+        the survivors S by a slider that is perturbed by ``e^{pa}``.
     """
     z, age = _stability_nodes(u, delta, newborn, cells)
     mass = _density_by_age(u, delta, newborn, z, age)
@@ -928,7 +930,7 @@ def life_transforms(
 def _dynamic_stiffness(
     velocity: float,
     rate: float,
-    spread: float,
+    std: float,
     s: NDArray[np.complex128],
     newborn: float,
     mean: float,
@@ -937,7 +939,7 @@ def _dynamic_stiffness(
 ) -> NDArray[np.complex128]:
     """`dynamic_stiffness_ageing` at one resolution."""
     square = rate * rate
-    parts = life_transforms(velocity / (square * mean), spread / mean, newborn / mean, s / square, cells)
+    parts = life_transforms(velocity / (square * mean), std / mean, newborn / mean, s / square, cells)
     rest = parts[0, s.size].real
     held = rest + np.mean(delays) * square
     kappa = np.empty(s.size, dtype=np.complex128)
@@ -956,7 +958,7 @@ def _dynamic_stiffness(
 def dynamic_stiffness_ageing(
     velocity: float,
     rate: float,
-    spread: float,
+    std: float,
     s: NDArray[np.complex128],
     newborn: float = 0.0,
     mean: float = 1.0,
@@ -976,7 +978,7 @@ def dynamic_stiffness_ageing(
 
     Parameters
     ----------
-    velocity, rate, spread, newborn, mean : float
+    velocity, rate, std, newborn, mean : float
         See `steady_friction`; velocity above 0.
     s : ndarray of complex, shape (n,)
         Laplace variable, per time.
@@ -991,21 +993,21 @@ def dynamic_stiffness_ageing(
     ndarray of complex, shape (n,)
         kappa, per contact, in units of the contact stiffness.
     """
-    coarse = _dynamic_stiffness(velocity, rate, spread, s, newborn, mean, delays, cells)
-    return (4.0 * _dynamic_stiffness(velocity, rate, spread, s, newborn, mean, delays, 2 * cells) - coarse) / 3.0
+    coarse = _dynamic_stiffness(velocity, rate, std, s, newborn, mean, delays, cells)
+    return (4.0 * _dynamic_stiffness(velocity, rate, std, s, newborn, mean, delays, 2 * cells) - coarse) / 3.0
 
 
 # ---------------------------------------------------------------- the kinetic equation, N to infinity
 
 
 @jit
-def gap_nodes(mean: float, spread: float, newborn: float, cells: float) -> Floats:
-    """Nodes of the gap for `advance_density`: `cells` per spread, closer and closer towards the boundary.
+def gap_nodes(mean: float, std: float, newborn: float, cells: float) -> Floats:
+    """Nodes of the gap for `advance_density`: `cells` per standard deviation, closer and closer towards the boundary.
 
     Contacts born on their boundary leave it as the square root of time, and a fast slider presses them against it:
     the first cells must be small. The last node lies beyond all thresholds.
     """
-    end, widest = max(mean, newborn) + 8.0 * spread, spread / cells
+    end, widest = max(mean, newborn) + 8.0 * std, std / cells
     growth, h, k = 1.0 + 1.0 / cells, 0.06 * widest, 0
     nodes = np.zeros(int(end / widest) + int(3.0 / np.log(growth)) + 3)
     while nodes[k] < end:
@@ -1298,7 +1300,7 @@ def advance_density(
     nodes: Floats,
     drive: Floats,
     slider: Floats,
-    law: Floats,
+    distribution: Floats,
     times: Floats,
     step: float,
     reach: float,
@@ -1321,16 +1323,16 @@ def advance_density(
         X. Changed in place.
     place : ndarray, shape (C,)
         Slider positions at which the cohorts have stretching 0, first the closed ones, then the open one. Changed in
-        place. C is at least two more than there are closed cohorts; with ``(mean + 8 spread)/(reach mean) + 3``
-        rows none has to be joined to another that is not near.
+        place. C is at least two more than there are closed cohorts; with ``(mean + 8 standard deviation)/(reach mean) +
+        3`` rows none has to be joined to another that is not near.
     mass : ndarray, shape (C, nodes)
-        Share of contacts by cohort and gap, sum 1, kept to rounding; none on node 0 but of the open cohort. Changed in
-        place.
+        Fraction of contacts by cohort and gap, sum 1, kept to rounding; none on node 0 but of the open cohort. Changed
+        in place.
     moment : ndarray, shape (C, nodes)
         The same times how much farther than `place` these contacts have been born on average. Changed in place.
     nodes : ndarray
         Of `gap_nodes`.
-    drive, slider, law, times
+    drive, slider, distribution, times
         See `advance_contacts`.
     step : float
         Largest step in units of 1/rate^2.
@@ -1344,8 +1346,8 @@ def advance_density(
     ndarray, shape (m, 5)
         X, V, F_d, F_c, sum of the mass.
     """
-    mean, newborn = law[1], law[3]
-    rigid, square, D = np.isinf(slider[0]), law[0] ** 2, (law[0] * law[2]) ** 2
+    mean, newborn = distribution[1], distribution[3]
+    rigid, square, D = np.isinf(slider[0]), distribution[0] ** 2, (distribution[0] * distribution[2]) ** 2
     now, X, V, loss, count, lag = state[0], state[1], state[2], state[3], int(state[4]), state[5]
     if rigid and times.size > 0:
         X = drive_at(drive, now)[0]
@@ -1398,7 +1400,7 @@ def advance_density(
 
 @jit
 def pull_newborns(
-    velocity: float, rate: float, spread: float, mean: float, distance: float, points: int, cells: int = 160
+    velocity: float, rate: float, std: float, mean: float, distance: float, points: int, cells: int = 160
 ) -> tuple[Floats, Floats]:
     """Force while contacts that were all newborn at the start are dragged at constant velocity, Eqs. (7), (13)-(17).
 
@@ -1408,7 +1410,7 @@ def pull_newborns(
 
     Parameters
     ----------
-    velocity, rate, spread, mean : float
+    velocity, rate, std, mean : float
         See `steady_friction`; newborn thresholds are 0.
     distance : float
         How far the slider goes.
@@ -1421,7 +1423,7 @@ def pull_newborns(
     -------
     way, force : ndarray, shape (points,)
     """
-    u, delta = velocity / (rate * rate * mean), spread / mean
+    u, delta = velocity / (rate * rate * mean), std / mean
     z, age = _stability_nodes(u, delta, 0.0, cells)
     mass = _density_by_age(u, delta, 0.0, z, age)
     ages = np.linspace(0.0, distance / mean / u, points + 1)
@@ -1456,13 +1458,13 @@ def pull_newborns(
 
 
 @jit
-def threshold_edges(mean: float, spread: float, newborn: float, cells: float) -> Floats:
-    """Edges of the threshold cells of the closure: `cells` per spread, eight times as many near zero.
+def threshold_edges(mean: float, std: float, newborn: float, cells: float) -> Floats:
+    """Edges of the threshold cells of the closure: `cells` per standard deviation, eight times as many near zero.
 
     The last edge lies beyond all thresholds.
     """
-    end = max(mean, newborn) + 8.0 * spread
-    widest = spread / cells
+    end = max(mean, newborn) + 8.0 * std
+    widest = std / cells
     width = widest if newborn > 0.0 else widest / 8.0
     edges = np.empty(int(end / widest) + 100)
     edges[0] = 0.0
@@ -1482,7 +1484,7 @@ def _cell(edges: Floats, place: float) -> int:
 
 @jit
 def _threshold_rates(edges: Floats, drift: float, D: float, mean: float, up: Floats, down: Floats) -> None:
-    """Rates between cells of threshold, no way out at either end; stationary for the Gaussian law, Eq. (17)."""
+    """Rates between cells of threshold, no way out at either end; stationary for the Gaussian distribution, Eq. (17)."""
     n = edges.size - 1
     for i in range(n - 1):
         h = 0.5 * (edges[i + 2] - edges[i])
@@ -1512,23 +1514,23 @@ def _relax(mass: Floats, up: Floats, down: Floats, dt: float, back: Floats) -> N
 
 @jit
 def closure_friction(
-    velocity: Floats, rate: float, spread: float, newborn: float = 0.0, mean: float = 1.0, cells: float = 20.0
+    velocity: Floats, rate: float, std: float, newborn: float = 0.0, mean: float = 1.0, cells: float = 20.0
 ) -> Floats:
     """Force in smooth sliding by the paper's closure, Eqs. (1)-(3) with (18). An approximation.
 
-    It keeps one law of thresholds for all contacts, whatever their stretching, and so drops the correlation between
-    age and stretching: against `steady_friction` the force is 23 % too large at u = .01, 9 % too small at .5 and
-    28 % too small at 1 (spread .1).
+    It keeps one distribution of thresholds for all contacts, whatever their stretching, and so drops the correlation
+    between age and stretching: against `steady_friction` the force is 23 % too large at u = .01, 9 % too small at .5
+    and 28 % too small at 1 (standard deviation .1).
 
-    In the steady state ``Q = Gamma J_c``, and P_c is the law of a threshold that has aged for an exponential time of
-    rate ``Gamma v``; Gamma follows from ``Gamma <x_s> = 1`` by bisection. Thresholds are kept above 0.
+    In the steady state ``Q = Gamma J_c``, and P_c is the distribution of a threshold that has aged for an exponential
+    time of rate ``Gamma v``; Gamma follows from ``Gamma <x_s> = 1`` by bisection. Thresholds are kept above 0.
 
-    Parameters and return value as for `steady_friction`; `cells` is the number of cells per spread.
+    Parameters and return value as for `steady_friction`; `cells` is the number of cells per standard deviation.
     """
-    edges = threshold_edges(mean, spread, newborn, cells)
+    edges = threshold_edges(mean, std, newborn, cells)
     n = edges.size - 1
-    up, down, back, law = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n)
-    _threshold_rates(edges, rate * rate, (rate * spread) ** 2, mean, up, down)
+    up, down, back, distribution = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n)
+    _threshold_rates(edges, rate * rate, (rate * std) ** 2, mean, up, down)
     birth = _cell(edges, newborn)
     force = np.zeros(velocity.size)
     for k in range(velocity.size):
@@ -1536,14 +1538,14 @@ def closure_friction(
         second = 0.0
         for _ in range(60):
             gamma = np.exp(0.5 * (low + high))
-            law[:] = 0.0
-            law[birth] = 1.0
-            _relax(law, up, down, 1.0 / (gamma * abs(velocity[k])), back)
+            distribution[:] = 0.0
+            distribution[birth] = 1.0
+            _relax(distribution, up, down, 1.0 / (gamma * abs(velocity[k])), back)
             first, second = 0.0, 0.0
             for i in range(n):
                 a, b = edges[i], edges[i + 1]
-                first += law[i] * 0.5 * (a + b)
-                second += law[i] * (a * a + a * b + b * b) / 3.0
+                first += distribution[i] * 0.5 * (a + b)
+                second += distribution[i] * (a * a + a * b + b * b) / 3.0
             if gamma * first > 1.0:
                 high = np.log(gamma)
             else:
@@ -1561,7 +1563,7 @@ def advance_closure(
     edges: Floats,
     drive: Floats,
     slider: Floats,
-    law: Floats,
+    distribution: Floats,
     times: Floats,
     step: float,
     reach: float,
@@ -1569,19 +1571,19 @@ def advance_closure(
     """Advance the paper's closure, Eqs. (1)-(3) with (18), and the slider. An approximation.
 
     Q is kept as cohorts; each loses the share ``1 - J_c(x + dx)/J_c(x)`` of itself as its stretching grows, and the
-    law of thresholds loses the same at the same place, ages, and is reborn at the newborn's threshold.
+    distribution of thresholds loses the same at the same place, ages, and is re-attached at the newborn's threshold.
 
     Parameters
     ----------
     state : ndarray, shape (5,)
         Time, X, V, loss per time (see `advance_contacts`), number of cohorts; changed in place.
     place, weight : ndarray, shape (C,)
-        Slider positions at which the cohorts have stretching 0, and their shares of contacts; changed in place.
+        Slider positions at which the cohorts have stretching 0, and their fractions of contacts; changed in place.
     thresholds : ndarray, shape (cells,)
-        Share of contacts by cell of threshold, sum 1; changed in place.
+        Fraction of contacts by cell of threshold, sum 1; changed in place.
     edges : ndarray, shape (cells + 1,)
         Of `threshold_edges`.
-    drive, slider, law, times, step, reach
+    drive, slider, distribution, times, step, reach
         See `advance_density`.
 
     Returns
@@ -1589,14 +1591,14 @@ def advance_closure(
     ndarray, shape (m, 5)
         X, V, F_d, F_c, sum of the weights.
     """
-    rate, mean, spread, newborn = law[0], law[1], law[2], law[3]
+    rate, mean, std, newborn = distribution[0], distribution[1], distribution[2], distribution[3]
     rigid = np.isinf(slider[0])
     n = edges.size - 1
     now, X, V, loss, count = state[0], state[1], state[2], state[3], int(state[4])
     if rigid and times.size > 0:
         X = drive_at(drive, now)[0]
     up, down, back, beyond, swept = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n)
-    _threshold_rates(edges, rate * rate, (rate * spread) ** 2, mean, up, down)
+    _threshold_rates(edges, rate * rate, (rate * std) ** 2, mean, up, down)
     birth = _cell(edges, newborn)
     F, amplitude, reached = 0.0, 0.0, X  # reached: where the contacts have been moved to
     for c in range(count):
@@ -1664,7 +1666,7 @@ def advance_closure(
     return samples
 
 
-# ---------------------------------------------------------------- thresholds that grow by a fixed law
+# ---------------------------------------------------------------- thresholds that grow by a fixed rule
 
 
 @jit
@@ -1701,7 +1703,7 @@ def growing_friction(
     delay: float = 0.0,
     steps: int = 4000,
 ) -> Floats:
-    """Force in smooth sliding of contacts whose thresholds grow by a fixed law, by quadrature over the age.
+    """Force in smooth sliding of contacts whose thresholds grow by a fixed rule, by quadrature over the age.
 
     A contact of age ``a`` holds if its strength exceeds all ``(v a' - addend)/factor``, a' <= a (see `grown`).
 
@@ -1760,7 +1762,7 @@ def advance_growing(
     attach: Floats,
     drive: Floats,
     slider: Floats,
-    law: Floats,
+    distribution: Floats,
     pool: Floats,
     delays: Floats,
     times: Floats,
@@ -1768,7 +1770,7 @@ def advance_growing(
     rng: np.random.Generator,
     pausing: bool = False,
 ) -> Floats:
-    """Advance N contacts whose thresholds grow by a fixed law (`grown`), and the slider of Eq. (11).
+    """Advance N contacts whose thresholds grow by a fixed rule (`grown`), and the slider of Eq. (11).
 
     Inside a step the slider's velocity is constant; the gap is then concave in time, so a contact breaks in the step
     exactly if its gap is below 0 at the end, at a moment found by bisection.
@@ -1782,7 +1784,7 @@ def advance_growing(
         contact is the time since); changed in place.
     drive, slider
         See `advance_contacts`.
-    law : ndarray, shape (3,)
+    distribution : ndarray, shape (3,)
         kind, first, second of `grown`.
     pool : ndarray, shape (p,)
         Strengths of newborns, one drawn at random for each birth.
@@ -1796,9 +1798,9 @@ def advance_growing(
     Returns
     -------
     ndarray, shape (m, 5)
-        X, V, F_d, F_c, share of attached contacts.
+        X, V, F_d, F_c, fraction of attached contacts.
     """
-    kind, first, second = int(law[0]), law[1], law[2]
+    kind, first, second = int(distribution[0]), distribution[1], distribution[2]
     unready, strongest = kind == 0 and second <= 0.0, np.max(pool)
     rigid = np.isinf(slider[0])
     n = stretching.size

@@ -43,7 +43,7 @@ class Table(NamedTuple):
 class Rebirth(NamedTuple):
     """Delay times until a broken contact is born again, and their weights; none: it never comes back.
 
-    `memoryless` selects the paper's approximation, Eq. (10): contacts are reborn at once, and the fraction of
+    `memoryless` selects the paper's approximation, Eq. (10): contacts are re-attached at once, and the fraction of
     them that is attached follows the velocity and the breaking rate of the moment. It has no memory of what
     broke when, and oscillates in its own, spurious way; it is exact for the mean force of steady sliding.
     """
@@ -124,7 +124,7 @@ BREAK_CAP = 5.0
 TOLERANCE = 20.0
 """Largest disagreement on where a step ends, times ``cells**2``."""
 PHASE = 0.5
-"""Largest phase, in radians, that an oscillation that has not died out turns in a step."""
+"""Largest phase, in radians, that an oscillation that has not decays turns in a step."""
 ONE_PLACE = 1e-3
 """Travel, times `cells`, that makes no difference to where something breaks or is born."""
 EXTINCT = 1e-12
@@ -133,7 +133,7 @@ EXTINCT = 1e-12
 
 @jit
 def survival(table: Table, x: float) -> float:
-    """Share of newborn contacts that survive a stretching ``x >= 0``, by cubic Hermite interpolation."""
+    """Fraction of newborn contacts that survive a stretching ``x >= 0``, by cubic Hermite interpolation."""
     place = x / table.spacing
     i = int(place)
     if i >= table.survival.size - 1:
@@ -148,7 +148,7 @@ def survival(table: Table, x: float) -> float:
 
 @jit
 def response(t: float, eta: float, w: float) -> tuple[float, float, float, float, float]:
-    """Solve ``x'' + eta x' + w x = 0`` after a unit kick: velocity, position and its three repeated integrals.
+    """Solve ``x'' + eta x' + w x = 0`` after a unit perturbation: velocity, position and its three repeated integrals.
 
     The integrals are the motion under a unit load that is constant, linear and quadratic (``t**2 / 2``) in
     time. A power series over a short time is doubled until the time is reached: one formula for oscillation,
@@ -275,7 +275,7 @@ def _grip(cohort: Array, count: int, table: Table, X: float, V: float, rebirth: 
 
 @jit
 def _due(state: State, rebirth: Rebirth, dt: float) -> tuple[float, float]:
-    """Births in the next `dt` of what has already broken, and the share of what breaks in it that is born in it."""
+    """Births in the next `dt` of what has already broken, and the fraction of what breaks in it that is born in it."""
     if rebirth.memoryless:
         return 0.0, 1.0
     last = state.used[1] - 1
@@ -363,7 +363,8 @@ def _try_step(
         frequency = math.sqrt((mechanics.stiffness + scalar[MASS_IN]) / mechanics.mass)
         disagreement = max(abs(trial.X - guess.X), abs(trial.V - guess.V) / frequency)
     path = max(abs(trial.X - scalar[POSITION]), abs(trial.turn - scalar[POSITION]))
-    # What breaks or is born almost in one place need not be resolved: a law with all its values at one point cannot.
+    # What breaks or is born almost in one place need not be resolved: a distribution with all its values at one point
+    # cannot.
     mass = min(max(trial.broken, trial.born) / BREAK_CAP, path / ONE_PLACE)
     return trial, cells * max(path, mass, math.sqrt(disagreement / TOLERANCE))
 
@@ -464,7 +465,7 @@ def _account_work(scalar: Array, mechanics: Mechanics, pull: Pull, trial: _Trial
 
 @jit
 def _measure_spring(scalar: Array, mechanics: Mechanics, pull: Pull) -> None:
-    """Driving force: that of the spring, or what it takes to move the slider rigidly (its inertia left out)."""
+    """Spring force: that of the spring, or what it takes to move the slider rigidly (its inertia left out)."""
     length, _ = _spring(scalar, pull)
     scalar[DRIVE_FORCE] = scalar[CONTACT_FORCE] if mechanics.rigid else mechanics.stiffness * length
 
@@ -593,7 +594,7 @@ class Progress(NamedTuple):
 
 
 def tabulate(survival: Array, density: Array, spacing: float) -> Table:
-    """Make a table of a law of thresholds.
+    """Make a table of a distribution of thresholds.
 
     Parameters
     ----------
@@ -631,8 +632,8 @@ def initial_state(
     Parameters
     ----------
     table : Table
-        The law of thresholds.
-    rebirth : Rebirth
+        The distribution of thresholds.
+    re-attachment : re-attachment
         The delays.
     stretching, weight : ndarray, shape (n_nodes,)
         Initial stretchings, any sign, and the attached fraction of contacts at each. A contact at ``x_0`` has
@@ -707,7 +708,7 @@ def advance(
     ----------
     state : State
         Where to start; it is not changed.
-    table, rebirth, mechanics, pull
+    table, re-attachment, mechanics, pull
         The thresholds, the delays, the slider and the drive.
     until : float
         Time to reach exactly: the end of the piece.

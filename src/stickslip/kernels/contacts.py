@@ -5,12 +5,12 @@ by a known drive: its motion is known in closed form. The next event is the earl
 
 - the slider reaching the nearest breaking position, ahead (``birth position + threshold``) or behind
   (``birth position - threshold``),
-- the next rebirth of a broken contact,
+- the next re-attachment of a broken contact,
 - the end of the piece of the drive.
 
-Breaking positions and rebirth times wait in bucket queues, whose cost does not grow with the number of contacts; the
-force needs two running sums, whatever that number. Samples are read off the closed form inside the interval where they
-fall, so that sampling never changes the motion.
+Breaking positions and re-attachment times wait in bucket queues, whose cost does not grow with the number of contacts;
+the force needs two running sums, whatever that number. Samples are read off the closed form inside the interval where
+they fall, so that sampling never changes the motion.
 
 Symbols as in the paper, Eq. (11), per contact: ``K``, ``M``, ``eta``, slider position ``X``, drive position ``D``.
 """
@@ -236,7 +236,7 @@ def _load(queue: Queue) -> None:
 
 @inlined
 def _sort_front(queue: Queue, count: int) -> None:
-    # A chain holds its newest entry first; rebirth times come in order, so reversed they are sorted already.
+    # A chain holds its newest entry first; re-attachment times come in order, so reversed they are sorted already.
     keys, slots = queue.front_key, queue.front_slot
     for i in range(count // 2):
         j = count - 1 - i
@@ -279,7 +279,7 @@ class Rig(NamedTuple):
 class Piece(NamedTuple):
     """A piece of the drive: ``D = D0 + v0 (t-t0) + a (t-t0)^2/2`` up to `end`, or to a condition seen at a sample.
 
-    Conditions: 0 none; 1 slider at least `stop_value` away from `X0`; 2 and 3 driving force at least / at most
+    Conditions: 0 none; 1 slider at least `stop_value` away from `X0`; 2 and 3 spring force at least / at most
     `stop_value`. `look` is a time at which the caller wants to look at the contacts: `advance` then returns before
     the flight that passes it, so that looking changes nothing.
     """
@@ -299,8 +299,8 @@ class State(NamedTuple):
     """All that the next step needs: contacts, queues, motion.
 
     ``contacts`` holds birth position and threshold, shape (N,); a threshold of 0 marks a detached contact. ``ahead`` is
-    keyed by ``birth + threshold``, ``behind`` by ``threshold - birth``, ``rebirths`` by time. Entries of ``ahead`` and
-    ``behind`` outlive their contact and are recognised as stale when they come up.
+    keyed by ``birth + threshold``, ``behind`` by ``threshold - birth``, ``re-attachment`` by time. Entries of ``ahead``
+    and ``behind`` outlive their contact and are recognised as stale when they come up.
     """
 
     contacts: Records
@@ -333,7 +333,7 @@ BREAKS = 4
 EVENTS = 5
 
 # columns of the samples
-COLUMNS = ("X", "velocity", "F_c", "attached", "stored", "work", "damped", "broken")
+COLUMNS = ("displacement", "velocity", "friction_force", "attached", "stored", "work", "damped", "broken")
 
 
 def make_state(
@@ -352,9 +352,9 @@ def make_state(
         Slider position at which each contact has no stretching, and its threshold; the last ``len(pending)`` contacts
         are detached and must have threshold 0.
     pending : array, shape (n,)
-        Times of rebirth of the detached contacts; infinite for those that stay detached.
+        Times of re-attachment of the detached contacts; infinite for those that stay detached.
     scale_time : float
-        Typical delay, for the width of the bins of rebirth times.
+        Typical delay, for the width of the bins of re-attachment times.
     X, velocity : float
         Position and velocity of the slider at time 0.
     """
@@ -729,7 +729,7 @@ def _energies(
 ) -> tuple[float, float]:
     """Work of the drive and integral of the squared velocity over a time `h`, in closed form.
 
-    `force` is the driving force at the start. The free oscillation ``u`` obeys ``u'' + eta u' + w2 u = 0``, hence
+    `force` is the spring force at the start. The free oscillation ``u`` obeys ``u'' + eta u' + w2 u = 0``, hence
     ``(u'^2 + w2 u^2)/2`` falls at the rate ``eta u'^2`` and the integral of ``u`` follows from the change of ``u'``
     and ``u``.
     """
@@ -780,7 +780,7 @@ def advance(
     sample_times : array, shape (n,)
         Rising times at which to sample; those up to ``piece.end`` are filled.
     samples : array, shape (n, 8)
-        Filled with `COLUMNS`: position, velocity, force of the contacts, attached fraction, energy stored in contacts,
+        Filled with `COLUMNS`: position, velocity, friction force, attached fraction, energy stored in contacts,
         and, accumulated since the start, work of the drive, energy lost to damping and in breaks; all per contact.
     thresholds, delays : array
         Thresholds for newborn contacts and, unless the delay is fixed, delays for broken ones, in the order of use.

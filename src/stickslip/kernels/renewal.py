@@ -11,8 +11,8 @@ number of breaks is continuous even where the breaking rate jumps, and that is w
 
 The unknown is taken piecewise linear and each kernel is integrated exactly against it: its weights are the
 second differences of its second antiderivative, which for all kernels needed here is made of
-``excess(x, n)``, the survival function integrated `n` times from above. So jumps of the law cost no order: the
-scheme is second order for every law of bounded density, and Richardson extrapolation over three grids makes it
+``excess(x, n)``, the survival function integrated `n` times from above. So jumps of the distribution cost no order: the
+scheme is second order for every distribution of bounded density, and Richardson extrapolation over three grids makes it
 sixth order for smooth ones.
 """
 
@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 NOTHING = 1e-18
-"""Survival below which a law is taken to have ended."""
+"""Survival below which a distribution is taken to have ended."""
 
 Density = Callable[[Array], Array]
 Excess = Callable[[Array, int], Array]
@@ -45,14 +45,14 @@ class Contacts(NamedTuple):
         ``excess(x, n)``: mean of ``max(x_s - x, 0)**n / n!``, for ``n`` = 0, 1, 2; order 0 is the survival
         ``J_c``.
     stretching, weight : ndarray, shape (n_nodes,)
-        Nodes of the law of initial stretchings, any sign; the weights sum to 1.
+        Nodes of the distribution of initial stretchings, any sign; the weights sum to 1.
     reach : ndarray, shape (n_nodes,)
         Stretching beyond which the thresholds of these contacts are known to lie, with ``J_c(reach) > 0``:
         ``|x_0|`` for contacts that could break in either direction, ``max(x_0, 0)`` where Eq. (3) is read to
         the letter, which lets a contact stretched backwards have any threshold.
     shift, share : ndarray, shape (n_delays,)
         Distances ``v tau_d >= 0`` travelled before a broken contact is born again, and their weights, of sum
-        1. One shift of 0: no delay. Empty: broken contacts never come back.
+        1. One shift of 0: no delay. Empty: broken contacts never re-attach.
     """
 
     density: Density
@@ -107,7 +107,7 @@ def solve(contacts: Contacts, distance: float, points: int) -> Reborn:
     Parameters
     ----------
     contacts : Contacts
-        The law of thresholds, the initial contacts and the delays.
+        The distribution of thresholds, the initial contacts and the delays.
     distance : float
         Length of the motion, above 0.
     points : int
@@ -141,14 +141,14 @@ def observe(contacts: Contacts, reborn: Reborn, X: Array) -> Response:
     """Evaluate force, attached fraction, breaking rate and stiffness at any positions.
 
     The part of the initial contacts is closed-form at every `X`; the rest is continuous and interpolated to
-    sixth order. A one-sided limit at a jump of the law is the value at the next number on that side
+    sixth order. A one-sided limit at a jump of the distribution is the value at the next number on that side
     (``numpy.nextafter``).
 
     Parameters
     ----------
     contacts : Contacts
         As given to `solve`.
-    reborn : Reborn
+    re-attached : Reborn
         What `solve` returned.
     X : ndarray
         Positions between 0 and the distance of `solve`, in any order.
@@ -191,7 +191,7 @@ def _initial_breaks(contacts: Contacts, X: Array) -> Array:
 
 
 def _survivors(contacts: Contacts, X: Array) -> tuple[Mask, Array, Array, Array]:
-    """Where any are left; there, per node of the start: stretchings, survivors, and the scale of its law."""
+    """Where any are left; there, per node of the start: stretchings, survivors, and the scale of its distribution."""
     inside = X + contacts.stretching.min() < _end(contacts)
     x = contacts.stretching[:, None] + X[inside]
     scale = (contacts.weight / contacts.excess(contacts.reach, 0))[:, None]
@@ -199,14 +199,14 @@ def _survivors(contacts: Contacts, X: Array) -> tuple[Mask, Array, Array, Array]
 
 
 def _end(contacts: Contacts) -> float:
-    """A stretching that no contact survives. To stop there saves most of the evaluations of the law."""
+    """A stretching that no contact survives. To stop there saves most of the evaluations of the distribution."""
     x = np.asarray(2.0 ** np.arange(-30, 60))
     law_ends = x[np.argmax(contacts.excess(x, 0) < NOTHING)]
     return float(max(law_ends, 2.0 * contacts.reach.max()))
 
 
 def _at_once(contacts: Contacts) -> float:
-    """Share of broken contacts that are born again without delay."""
+    """Fraction of broken contacts that are born again without delay."""
     return float(contacts.share[contacts.shift == 0].sum())
 
 

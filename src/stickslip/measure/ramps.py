@@ -32,7 +32,7 @@ class Transitions:
         On the way down (``v2'``, ``v1'``): the first at which it sets in again, and the last at which it
         ends.
     level : float
-        The criterion: peak to peak of the driving force over `window` of drive travel above this level.
+        The criterion: peak to peak of the spring force over `window` of drive travel above this level.
     window : float
         Travel of the drive over which the peak to peak is taken.
     notes : tuple of str
@@ -50,12 +50,12 @@ class Transitions:
     def __str__(self) -> str:
         names = {"v1": self.v1, "v2": self.v2, "v2'": self.v2_down, "v1'": self.v1_down}
         found = ", ".join(f"{name} = {'not seen' if v is None else f'{v:.4g}'}" for name, v in names.items())
-        rule = f"stick-slip where F_d swings by more than {self.level:g} over a drive travel of {self.window:g}"
+        rule = f"stick-slip where F_d oscillations by more than {self.level:g} over a drive travel of {self.window:g}"
         return "\n".join([f"{found} ({rule})", *self.notes])
 
 
 def amplitude(run: xr.Dataset, *, window: float = 4.0) -> xr.Dataset:
-    """Return the peak to peak of the driving force over a moving stretch of drive travel.
+    """Return the peak to peak of the spring force over a moving stretch of drive travel.
 
     Parameters
     ----------
@@ -103,15 +103,15 @@ def amplitude(run: xr.Dataset, *, window: float = 4.0) -> xr.Dataset:
         name: np.interp(begin + share * window, travel, trace.t)
         for name, share in (("begin", 0.0), ("middle", 0.5), ("end", 1.0))
     }
-    force_unit, time_unit = run["F_d"].attrs.get("units", ""), run["t"].attrs.get("units", "")
+    force_unit, time_unit = run["spring_force"].attrs.get("units", ""), run["time"].attrs.get("units", "")
     velocity = trace.sign * np.interp(times["middle"], trace.t, trace.drive)
-    length = str(run["X"].attrs.get("units", "")) if "X" in run else ""
+    length = str(run["displacement"].attrs.get("units", "")) if "displacement" in run else ""
     return xr.Dataset(
         {
             "peak_to_peak": (
                 "travel",
                 high - low,
-                {"units": force_unit, "long_name": "peak to peak of the driving force"},
+                {"units": force_unit, "long_name": "peak to peak of the spring force"},
             ),
             "drive_velocity": (
                 "travel",
@@ -137,7 +137,7 @@ def amplitude(run: xr.Dataset, *, window: float = 4.0) -> xr.Dataset:
 def transitions(run: xr.Dataset, *, level: float | None = None, window: float | None = None) -> Transitions:
     """Return the velocities at which stick-slip starts and ends while the drive speeds up and slows down.
 
-    Stick-slip is where the driving force swings by more than `level`, peak to peak, over a drive travel of
+    Stick-slip is where the spring force oscillates by more than `level`, peak to peak, over a drive travel of
     `window`; it starts at the end of the first such window and ends at the start of the last one. A state
     shorter than half a window of travel is passed over. What a run does from its very start is no transition:
     it may be the transient from the state it was started in.
@@ -162,26 +162,28 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
     UndecidedError
         If the drive does not change, goes up and down more than once, or travels too short a way.
     """
-    for name, value, of in (("level", level, "F_d"), ("window", window, "X")):
+    for name, value, of in (("level", level, "spring_force"), ("window", window, "displacement")):
         unit = str(run[of].attrs.get("units", "")) if of in run else ""
         if value is None and unit.strip().lower() in _SI_UNITS:
             raise InputError(f"transitions: {of} is in {unit}: give {name} in that unit (.4 f_s and 4 x_s are usual)")
     level = 0.4 if level is None else number("level", level, above=0, hint="in the unit of F_d")
-    swing = amplitude(run, window=4.0 if window is None else window)
+    oscillation = amplitude(run, window=4.0 if window is None else window)
     top = _turning_time(run)
-    on = _settled(np.asarray(swing["peak_to_peak"].values > level), _PARTS // 2)
-    t, drive = np.asarray(run["t"].values, dtype=float), np.asarray(run["drive_velocity"].values, dtype=float)
+    on = _settled(np.asarray(oscillation["peak_to_peak"].values > level), _PARTS // 2)
+    t, drive = np.asarray(run["time"].values, dtype=float), np.asarray(run["drive_velocity"].values, dtype=float)
     change = np.flatnonzero(on[1:] != on[:-1]) + 1
-    starts = np.asarray(swing["end"].values)[change[on[change]]]
-    stops = np.asarray(swing["begin"].values)[change[~on[change]] - 1]
-    middle = np.asarray(swing["middle"].values)
+    starts = np.asarray(oscillation["end"].values)[change[on[change]]]
+    stops = np.asarray(oscillation["begin"].values)[change[~on[change]] - 1]
+    middle = np.asarray(oscillation["middle"].values)
 
     notes: list[str] = []
     if on[0]:
         state = f"until v = {np.interp(stops[0], t, drive):.3g}" if stops.size else "all along"
-        notes.append(f"the force swings above the level from the start {state}: the state the run was started in")
+        notes.append(f"the force oscillates above the level from the start {state}: the state the run was started in")
     # What the start leaves behind dies within some tens of windows; what lasts longer has an end that counts.
-    lasting = float(np.interp(_LONGEST_TRANSIENT, swing["travel"].values / float(swing.attrs["window"]), middle))
+    lasting = float(
+        np.interp(_LONGEST_TRANSIENT, oscillation["travel"].values / float(oscillation.attrs["window"]), middle)
+    )
     if starts.size:
         lasting = min(lasting, float(starts[0]))
 
@@ -214,13 +216,13 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
         v2_down=found["v2'"],
         v1_down=found["v1'"],
         level=level,
-        window=float(swing.attrs["window"]),
+        window=float(oscillation.attrs["window"]),
         notes=tuple(notes),
     )
 
 
 def hysteresis(run: xr.Dataset, *, window: float = 4.0) -> xr.Dataset:
-    """Return the swing of the force on the way up and on the way down, against the velocity of the drive.
+    """Return the oscillation of the force on the way up and on the way down, against the velocity of the drive.
 
     Parameters
     ----------
@@ -233,17 +235,17 @@ def hysteresis(run: xr.Dataset, *, window: float = 4.0) -> xr.Dataset:
     -------
     Dataset
         Along ``drive_velocity`` (the range that both ways share): `up` and `down`, peak to peak of the
-        driving force, and `difference`, down less up.
+        spring force, and `difference`, down less up.
 
     Raises
     ------
     UndecidedError
         If the drive does not go up and then down, or both ways share no velocities.
     """
-    swing = amplitude(run, window=window)
+    oscillation = amplitude(run, window=window)
     top = _turning_time(run)
-    middle, speed = np.asarray(swing["middle"].values), np.abs(np.asarray(swing["drive_velocity"].values))
-    force = np.asarray(swing["peak_to_peak"].values)
+    middle, speed = np.asarray(oscillation["middle"].values), np.abs(np.asarray(oscillation["drive_velocity"].values))
+    force = np.asarray(oscillation["peak_to_peak"].values)
     branches = [(speed[way], force[way]) for way in (middle <= top, middle > top)]
     if any(v.size < 2 for v, _ in branches):
         raise UndecidedError("hysteresis: the drive must speed up and then slow down; it goes one way only")
@@ -252,34 +254,34 @@ def hysteresis(run: xr.Dataset, *, window: float = 4.0) -> xr.Dataset:
         raise UndecidedError("hysteresis: the way up and the way down share no velocities")
     grid = np.linspace(low, high, 201)
     up, down = (np.interp(grid, v[order], f[order]) for v, f in branches for order in [np.argsort(v, kind="stable")])
-    unit = swing["peak_to_peak"].attrs["units"]
+    unit = oscillation["peak_to_peak"].attrs["units"]
     return xr.Dataset(
         {
             "up": (
                 "drive_velocity",
                 up,
-                {"units": unit, "long_name": "swing of the force, drive speeding up"},
+                {"units": unit, "long_name": "oscillation of the force, drive speeding up"},
             ),
             "down": (
                 "drive_velocity",
                 down,
-                {"units": unit, "long_name": "swing of the force, drive slowing down"},
+                {"units": unit, "long_name": "oscillation of the force, drive slowing down"},
             ),
             "difference": (
                 "drive_velocity",
                 down - up,
-                {"units": unit, "long_name": "swing down less swing up"},
+                {"units": unit, "long_name": "oscillation down less oscillation up"},
             ),
         },
-        coords={"drive_velocity": ("drive_velocity", grid, dict(swing["drive_velocity"].attrs))},
-        attrs={"window": swing.attrs["window"]},
+        coords={"drive_velocity": ("drive_velocity", grid, dict(oscillation["drive_velocity"].attrs))},
+        attrs={"window": oscillation.attrs["window"]},
     )
 
 
 def _turning_time(run: xr.Dataset) -> float:
     """Time at which the drive is fastest: its start if it only slows down, its end if it only speeds up."""
     t, drive = (
-        np.asarray(run["t"].values, dtype=float),
+        np.asarray(run["time"].values, dtype=float),
         np.abs(np.asarray(run["drive_velocity"].values, dtype=float)),
     )
     margin = 1e-3 * float(drive.max())
@@ -291,7 +293,7 @@ def _turning_time(run: xr.Dataset) -> float:
     if len(peaks) > 1:
         raise UndecidedError(
             f"transitions: the drive speeds up and slows down {len(peaks)} times; select one loop with "
-            "run.sel(t=slice(from, to))"
+            "run.sel(time=slice(from, to))"
         )
     fastest = np.flatnonzero(drive >= drive.max() - margin)
     return float(t[fastest[0]] if fastest[0] == 0 else t[fastest[-1]])

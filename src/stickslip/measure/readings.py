@@ -23,15 +23,15 @@ from stickslip.measure.arrays import FEWEST_READINGS, Array
 
 LARGEST_FILE = 100_000_000  # bytes
 FEW_UNREADABLE = 3  # rows, or ...
-UNREADABLE_SHARE = 0.01  # ... this share of them, may be unreadable
+UNREADABLE_SHARE = 0.01  # ... this fraction of them, may be unreadable
 _SAMPLE = 400  # rows looked at to find out how a table is laid out
 
 _COMMENT = re.compile(r"\s*(#|%|//|!)+\s*")
 _NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\W\d_%°][^,;\t]{0,11}|[%°])?")
 _BRACKET = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]\s*$")
 _NO_VALUE = {"nan", "inf", "-inf", "+inf", "na", "n/a", "null", "none", "-", "--", ""}
-_FORCE_WORDS = {"f", "f_d", "fd", "force", "pull", "load", "friction", "friction force", "driving force", "kraft"}
-_TIME_WORDS = {"t", "time", "times", "elapsed", "elapsed time", "seconds", "sec", "zeit"}
+_FORCE_WORDS = {"f", "f_d", "fd", "force", "pull", "load", "friction", "friction force", "spring force", "kraft"}
+_TIME_WORDS = {"time", "times", "elapsed", "elapsed time", "seconds", "sec", "zeit"}
 
 
 def read_trace(
@@ -105,10 +105,10 @@ def read_trace(
     time_unit = "s" if time_column is None else table.units[time_column] or "s"
     return xr.Dataset(
         {
-            "F_d": ("t", filled, {"units": force_unit, "long_name": "driving force"}),
-            "filled": ("t", ~good, {"units": "1", "long_name": "row was unreadable; force interpolated"}),
+            "spring_force": ("time", filled, {"units": force_unit, "long_name": "spring force"}),
+            "filled": ("time", ~good, {"units": "1", "long_name": "row was unreadable; force interpolated"}),
         },
-        coords={"t": ("t", t, {"units": time_unit, "long_name": "time"})},
+        coords={"time": ("time", t, {"units": time_unit, "long_name": "time"})},
         attrs={
             "source": Path(place).name,
             "rows": int(times.size),

@@ -13,13 +13,13 @@ from stickslip.errors import InputError, number
 from stickslip.measure.arrays import Array, Trace, turns
 
 # Numbers that decide.
-SMALLEST_SHARE_OF_DROP = 0.1  # a fall below this share of the typical fall is not a slip of its own
-LARGEST_REBOUND = 0.8  # ringing decays: a rebound comes back by less than this share of the fall before it
+SMALLEST_SHARE_OF_DROP = 0.1  # a fall below this fraction of the typical fall is not a slip of its own
+LARGEST_REBOUND = 0.8  # ringing decays: a rebound comes back by less than this fraction of the fall before it
 RINGING_SPEED = 3.0  # a rebound faster than this many times the usual loading is ringing (force only)
 FALL_SHARE_OF_SLIPS = 0.35  # falls that take more of the time than this, and have no beat, are noise
 FEWEST_CYCLES = 4  # complete falls needed to speak of a beat
-REGULAR_PERIOD, REGULAR_DROP = 0.15, 0.25  # relative spreads below which cycles have a beat
-EDGE = 0.05  # a slip starts and ends within this share of its drop from the peak and from the trough
+REGULAR_PERIOD, REGULAR_DROP = 0.15, 0.25  # relative standard deviations below which cycles have a beat
+EDGE = 0.05  # a slip starts and ends within this fraction of its drop from the peak and from the trough
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,15 +27,15 @@ class Spread:
     """Mean and sample standard deviation of a quantity over the events, in the unit of the quantity."""
 
     mean: float
-    spread: float
+    std: float
 
     @property
     def variation(self) -> float:
         """Coefficient of variation: spread over mean."""
-        return self.spread / abs(self.mean) if self.mean else math.nan
+        return self.std / abs(self.mean) if self.mean else math.nan
 
     def __str__(self) -> str:
-        return f"{self.mean:.4g} ± {self.spread:.2g}"
+        return f"{self.mean:.4g} ± {self.std:.2g}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,13 +46,13 @@ class EventStatistics:
     ----------
     count : int
         Number of slips.
-    drop, force_before, force_after : Spread
+    drop, force_before, force_after : Standard deviation
         Fall of the force in a slip, and the force at its peak and at its trough; NaN without events.
-    duration, recurrence : Spread
+    duration, recurrence : Standard deviation
         Time a slip takes, and time from the start of one to the start of the next.
-    loading_rate : Spread
+    loading_rate : Standard deviation
         Rise of the force per time between slips.
-    slip, peak_velocity : Spread or None
+    slip, peak_velocity : Standard deviation or None
         Slip length and largest slider velocity; None where the data hold the force only.
     """
 
@@ -78,7 +78,7 @@ class EventStatistics:
 
 
 def events(data: xr.Dataset, *, minimum_drop: float | None = None) -> xr.Dataset:
-    """Return one row per slip, a slip being a fall of the driving force that stands out.
+    """Return one row per slip, a slip being a fall of the spring force that stands out.
 
     Peaks and troughs alternate such that every fall and every rise between them is at least `minimum_drop`.
     Falls that belong to the ringing after a slip are joined to it: the slider turned back before them (or,
@@ -124,22 +124,22 @@ def event_statistics(catalogue: xr.Dataset) -> EventStatistics:
     if "drop" not in catalogue or "recurrence" not in catalogue:
         raise InputError("event_statistics: this Dataset is no catalogue of events; make one with events(data)")
 
-    def spread(name: str) -> Spread:
-        return spread_of(np.asarray(catalogue[name].values, dtype=float))
+    def std(name: str) -> Spread:
+        return std_of(np.asarray(catalogue[name].values, dtype=float))
 
     start, end, before, after = (
         np.asarray(catalogue[name].values, dtype=float) for name in ("start", "end", "force_before", "force_after")
     )
     return EventStatistics(
         count=int(catalogue.sizes["event"]),
-        drop=spread("drop"),
-        force_before=spread("force_before"),
-        force_after=spread("force_after"),
-        duration=spread("duration"),
-        recurrence=spread("recurrence"),
-        loading_rate=spread_of((before[1:] - after[:-1]) / (start[1:] - end[:-1])),
-        slip=spread("slip") if "slip" in catalogue else None,
-        peak_velocity=spread("peak_velocity") if "peak_velocity" in catalogue else None,
+        drop=std("drop"),
+        force_before=std("force_before"),
+        force_after=std("force_after"),
+        duration=std("duration"),
+        recurrence=std("recurrence"),
+        loading_rate=std_of((before[1:] - after[:-1]) / (start[1:] - end[:-1])),
+        slip=std("slip") if "slip" in catalogue else None,
+        peak_velocity=std("peak_velocity") if "peak_velocity" in catalogue else None,
     )
 
 
@@ -240,7 +240,7 @@ def has_beat(trace: Trace, found: Slips) -> bool:
         return False
     at, size = trace.t[found.peak], np.log(found.drops(trace))
     rest = size - np.polyval(np.polyfit(at - at[0], size, 1), at - at[0])  # a beat may grow or die away
-    return spread_of(np.diff(at)).variation < REGULAR_PERIOD and float(rest.std()) < REGULAR_DROP
+    return std_of(np.diff(at)).variation < REGULAR_PERIOD and float(rest.std()) < REGULAR_DROP
 
 
 def _joined(trace: Trace, smallest: float, criterion: str, *, noise: float) -> Slips:
@@ -280,16 +280,16 @@ def _joined(trace: Trace, smallest: float, criterion: str, *, noise: float) -> S
     )
 
 
-def spread_of(values: Array) -> Spread:
+def std_of(values: Array) -> Spread:
     """Mean and standard deviation of the values that are known."""
     kept = values[np.isfinite(values)]
     if kept.size == 0:
-        return Spread(mean=math.nan, spread=math.nan)
-    return Spread(mean=float(kept.mean()), spread=float(kept.std(ddof=1)) if kept.size > 1 else math.nan)
+        return Spread(mean=math.nan, std=math.nan)
+    return Spread(mean=float(kept.mean()), std=float(kept.std(ddof=1)) if kept.size > 1 else math.nan)
 
 
 def _edges(trace: Trace, found: Slips) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Last sample near each peak and first sample near its trough, to a share of the drop."""
+    """Last sample near each peak and first sample near its trough, to a fraction of the drop."""
     start, end = found.peak.copy(), found.trough.copy()
     for i, (peak, trough) in enumerate(zip(found.peak, found.trough, strict=True)):
         fall = trace.force[peak : trough + 1]
@@ -301,15 +301,15 @@ def _edges(trace: Trace, found: Slips) -> tuple[NDArray[np.intp], NDArray[np.int
 
 def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
     start, end = _edges(trace, found)
-    time_unit = str(data["t"].attrs.get("units", ""))
-    force_unit = str(data["F_d"].attrs.get("units", ""))
+    time_unit = str(data["time"].attrs.get("units", ""))
+    force_unit = str(data["spring_force"].attrs.get("units", ""))
     before, after = trace.force[found.peak], trace.force[found.trough]
     columns: dict[str, tuple[Array, str, str]] = {
         "start": (trace.t[start], time_unit, "time at which the slip starts"),
         "end": (trace.t[end], time_unit, "time at which the slip ends"),
-        "force_before": (trace.sign * before, force_unit, "driving force before the slip (peak)"),
-        "force_after": (trace.sign * after, force_unit, "driving force after the slip (trough)"),
-        "drop": (before - after, force_unit, "fall of the driving force in the slip"),
+        "force_before": (trace.sign * before, force_unit, "spring force before the slip (peak)"),
+        "force_after": (trace.sign * after, force_unit, "spring force after the slip (trough)"),
+        "drop": (before - after, force_unit, "fall of the spring force in the slip"),
         "duration": (trace.t[end] - trace.t[start], time_unit, "duration of the slip"),
         "recurrence": (
             np.diff(trace.t[start], prepend=math.nan) if start.size else np.empty(0),
@@ -318,7 +318,7 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
         ),
     }
     if trace.X is not None:
-        unit = str(data["X"].attrs.get("units", ""))
+        unit = str(data["displacement"].attrs.get("units", ""))
         columns["slip"] = (trace.X[end] - trace.X[start], unit, "distance slipped")
     if trace.velocity is not None:
         unit = str(data["velocity"].attrs.get("units", ""))

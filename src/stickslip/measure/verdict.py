@@ -11,20 +11,20 @@ import xarray as xr
 
 from stickslip.errors import InputError, number
 from stickslip.measure.arrays import CONSTANT_DRIVE, FEWEST_READINGS, Array, Trace
-from stickslip.measure.slips import FEWEST_CYCLES, Slips, find_slips, has_beat, spread_of
+from stickslip.measure.slips import FEWEST_CYCLES, Slips, find_slips, has_beat, std_of
 
-Kind = Literal["smooth sliding", "stick-slip", "small oscillation", "undecided"]
+Kind = Literal["smooth sliding", "stick-slip", "sustained oscillation", "undecided"]
 
 # Numbers that decide. Each sits in a gap between the classes it parts, at N from 100 to 10 000: tests/test_measure.py.
 LATE_SHARE = 0.4  # the last part of a run, in which its regime is judged
 SLIP_VELOCITY = 3.5  # stick-slip: the slider peaks at this many times the drive's velocity or more ...
-SLIP_SHARE = 0.25  # ... or, where only the force is known, falls take this share of the time or less
+SLIP_SHARE = 0.25  # ... or, where only the force is known, falls take this fraction of the time or less
 LONG_TRANSIENT = 50  # cycles: 40 to 100 x_s, in the model
 STEADY = 0.05  # change of ln(drop) from the first half of the window to the second, beyond three standard errors
 FEWEST_IN_A_FALL = 4  # samples, for the velocity of a slip to be seen
-TINY = 0.02  # an oscillation below this share of the mean force is smooth sliding
+TINY = 0.02  # an oscillation below this fraction of the mean force is smooth sliding
 SMALL = 0.10  # ... and one that shrinks, below this
-MOST_NOISE = 0.6  # irregular fluctuation below this share of the mean force is contact noise
+MOST_NOISE = 0.6  # irregular fluctuation below this fraction of the mean force is contact noise
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,8 +33,8 @@ class Regime:
 
     Attributes
     ----------
-    kind : {"smooth sliding", "stick-slip", "small oscillation", "undecided"}
-        *Stick-slip*: slow loading and fast slips that last; in a typical cycle the slider reaches at least
+    kind : {"smooth sliding", "stick-slip", "sustained oscillation", "undecided"}
+        *Stick-slip*: slow loading and fast sustained slips; in a typical cycle the slider reaches at least
         3.5 times the velocity of the drive (where only the force is known: the force falls for at most a
         quarter of the time). The slips may be irregular; `period_variation` says how much. *Small
         oscillation*: a sustained, regular cycle in which the slider stays slower than that. *Smooth sliding*:
@@ -46,10 +46,10 @@ class Regime:
     window : tuple of float
         Start and end of the stretch judged, in the unit of `t`.
     peak_to_peak, mean_force : float
-        Of the driving force in the window.
+        Of the spring force in the window.
     trend : float
         Ratio of the drops in the second half of the window to those in the first, from a straight line
-        through their logarithms (of the spread of the force where there are too few cycles); 1 is steady.
+        through their logarithms (of the standard deviation of the force where there are too few cycles); 1 is steady.
     trend_error : float
         Standard error of ``ln(trend)``; NaN where it is not known.
     cycles : int
@@ -59,7 +59,7 @@ class Regime:
     drop, drop_variation : float
         Mean fall, and its coefficient of variation.
     fall_share : float
-        Share of the time in which the force falls: .5 for a sine, near 0 for a sawtooth.
+        Fraction of the time in which the force falls: .5 for a sine, near 0 for a sawtooth.
     noise : float
         Standard deviation of the noise from sample to sample, in the unit of the force.
     drive_velocity : float or None
@@ -146,8 +146,8 @@ def regime(data: xr.Dataset, *, after: float | None = None) -> Regime:
         If the data hold no force, or values that are not finite, or nothing lies after `after`.
     """
     seen = _over_the_window(Trace.of(data), after)
-    unit = {name: str(data[name].attrs.get("units", "")) for name in ("t", "F_d")}
-    return replace(seen, time_unit=unit["t"], force_unit=unit["F_d"])
+    unit = {name: str(data[name].attrs.get("units", "")) for name in ("time", "spring_force")}
+    return replace(seen, time_unit=unit["time"], force_unit=unit["spring_force"])
 
 
 def _over_the_window(trace: Trace, after: float | None) -> Regime:
@@ -177,7 +177,7 @@ def _over_the_window(trace: Trace, after: float | None) -> Regime:
 
 def _with_caution(result: Regime, lasted: float) -> Regime:
     """Say so where an oscillation has had less time than a transient can take."""
-    if result.kind not in ("stick-slip", "small oscillation") or lasted >= LONG_TRANSIENT * result.period:
+    if result.kind not in ("stick-slip", "sustained oscillation") or lasted >= LONG_TRANSIENT * result.period:
         return result
     caution = (
         f"the drive had lasted {lasted / result.period:.0f} cycles; a transient can last {LONG_TRANSIENT} and more"
@@ -206,8 +206,8 @@ def _judge(trace: Trace) -> Regime:
     t, force = trace.t, trace.force
     found = find_slips(trace)
     drops = found.drops(trace)
-    periods = spread_of(np.diff(t[found.peak]))
-    drop = spread_of(drops)
+    periods = std_of(np.diff(t[found.peak]))
+    drop = std_of(drops)
     trend, trend_error = _trend(trace, found, drops)
     drive = None if trace.drive is None else float(trace.drive.mean())
     peak_velocity = largest = None
@@ -268,7 +268,7 @@ def _verdict(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]:
     if found.peak.size == 0:
         return _without_falls(trace, found, seen)
     mean = abs(seen.mean_force)
-    # Samples that step over a slip miss its velocity; the share of the time that falls take is then a safer witness.
+    # Samples that step over a slip miss its velocity; the fraction of the time that falls take is then a safer witness.
     coarse = float(np.median(found.trough - found.peak)) < FEWEST_IN_A_FALL
     if seen.peak_velocity is not None and (seen.peak_velocity >= SLIP_VELOCITY or not coarse):
         slips = seen.peak_velocity >= SLIP_VELOCITY
@@ -279,7 +279,7 @@ def _verdict(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]:
     relative = f"{100 * seen.peak_to_peak / mean:.3g} % of the mean force" if mean else "of a mean force of 0"
     if found.peak.size < FEWEST_CYCLES:
         if not slips and seen.peak_to_peak < TINY * mean:
-            return "smooth sliding", f"the force swings by {relative}"
+            return "smooth sliding", f"the force oscillates by {relative}"
         few = f"{found.peak.size} complete fall{'s' if found.peak.size > 1 else ''} of the force"
         return "undecided", f"too short: {few} in the window; a verdict needs {FEWEST_CYCLES}"
     beat = has_beat(trace, found)
@@ -294,25 +294,25 @@ def _verdict(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]:
                 "smooth sliding",
                 f"{shrinks}, and is down to {100 * second / mean:.3g} % of the mean force",
             )
-        return "undecided", f"{shrinks}; a longer run would tell whether it dies"
+        return "undecided", f"{shrinks}; a longer run would tell whether it decays"
     if slips and (beat or seen.fall_share <= SLIP_SHARE):
         manner = "regular" if beat else "irregular"
         growth = "; the slips still grow" if change > allowed else ""
-        return "stick-slip", f"{manner} slips that last: {how}{growth}"
+        return "stick-slip", f"{manner} sustained slips: {how}{growth}"
     if change > allowed:
         return (
             "undecided",
             f"the oscillation still grows, by a factor {seen.trend:.2g} between the halves of the window",
         )
     if seen.peak_to_peak < TINY * mean:
-        return "smooth sliding", f"the force swings by {relative}"
+        return "smooth sliding", f"the force oscillates by {relative}"
     if coarse:
         return "undecided", f"falls of {relative} last fewer than {FEWEST_IN_A_FALL} samples: record more often"
     if beat:
-        return "small oscillation", f"a sustained regular cycle of {relative}, without fast slips: {how}"
+        return "sustained oscillation", f"a sustained regular cycle of {relative}, without fast slips: {how}"
     if seen.peak_to_peak < MOST_NOISE * mean:
         return "smooth sliding", f"the force wavers by {relative}, without a beat and without fast slips"
-    return "undecided", f"irregular swings of {relative} that are neither slips nor small: {how}"
+    return "undecided", f"irregular oscillations of {relative} that are neither slips nor small: {how}"
 
 
 def _about_the_drive(trace: Trace) -> str:
@@ -325,21 +325,23 @@ def _about_the_drive(trace: Trace) -> str:
     if high - low > 2.0 * CONSTANT_DRIVE * max(abs(low), abs(high)):
         return (
             f"the velocity of the drive goes through {low:.3g} to {high:.3g}; the regime is judged at constant "
-            "velocity: use transitions(), or select a stretch with data.sel(t=slice(from, to))"
+            "velocity: use transitions(), or select a stretch with data.sel(time=slice(from, to))"
         )
     return ""
 
 
 def _without_falls(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]:
     """Verdict where no fall of the force stands out."""
-    mean, swing = abs(seen.mean_force), seen.peak_to_peak
-    if swing == 0.0 and trace.drive is None:
+    mean, oscillation = abs(seen.mean_force), seen.peak_to_peak
+    if oscillation == 0.0 and trace.drive is None:
         return "undecided", "the force never changes: is the sensor connected?"
-    if swing < TINY * mean:
-        return "smooth sliding", f"the force swings by {100 * swing / mean:.3g} % of its mean"
+    if oscillation < TINY * mean:
+        return "smooth sliding", f"the force oscillates by {100 * oscillation / mean:.3g} % of its mean"
     if found.dismissed:
-        relative = f"the force wavers by {100 * swing / mean:.3g} % of its mean, without a beat and without fast slips"
-        if swing > MOST_NOISE * mean:
+        relative = (
+            f"the force wavers by {100 * oscillation / mean:.3g} % of its mean, without a beat and without fast slips"
+        )
+        if oscillation > MOST_NOISE * mean:
             return "undecided", f"{relative}: too much for noise, and no stick-slip"
         second = float(np.ptp(trace.force[trace.force.size // 2 :]))
         if seen.trend > 3 or (seen.trend < 1 / 3 and second > SMALL * mean):
@@ -347,19 +349,19 @@ def _without_falls(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]
         return "smooth sliding", f"{relative}: noise of the contacts"
     slope = np.polyfit(trace.t, trace.force, 1)[0]
     drift = float(slope * (trace.t[-1] - trace.t[0]))
-    if abs(drift) > 0.5 * swing and abs(drift) > 2.0 * found.smallest:
+    if abs(drift) > 0.5 * oscillation and abs(drift) > 2.0 * found.smallest:
         return (
             "undecided",
             f"the force {'rises' if drift > 0 else 'falls'} by {abs(drift):.3g} and shows no complete slip",
         )
-    if swing > 2.0 * found.smallest and swing > SMALL * mean:
-        return "undecided", "too short: the force swings, but shows no complete fall in the window"
-    if swing > MOST_NOISE * mean:
+    if oscillation > 2.0 * found.smallest and oscillation > SMALL * mean:
+        return "undecided", "too short: the force oscillates, but shows no complete fall in the window"
+    if oscillation > MOST_NOISE * mean:
         return (
             "undecided",
-            f"noise of {swing:.3g} about a mean force of {mean:.3g} hides what there is: record more often",
+            f"noise of {oscillation:.3g} about a mean force of {mean:.3g} hides what there is: record more often",
         )
     return (
         "smooth sliding",
-        f"the force shows noise only, {100 * swing / mean:.3g} % of its mean",
+        f"the force shows noise only, {100 * oscillation / mean:.3g} % of its mean",
     )

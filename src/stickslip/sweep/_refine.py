@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 FORMAT = "stickslip-refine"
 EXPLORE, FIND = 0.25, 0.55
-"""Shares of the runs after which exploring ends (evenly over the box), and finding (where labels differ)."""
+"""Fractions of the runs after which exploring ends (evenly over the box), and finding (where labels differ)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +56,7 @@ class Span:
             number("Span.low", self.low, above=0, hint="an axis of equal ratios")
 
     def value(self, share: float) -> float:
-        """Return the value at a share of the way from `low` (0) to `high` (1)."""
+        """Return the value at a fraction of the way from `low` (0) to `high` (1)."""
         if self.log:
             value = self.low * math.exp(share * math.log(self.high / self.low))
         else:
@@ -105,7 +105,7 @@ def refine(
     runs : int
         Runs to spend at most; at least 16.
     resolution : float
-        Lines across the boundary are bisected until they are this short, as a share of the box.
+        Lines across the boundary are bisected until they are this short, as a fraction of the box.
     executor, seed, progress, fingerprint
         As for `sweep`.
     store : path, optional
@@ -145,7 +145,7 @@ def refine(
 
 
 class _Search:
-    """The runs made so far, in shares of the box."""
+    """The runs made so far, in fractions of the box."""
 
     def __init__(
         self,
@@ -195,7 +195,7 @@ class _Search:
             self._progress(Progress(total=self.runs, finished=len(self.outcomes), failed=failed, found=self._found))
 
     def find(self, together: int) -> None:
-        """Spread runs over the box, then send them where labels differ."""
+        """Standard deviation runs over the box, then send them where labels differ."""
         learner_class = _learner_class()
         classes: dict[Any, int] = {}
         exploring = True
@@ -226,7 +226,7 @@ class _Search:
         if not brackets:
             return []
         cost = [max(0, math.ceil(math.log2(_length(bracket) / resolution))) for bracket in brackets]
-        chosen = _spread(brackets, cost, self.left)
+        chosen = _std(brackets, cost, self.left)
         open_ones = [i for i in chosen if cost[i] > 0]
         while open_ones:
             batch = open_ones[:together]
@@ -291,7 +291,7 @@ def _evaluate(pool: Pool, cells: Sequence[Mapping[str, AxisValue]]) -> list[Outc
     return [outcomes.get(i, died()) for i in range(len(cells))]
 
 
-def _spread(brackets: Sequence[tuple[Point, Point]], cost: Sequence[int], budget: int) -> list[int]:
+def _std(brackets: Sequence[tuple[Point, Point]], cost: Sequence[int], budget: int) -> list[int]:
     """Choose lines far from one another, until the runs are spent."""
     middles = np.array([_middle(bracket) for bracket in brackets])
     distance = np.full(len(brackets), np.inf)

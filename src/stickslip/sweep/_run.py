@@ -40,7 +40,7 @@ SECONDS = 1.0
 LARGEST_BATCH = 1000
 
 LANDING, LATEST = 0.02, 30.0
-"""Share of the time that goes into writing, at most: results that come faster are written together, but not later than
+"""Fraction of the time that goes into writing, at most: results that come faster are written together, but not later than
 so many seconds after those before."""
 
 

@@ -1,9 +1,9 @@
-"""The door for sweep files: a rig, the knobs to turn and what to look at, in TOML; a `Plan` out.
+"""The door for sweep files: a rig, the parameters to turn and what to look at, in TOML; a `Plan` out.
 
 >>> from stickslip.sweep.plan import read_plan
->>> from stickslip.rig import example
+>>> from stickslip.io.rig_files import example
 >>> plan = read_plan(example("phase_diagram"))
->>> plan.knobs, plan.total
+>>> plan.parameters, plan.total
 (('stiffness', 'velocity'), 3200)
 
 ``plan.run(store="phase.zarr")`` runs what the store lacks.
@@ -25,20 +25,20 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Discriminator, Field, Tag, create_model
 
-from stickslip import rig as rigs
 from stickslip.cycles import bistable_band, bistable_region
-from stickslip.door import Lag, Length, Mass, Part, Rate, Stiffness, Time, quantity, read_toml, validate
 from stickslip.errors import InputError, UndecidedError, number, whole
-from stickslip.model import Slider
-from stickslip.simulate import Contacts, MasterEquation, Method, Relaxed, check_method
-from stickslip.stability import KNOBS, Setting, boundary, critical
-from stickslip.stability.knobs import knob_named
-from stickslip.store import load, save
+from stickslip.io import rig_files as rigs
+from stickslip.io.files import load, save
+from stickslip.io.validation import Lag, Length, Mass, Part, Rate, Stiffness, Time, quantity, read_toml, validate
+from stickslip.model import Contacts, FromRest, MasterEquation, Method, Slider
+from stickslip.model.units import Scales, si_unit
+from stickslip.simulation import check_method
+from stickslip.stability import PARAMETERS, Setting, boundary, critical
+from stickslip.stability.parameters import parameter_named
 from stickslip.sweep._pools import Processes, Threads
 from stickslip.sweep._refine import Span, refine
 from stickslip.sweep._run import Failure, Progress, Summary, failures, summary, sweep
 from stickslip.sweep.study import KINDS, MEASURES, USUAL, Chosen, RegimeOf, Study, unit_of
-from stickslip.units import Scales, si_unit
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -93,8 +93,8 @@ class Plan:
     document: Mapping[str, Any]
 
     @property
-    def knobs(self) -> tuple[str, ...]:
-        """Axes that turn a knob of the rig."""
+    def parameters(self) -> tuple[str, ...]:
+        """Axes that vary a parameter of the rig."""
         return tuple(name for name in self.axes if name in _KNOBS)
 
     @property
@@ -193,7 +193,7 @@ class Plan:
         assert self.refinement is not None
         box = {
             name: Span(low=float(self.axes[name][0]), high=float(self.axes[name][-1]), log=name in self.logarithmic)
-            for name in self.knobs
+            for name in self.parameters
         }
         if store is not None:
             _make_directory(store)
@@ -231,7 +231,7 @@ def _about(title: str) -> dict[str, str]:
 
 
 def _of_all(progress: Callable[[Progress], object], part: int, parts: int, of_part: Progress) -> None:
-    """Report one of several searches as a share of all."""
+    """Report one of several searches as a fraction of all."""
     before = part * of_part.total
     progress(replace(of_part, total=parts * of_part.total, finished=before + of_part.finished))
 
@@ -333,17 +333,17 @@ _Speed = Annotated[float, quantity("m/s", "0.4 mm/s")]
 _Count = Annotated[int, Field(ge=1)]
 _Seed = Annotated[int, Field(ge=0, lt=2**53)]
 
-_KNOBS: tuple[str, ...] = tuple(knob.name for knob in KNOBS)
+_KNOBS: tuple[str, ...] = tuple(parameter.name for parameter in PARAMETERS)
 _AXES: dict[str, tuple[Any, str]] = {
     "stiffness": (Stiffness, "stiffness of the driving spring"),
     "velocity": (_Speed, "velocity of the drive"),
     "mass": (Mass, "mass of the slider"),
     "damping": (Rate, "damping eta"),
     "delay": (Lag, "delay of re-attachment"),
-    "spread": (float, "spread of the thresholds"),
+    "std": (float, "standard deviation of the thresholds"),
     "contacts": (_Count, "number of contacts"),
     "seed": (_Seed, "seed of the contacts"),
-    "start": (Literal["cold", "smooth"], "start of the run"),
+    "start": (Literal["from rest", "smooth"], "start of the run"),
 }
 """What can be an axis: how a value is read, and what it is."""
 
@@ -378,7 +378,7 @@ class _Run(Part):
     contacts: int | None = None
     cells: int | None = None
     seed: int | None = None
-    start: Literal["cold", "smooth"] | None = None
+    start: Literal["from rest", "smooth"] | None = None
     distance: Length | None = None
     duration: Time | None = None
     cycles: float = CYCLES
@@ -436,14 +436,14 @@ class _Document(Part):
             raise InputError("rig.slider.mass = 0: a run needs a mass above 0")
         for name in axes:
             if name in _KNOBS:
-                knob_named(name).get(Setting(interface=rig.interface, rig=rig.slider, velocity=rig.velocity))
-        cold = isinstance(rig.start, Relaxed)
+                parameter_named(name).get(Setting(interface=rig.interface, rig=rig.slider, velocity=rig.velocity))
+        cold = isinstance(rig.start, FromRest)
         return Study(
             interface=rig.interface,
             slider=rig.slider,
             velocity=number("rig.drive.velocity", rig.velocity, above=0),
             method=method,
-            start=self.run.start or ("cold" if cold else "smooth"),
+            start=self.run.start or ("from rest" if cold else "smooth"),
             distance=SHORTEST if self.run.distance is None else natural(self.run.distance, "x_s"),
             cycles=number("run.cycles", self.run.cycles, at_least=0),
             duration=0.0 if self.run.duration is None else natural(self.run.duration, "time"),
@@ -482,13 +482,13 @@ class _Document(Part):
         return tuple(dict.fromkeys([*always, *(name for name in names if name != "seed")]))
 
     def _check_refinement(self, given: Mapping[str, Any]) -> None:
-        knobs = [name for name in given if name in _KNOBS]
+        parameters = [name for name in given if name in _KNOBS]
         others = [name for name in given if name not in _KNOBS and name != "start"]
-        if len(knobs) != 2 or others:
+        if len(parameters) != 2 or others:
             raise InputError(
-                f"axes: [refine] searches the plane of two knobs, for each start; this file has {', '.join(given)}"
+                f"axes: [refine] searches the plane of two parameters, for each start; this file has {', '.join(given)}"
             )
-        for name in knobs:
+        for name in parameters:
             if not hasattr(given[name], "to"):
                 raise InputError(f"axes.{name}: [refine] chooses the values itself; give from, to and spacing")
 
@@ -544,38 +544,38 @@ def _values(name: str, axis: Any, *, ends_only: bool) -> NDArray[Any]:
 def with_theory(
     result: xr.Dataset, *, bistable: bool = False, progress: Callable[[float], None] | None = None
 ) -> xr.Dataset:
-    """Add the computed boundary of smooth sliding to the results of a sweep over one or two knobs.
+    """Add the computed boundary of smooth sliding to the results of a sweep over one or two parameters.
 
     Parameters
     ----------
     result : xarray.Dataset
-        From `Plan.run` or `stickslip.sweep.open_sweep`; knobs that were swept, too, are at the value selected.
+        From `Plan.run` or `stickslip.sweep.open_sweep`; parameters that were swept, too, are at the value selected.
     bistable : bool
-        Whether to follow stick-slip from the boundary to where it dies as well, which takes seconds for each of a few
-        values of the first knob (nonlinear; `stickslip.cycles`).
+        Whether to follow stick-slip from the boundary to where it decays as well, which takes seconds for each of a few
+        values of the first parameter (nonlinear; `stickslip.cycles`).
     progress : callable, optional
-        Called with the share of the work that is done.
+        Called with the fraction of the work that is done.
 
     Returns
     -------
     xarray.Dataset
-        The same with ``edge_<knob>`` along ``point`` (and ``edge_curve`` in a plane), ``band_...`` along ``band``; the
-        attribute ``theory`` says what is there, or why nothing is.
+        The same with ``edge_<parameter>`` along ``point`` (and ``edge_curve`` in a plane), ``band_...`` along ``band``;
+        the attribute ``theory`` says what is there, or why nothing is.
     """
     import xarray as xr
 
     plan = plan_of(result)
-    order = result["regime"].dims if "regime" in result else plan.knobs
-    turned = tuple(str(name) for name in order if name in plan.knobs)
-    fixed = {name: float(result[name]) for name in plan.knobs if name in result and result[name].ndim == 0}
+    order = result["regime"].dims if "regime" in result else plan.parameters
+    turned = tuple(str(name) for name in order if name in plan.parameters)
+    fixed = {name: float(result[name]) for name in plan.parameters if name in result and result[name].ndim == 0}
     setting = plan.study.at(fixed)
     if not 1 <= len(turned) <= 2:
-        return result.assign_attrs(theory="no linear boundary: it is drawn over one knob or two")
+        return result.assign_attrs(theory="no linear boundary: it is drawn over one parameter or two")
     sizes = [unit_of(name, plan.study.scales)[0] for name in turned]
     ranges = [_reach(result[name], size) for name, size in zip(turned, sizes, strict=True)]
     try:
         if any(low <= 0 for low, _ in ranges):
-            raise InputError("a knob starts at 0, which linear theory has no logarithm for")
+            raise InputError("a parameter starts at 0, which linear theory has no logarithm for")
         found = (
             _theory_in_plane(setting, turned, ranges, bistable, progress or (lambda _share: None))
             if len(turned) == 2
@@ -607,13 +607,13 @@ def _reach(axis: xr.DataArray, size: float) -> tuple[float, float]:
 
 def _theory_in_plane(
     setting: Setting,
-    knobs: tuple[str, ...],
+    parameters: tuple[str, ...],
     ranges: list[tuple[float, float]],
     bistable: bool,
     progress: Callable[[float], None],
 ) -> xr.Dataset:
     interface, slider, velocity = setting.interface, setting.rig, setting.velocity
-    over = (knobs[0], knobs[1])
+    over = (parameters[0], parameters[1])
     edge = boundary(interface, slider, velocity, over=over, within=(ranges[0], ranges[1]))
     # Where another mode grows beside the neutral one, nothing changes for smooth sliding.
     edge = edge.isel(point=edge["other_unstable"].to_numpy() == 0)
@@ -627,17 +627,17 @@ def _theory_in_plane(
     return found.drop_attrs(deep=False)
 
 
-def _theory_on_line(setting: Setting, knob: str, between: tuple[float, float], bistable: bool) -> xr.Dataset:
+def _theory_on_line(setting: Setting, parameter: str, between: tuple[float, float], bistable: bool) -> xr.Dataset:
     import xarray as xr
 
     interface, slider, velocity = setting.interface, setting.rig, setting.velocity
-    edges = critical(knob, interface, slider, velocity, between=between).edges
-    data = {f"edge_{knob}": ("point", np.array([edge.value for edge in edges], dtype=float))}
+    edges = critical(parameter, interface, slider, velocity, between=between).edges
+    data = {f"edge_{parameter}": ("point", np.array([edge.value for edge in edges], dtype=float))}
     if bistable:
         assert isinstance(slider, Slider)
-        bands = tuple(bistable_band(interface, slider, velocity, knob, between=between))
-        data[f"band_{knob}_low"] = ("band", np.array([band.low.value for band in bands], dtype=float))
-        data[f"band_{knob}_high"] = ("band", np.array([band.high.value for band in bands], dtype=float))
+        bands = tuple(bistable_band(interface, slider, velocity, parameter, between=between))
+        data[f"band_{parameter}_low"] = ("band", np.array([band.low.value for band in bands], dtype=float))
+        data[f"band_{parameter}_high"] = ("band", np.array([band.high.value for band in bands], dtype=float))
     return xr.Dataset(data)
 
 
@@ -679,10 +679,11 @@ def report(result: xr.Dataset) -> Report:
     if not refined:
         counted = summary(result)
         return Report(**asdict(counted), line=str(counted), regimes=regimes, failures=tuple(failures(result)))
-    errors, knobs = result["error"].to_numpy(), plan_of(result).knobs
+    errors, parameters = result["error"].to_numpy(), plan_of(result).parameters
     failed = tuple(
         Failure(
-            parameters={name: float(result[name][i]) for name in knobs} | {"start": str(result["start"].values[i])},
+            parameters={name: float(result[name][i]) for name in parameters}
+            | {"start": str(result["start"].values[i])},
             error=str(errors[i]),
         )
         for i in np.flatnonzero(errors != "")

@@ -1,4 +1,4 @@
-"""The case of a sweep that a file describes: a rig with its knobs turned, run and judged. Workers load this."""
+"""The case of a sweep that a file describes: a rig with its parameters varied, run and judged. Workers load this."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, get_args
 
-from stickslip.drive import hold
 from stickslip.measure import Regime, regime
 from stickslip.measure.verdict import Kind
-from stickslip.model import Interface, Slider
-from stickslip.simulate import Contacts, Method, Relaxed, Sliding, Start, simulate
+from stickslip.model import Contacts, FromRest, FromSliding, Interface, Method, Slider, Start
+from stickslip.model.drive import constant
+from stickslip.model.units import Scales, si_unit
+from stickslip.simulation import simulate
 from stickslip.stability import Setting
-from stickslip.stability.knobs import knob_named
-from stickslip.units import Scales, si_unit
+from stickslip.stability.parameters import parameter_named
 
 KINDS: tuple[str, ...] = get_args(Kind)
 """What a regime can be; its place here is its code in the results."""
-KICK = 0.02
-"""Share of the velocity by which the master equation's smooth start is disturbed; contacts disturb themselves."""
+PERTURBATION = 0.02
+"""Fraction of the velocity by which the master equation's smooth start is disturbed; contacts disturb themselves."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +73,7 @@ class Study:
         distance = max(self.distance, self.cycles * (1.0 + 1.0 / setting.rig.stiffness))
         duration = max(distance / setting.velocity, self.duration)
         for extension in range(self.extensions + 1):
-            drive = hold(setting.velocity, duration * 2.0**extension)
+            drive = constant(setting.velocity, duration * 2.0**extension)
             run = simulate(setting.interface, setting.rig, drive, method, start=_beginning(start, method))
             seen = regime(run)
             if seen.kind != "undecided":
@@ -81,10 +81,10 @@ class Study:
         return self._measured(seen) | {"travel": self._in_units(drive.duration * setting.velocity, "x_s"), "seed": seed}
 
     def at(self, values: Mapping[str, float]) -> Setting:
-        """Return the rig with its knobs turned to the values of the axes, in natural units."""
+        """Return the rig with its parameters varied to the values of the axes, in natural units."""
         setting = Setting(interface=self.interface, rig=self.slider, velocity=self.velocity)
         for name, value in values.items():
-            setting = knob_named(name).set(setting, value / unit_of(name, self.scales)[0])
+            setting = parameter_named(name).set(setting, value / unit_of(name, self.scales)[0])
         return setting
 
     def _measured(self, seen: Regime) -> dict[str, float | str]:
@@ -104,16 +104,16 @@ class Study:
 
 
 def _beginning(start: str, method: Method) -> Start:
-    if start == "cold":
-        return Relaxed()
-    return Sliding() if isinstance(method, Contacts) else Sliding(kick=KICK)
+    if start == "from rest":
+        return FromRest()
+    return FromSliding() if isinstance(method, Contacts) else FromSliding(perturbation=PERTURBATION)
 
 
 MEASURES: dict[str, tuple[str, str]] = {
     "regime": ("text", "regime of motion"),
     "regime_code": ("1", "regime of motion as a number"),
-    "peak_to_peak": ("f_s", "peak to peak of the driving force, per contact"),
-    "mean_force": ("f_s", "mean driving force, per contact"),
+    "peak_to_peak": ("f_s", "peak to peak of the spring force, per contact"),
+    "mean_force": ("f_s", "mean spring force, per contact"),
     "period": ("time", "mean time from one slip to the next"),
     "period_variation": ("1", "coefficient of variation of the period"),
     "slips": ("1", "complete falls of the force in the time judged"),
@@ -150,9 +150,9 @@ class RegimeOf:
         return result["regime"]
 
 
-def unit_of(knob: str, scales: Scales | None) -> tuple[float, str]:
-    """Size and name of the unit in which the values of a knob are kept: SI if there are scales."""
-    unit = knob_named(knob).unit
-    if knob == "spread":  # relative to the mean threshold, in either system
+def unit_of(parameter: str, scales: Scales | None) -> tuple[float, str]:
+    """Size and name of the unit in which the values of a parameter are kept: SI if there are scales."""
+    unit = parameter_named(parameter).unit
+    if parameter == "std":  # relative to the mean threshold, in either system
         return 1.0, "1" if scales else unit
     return (1.0, unit) if scales is None else si_unit(unit, scales) or (1.0, unit)

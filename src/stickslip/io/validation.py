@@ -191,7 +191,7 @@ def _one_mistake(item: Any, document: type[Part]) -> str:
     if kind == "missing":
         return f"{key}: is missing"
     if kind in ("union_tag_not_found", "union_tag_invalid"):
-        return f"{key}: must name its law, such as {{law = 'gaussian', spread = 0.1}}; known laws: {_tags(item)}"
+        return f"{key}: must name its distribution, such as {{distribution = 'gaussian', std = 0.1}}; known distributions: {_tags(item)}"
     if kind == "literal_error":
         return f"{key} = {value!r}: must be {item['ctx']['expected']}"
     if kind == "value_error":
@@ -211,11 +211,11 @@ def _one_mistake(item: Any, document: type[Part]) -> str:
     return f"{key} = {value!r}: {words.get(kind, item['msg'].lower())}"
 
 
-_LAWS = ("gaussian", "uniform", "exponential", "gamma", "lognormal", "weibull", "empirical")
+_DISTRIBUTIONS = ("gaussian", "uniform", "exponential", "gamma", "lognormal", "weibull", "empirical")
 
 
 def _tags(item: Any) -> str:
-    return str(item.get("ctx", {}).get("expected_tags", ", ".join(_LAWS)))
+    return str(item.get("ctx", {}).get("expected_tags", ", ".join(_DISTRIBUTIONS)))
 
 
 def _keys_beside(path: list[str], document: type[Part]) -> list[str]:

@@ -18,7 +18,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stickslip import drive, model, thresholds, units
+from stickslip import model
 from stickslip.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,17 +27,10 @@ if TYPE_CHECKING:
 Plain = Any
 """What JSON can hold: None, bool, int, float, str, list, dict."""
 
-_MODULES = (thresholds, model, drive, units)
-
 
 def records() -> dict[str, type]:
-    """Return the records of the lower layers by name, for `decode`."""
-    return {
-        name: kind
-        for module in _MODULES
-        for name, kind in vars(module).items()
-        if isinstance(kind, type) and is_dataclass(kind)
-    }
+    """Return the records of `stickslip.model` by name, for `decode`."""
+    return {name: kind for name, kind in vars(model).items() if isinstance(kind, type) and is_dataclass(kind)}
 
 
 def encode(value: object) -> Plain:

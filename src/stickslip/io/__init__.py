@@ -1,0 +1,1 @@
+"""Rig files, Datasets and their provenance: what goes to files and comes back."""

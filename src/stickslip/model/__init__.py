@@ -1,0 +1,71 @@
+"""What there is: interface, slider and drive, the rig they make, and how it is to be simulated.
+
+Records only, each validated on construction. Natural units throughout: contact stiffness ``k = 1``, mean threshold force
+``f_s = 1``, hence stretchings in units of ``x_s = f_s/k``; everything per contact. Time is in any unit the user likes.
+"""
+
+from stickslip.model.ageing import ExponentialGrowth, Langevin, LogarithmicGrowth, Strengthening
+from stickslip.model.delays import Delay, DelayModel, NegativeDelay, RandomDelay
+from stickslip.model.distributions import (
+    Distribution,
+    Empirical,
+    Exponential,
+    Gamma,
+    Gaussian,
+    LogNormal,
+    SteadyState,
+    Uniform,
+    Weibull,
+)
+from stickslip.model.drive import Drive, ForceAbove, ForceBelow, Piece, Travel, constant, ramp
+from stickslip.model.interface import Interface
+from stickslip.model.methods import (
+    Contacts,
+    FromRest,
+    FromSliding,
+    MasterEquation,
+    Method,
+    Output,
+    PaperClosure,
+    Start,
+)
+from stickslip.model.slider import Slider
+from stickslip.model.units import Scales
+
+__all__ = [
+    "Contacts",
+    "Delay",
+    "DelayModel",
+    "Distribution",
+    "Drive",
+    "Empirical",
+    "Exponential",
+    "ExponentialGrowth",
+    "ForceAbove",
+    "ForceBelow",
+    "FromRest",
+    "FromSliding",
+    "Gamma",
+    "Gaussian",
+    "Interface",
+    "Langevin",
+    "LogNormal",
+    "LogarithmicGrowth",
+    "MasterEquation",
+    "Method",
+    "NegativeDelay",
+    "Output",
+    "PaperClosure",
+    "Piece",
+    "RandomDelay",
+    "Scales",
+    "Slider",
+    "Start",
+    "SteadyState",
+    "Strengthening",
+    "Travel",
+    "Uniform",
+    "Weibull",
+    "constant",
+    "ramp",
+]

@@ -1,0 +1,64 @@
+"""How the thresholds of contacts grow with their age."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from stickslip.errors import number
+
+
+@dataclass(frozen=True, kw_only=True)
+class Langevin:
+    """Thresholds that age towards the interface's Gaussian distribution as an Ornstein-Uhlenbeck process, Eqs. (13)-(16).
+
+    ``df = beta^2 (f_0 - f) dt + beta delta f_0 sqrt(2) dW``, with ``f_0`` and ``delta`` the mean and the relative
+    standard deviation of ``Interface.thresholds``.
+
+    Parameters
+    ----------
+    rate : float
+        ``beta``, in 1/sqrt(time): thresholds reach their stationary distribution within a time ``beta**-2``.
+    newborn : float
+        Threshold force of a newborn contact, in units of ``f_s``.
+    """
+
+    rate: float
+    newborn: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "rate", number("Langevin.rate", self.rate, above=0, hint="beta"))
+        object.__setattr__(self, "newborn", number("Langevin.newborn", self.newborn, at_least=0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExponentialGrowth:
+    """Thresholds that grow as ``f(t) = f_end - (f_end - newborn) exp(-rate t)``.
+
+    ``f_end`` is drawn from the interface's distribution of thresholds at birth; `rate` is in 1/time, `newborn` in
+    ``f_s``.
+    """
+
+    rate: float
+    newborn: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "rate", number("ExponentialGrowth.rate", self.rate, above=0))
+        object.__setattr__(self, "newborn", number("ExponentialGrowth.newborn", self.newborn, at_least=0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogarithmicGrowth:
+    """Thresholds that grow as ``f(t) = f_0 + slope ln(1 + t/time)``, the ageing of creeping asperities.
+
+    ``f_0`` is drawn from the interface's distribution of thresholds at birth; `slope` is in ``f_s``, `time` in time.
+    """
+
+    slope: float
+    time: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "slope", number("LogarithmicGrowth.slope", self.slope, at_least=0))
+        object.__setattr__(self, "time", number("LogarithmicGrowth.time", self.time, above=0))
+
+
+Strengthening = Langevin | ExponentialGrowth | LogarithmicGrowth

@@ -1,0 +1,147 @@
+"""How long a broken contact stays detached."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, Protocol, get_args, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import special
+
+from stickslip.errors import InputError, number
+from stickslip.model.distributions import Gaussian
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+NegativeDelay = Literal["clip", "redraw", "fold"]
+
+
+@runtime_checkable
+class DelayModel(Protocol):
+    """How long a broken contact stays detached: `Delay`, `RandomDelay`, or a distribution of the user's own."""
+
+    def moment(self, order: int) -> float:
+        """Mean of ``tau**order``."""
+        ...
+
+    def laplace(self, s: ArrayLike) -> ComplexArray:
+        """Mean of ``exp(-s tau)`` at complex `s`."""
+        ...
+
+    def sample(self, rng: np.random.Generator, size: int) -> Array:
+        """Draw `size` delays."""
+        ...
+
+    def quadrature(self) -> tuple[Array, Array]:
+        """Rising delays and their weights, for the mean of a smooth function of the delay."""
+        ...
+
+
+@dataclass(frozen=True)
+class Delay(DelayModel):
+    """The same delay time for every broken contact: 0 for none, infinity for contacts that never re-attach."""
+
+    time: float
+
+    def __post_init__(self) -> None:
+        checked = number("Delay.time", self.time, at_least=0, infinite=True, hint="the delay time tau_d")
+        object.__setattr__(self, "time", checked)
+
+    def moment(self, order: int) -> float:
+        """Mean of ``tau**order``."""
+        return self.time**order
+
+    def laplace(self, s: ArrayLike) -> ComplexArray:
+        """Mean of ``exp(-s tau)``."""
+        s = np.asarray(s, dtype=complex)
+        return np.zeros_like(s) if math.isinf(self.time) else np.asarray(np.exp(-s * self.time))
+
+    def sample(self, rng: np.random.Generator, size: int) -> Array:
+        """Return `size` times the delay; no random number is drawn."""
+        del rng
+        return np.full(size, self.time)
+
+    def quadrature(self) -> tuple[Array, Array]:
+        """One node of weight 1; no node when contacts never re-attach."""
+        count = 0 if math.isinf(self.time) else 1
+        return np.full(count, self.time), np.ones(count)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RandomDelay(DelayModel):
+    """Delay times drawn from a Gaussian, with the fate of negative draws stated.
+
+    Parameters
+    ----------
+    mean, std : float
+        Mean and standard deviation of the Gaussian, before negative draws are dealt with.
+    negative : {"clip", "redraw", "fold"}
+        A negative draw becomes 0, is drawn again, or changes sign. The paper does not say which it used, and its
+        Fig. 7b depends on it.
+    """
+
+    mean: float
+    std: float
+    negative: NegativeDelay = "clip"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mean", number("RandomDelay.mean", self.mean, at_least=0))
+        object.__setattr__(self, "std", number("RandomDelay.std", self.std, above=0))
+        if self.negative not in get_args(NegativeDelay):
+            allowed = ", ".join(get_args(NegativeDelay))
+            raise InputError(f"RandomDelay.negative = {self.negative!r}: must be one of {allowed}")
+
+    def _parts(self) -> tuple[float, list[tuple[float, float]]]:
+        """Weight of the atom at zero, and (weight, mean) of each Gaussian cut off below zero."""
+        positive = float(special.ndtr(self.mean / self.std))
+        match self.negative:
+            case "clip":
+                return 1.0 - positive, [(positive, self.mean)]
+            case "redraw":
+                return 0.0, [(1.0, self.mean)]
+            case "fold":
+                return 0.0, [(positive, self.mean), (1.0 - positive, -self.mean)]
+
+    def _gaussian_parts(self) -> list[tuple[float, Gaussian]]:
+        # A folded tail too thin to matter is also too thin for a distribution of its own.
+        kept = [(weight, mean) for weight, mean in self._parts()[1] if weight > 2e-6]
+        total = sum(weight for weight, _ in kept) / (1.0 - self._parts()[0])
+        return [(w / total, Gaussian(mean=mean, std=self.std, lower=0.0)) for w, mean in kept]
+
+    def moment(self, order: int) -> float:
+        """Mean of ``tau**order``."""
+        atom = self._parts()[0] if order == 0 else 0.0
+        return atom + sum(weight * distribution.moment(order) for weight, distribution in self._gaussian_parts())
+
+    def laplace(self, s: ArrayLike) -> ComplexArray:
+        """Mean of ``exp(-s tau)``."""
+        s = np.asarray(s, dtype=complex)
+        total = np.full_like(s, self._parts()[0])
+        for weight, distribution in self._gaussian_parts():
+            total = total + weight * distribution.laplace(s)
+        return total
+
+    def sample(self, rng: np.random.Generator, size: int) -> Array:
+        """Draw `size` delays."""
+        if self.negative == "redraw":
+            return Gaussian(mean=self.mean, std=self.std, lower=0.0).sample(rng, size)
+        values = rng.normal(self.mean, self.std, size)
+        return np.maximum(values, 0.0) if self.negative == "clip" else np.abs(values)
+
+    def quadrature(self) -> tuple[Array, Array]:
+        """Gauss-Legendre nodes on the continuous part, and the atom at zero if negative draws are clipped."""
+        parts = self._gaussian_parts()
+        low = min(distribution.support[0] for _, distribution in parts)
+        high = max(distribution.support[1] for _, distribution in parts)
+        node, weight = np.polynomial.legendre.leggauss(96)
+        tau = low + 0.5 * (high - low) * (1 + node)
+        density = sum((w * distribution.density(tau) for w, distribution in parts), start=np.zeros_like(tau))
+        weights = 0.5 * (high - low) * weight * density
+        atom = self._parts()[0]
+        weights *= (1.0 - atom) / weights.sum()
+        if atom > 0:
+            tau, weights = np.append(0.0, tau), np.append(atom, weights)
+        return tau, weights

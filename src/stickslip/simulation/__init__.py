@@ -1,0 +1,25 @@
+"""Runs of a rig: an interface, a slider, a drive and a method in, a labelled Dataset out."""
+
+from stickslip.simulation.run import (
+    LABELS,
+    Progress,
+    case_of,
+    check_method,
+    initial_nodes,
+    pull_rigidly,
+    rerun,
+    simulate,
+    survival_table,
+)
+
+__all__ = [
+    "LABELS",
+    "Progress",
+    "case_of",
+    "check_method",
+    "initial_nodes",
+    "pull_rigidly",
+    "rerun",
+    "simulate",
+    "survival_table",
+]
