@@ -116,7 +116,7 @@ def _write_rig(example: Example) -> None:
     assert name, "a toml block begins with the name of its file: # rig.toml"
     file = example.namespace["_folder"] / name[1]
     file.write_text(example.parsed)
-    rig.read(file)
+    rig.read_rig(file)
 
 
 def _run_doctest(example: Example) -> str:

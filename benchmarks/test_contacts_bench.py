@@ -23,10 +23,8 @@ def plain(count, duration):
 
 def engine(count, duration):
     return ss.simulate(
-        FIG4.interface,
-        FIG4.slider,
-        ss.constant(1.0, duration),
-        ss.Contacts(count, seed=1),
+        ss.Rig(FIG4.interface, FIG4.slider, ss.constant(1.0, duration)),
+        method=ss.Contacts(count, seed=1),
         output=ss.Output(interval=5e-3),
     )
 

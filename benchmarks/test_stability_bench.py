@@ -2,72 +2,58 @@
 
 import numpy as np
 
+from stickslip.model import Rig, constant
 from stickslip.paper.cases import FIG7
-from stickslip.stability import (
-    boundary,
-    critical_delay,
-    critical_velocities,
-    growth_rate,
-    stability_map,
-    unstable_modes,
-)
+from stickslip.stability import boundary, count_unstable, critical, growth_rate, onset, stability_map
 from stickslip.stability.response import _axis
 
-INTERFACE, SLIDER = FIG7.interface, FIG7.slider
+RIG = Rig(FIG7.interface, FIG7.slider, constant(1.0))
 STIFFNESSES, VELOCITIES = np.geomspace(0.1, 10, 200), np.geomspace(0.1, 10, 200)
 WINDOW = ((0.1, 10.0), (0.1, 10.0))
 
 
 def test_map_of_200_by_200(benchmark):
-    found = benchmark(stability_map, INTERFACE, SLIDER, 1.0, values=(STIFFNESSES, VELOCITIES))
+    found = benchmark(stability_map, RIG, values=(STIFFNESSES, VELOCITIES))
     assert found.unstable_modes.shape == (200, 200)
 
 
 def test_map_of_200_by_200_with_no_table_kept(benchmark):
     def run():
         _axis.cache_clear()
-        return stability_map(INTERFACE, SLIDER, 1.0, values=(STIFFNESSES, VELOCITIES))
+        return stability_map(RIG, values=(STIFFNESSES, VELOCITIES))
 
     benchmark.pedantic(run, rounds=5)
 
 
 def test_plain_loop_over_a_hundredth_of_the_map(benchmark):
     def run():
-        return [
-            [
-                unstable_modes(INTERFACE, type(SLIDER)(stiffness=k, mass=SLIDER.mass, damping=SLIDER.damping), v)
-                for v in v_
-            ]
-            for k in STIFFNESSES[::10]
-        ]
+        return [[count_unstable(RIG.replace(stiffness=k, velocity=v)) for v in v_] for k in STIFFNESSES[::10].tolist()]
 
     v_ = VELOCITIES[::10].tolist()
     benchmark.pedantic(run, rounds=2)
 
 
 def test_boundary_by_continuation(benchmark):
-    found = benchmark(boundary, INTERFACE, SLIDER, 1.0, within=WINDOW)
+    found = benchmark(boundary, RIG, between=WINDOW)
     assert found.sizes["point"] > 100
 
 
 def test_map_over_velocity_and_delay_50_by_50(benchmark):
     values = (np.geomspace(0.1, 10, 50), np.geomspace(0.01, 1, 50))
-    benchmark.pedantic(
-        stability_map, (INTERFACE, SLIDER, 1.0), {"over": ("velocity", "delay"), "values": values}, rounds=3
-    )
+    benchmark.pedantic(stability_map, (RIG,), {"over": ("velocity", "delay"), "values": values}, rounds=3)
 
 
 def test_critical_velocities(benchmark):
-    benchmark(critical_velocities, INTERFACE, SLIDER, between=(0.1, 10))
+    benchmark(critical, RIG, "velocity", between=(0.1, 10))
 
 
 def test_critical_delay(benchmark):
-    benchmark(critical_delay, INTERFACE, SLIDER, 1.0)
+    benchmark(onset, RIG, "delay", between=(1e-3, 1e2))
 
 
 def test_growth_rate(benchmark):
-    benchmark(growth_rate, INTERFACE, SLIDER, 1.4)
+    benchmark(growth_rate, RIG.replace(velocity=1.4))
 
 
 def test_unstable_modes(benchmark):
-    benchmark(unstable_modes, INTERFACE, SLIDER, 1.4)
+    benchmark(count_unstable, RIG.replace(velocity=1.4))

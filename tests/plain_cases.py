@@ -26,14 +26,16 @@ DELAYS = {
 
 
 def _run(interface, method, slider=SLIDER, drive=THERE_AND_BACK, **options):
-    run = ss.simulate(interface, slider, drive, method, output=ss.Output(interval=0.1), **options)
+    run = ss.simulate(ss.Rig(interface, slider, drive), method=method, output=ss.Output(interval=0.1), **options)
     return {str(name): run[name].to_numpy().tolist() for name in run.data_vars}
 
 
 def _snapshots(interface, method):
     output = ss.Output(interval=0.25, snapshots=(0.5, 1.0), bins=5)
     return (
-        ss.simulate(interface, SLIDER, ss.constant(1.0, 1.5), method, output=output)["stretching_density"]
+        ss.simulate(ss.Rig(interface, SLIDER, ss.constant(1.0, 1.5)), method=method, output=output)[
+            "stretching_density"
+        ]
         .to_numpy()
         .tolist()
     )

@@ -9,9 +9,8 @@ import pytest
 import stickslip as ss
 from stickslip import advise
 from stickslip.io import rig_files as rigs
+from stickslip.model.parameters import parameter_named
 from stickslip.paper.cases import FIG8
-from stickslip.stability import Setting
-from stickslip.stability.parameters import parameter_named
 
 
 def make(*, stiffness, damping_ratio=0.3, mass=1e-4, std=0.1, delay=0.1, velocity=1.0, contacts=3000, seed=1):
@@ -29,17 +28,17 @@ def make(*, stiffness, damping_ratio=0.3, mass=1e-4, std=0.1, delay=0.1, velocit
 
 def at(rig, remedy_knob, value):
     """The rig with one parameter varied."""
-    return parameter_named(remedy_knob).set(
-        Setting(interface=rig.interface, rig=rig.slider, velocity=rig.velocity), value
-    )
+    return parameter_named(remedy_knob).set(rig.natural, value)
 
 
 def motion_from_rest(setting, seed):
     """The regime from rest; a run that does not decide is made longer."""
-    distance = max(150.0, 15.0 / setting.rig.stiffness)
+    distance = max(150.0, 15.0 / setting.slider.stiffness)
     for longer in (1.0, 2.0, 4.0):
         drive = ss.constant(setting.velocity, longer * distance / setting.velocity)
-        seen = ss.regime(ss.simulate(setting.interface, setting.rig, drive, method=ss.Contacts(10_000, seed=seed)))
+        seen = ss.regime(
+            ss.simulate(ss.Rig(setting.interface, setting.slider, drive), method=ss.Contacts(10_000, seed=seed))
+        )
         if seen.kind != "undecided":
             break
     return seen
@@ -137,11 +136,11 @@ def test_ageing_rigs_have_margins_and_mitigations_that_are_true():
     for mitigation in found.mitigations:
         if mitigation.keeps is not None:
             here = at(rig, mitigation.parameter, mitigation.keeps)
-            assert ss.unstable_modes(here.interface, here.rig, here.velocity) == 0
+            assert ss.stability.count_unstable(here) == 0
     for mitigation in cures:
         here = at(rig, mitigation.parameter, mitigation.stops)
         drive = ss.constant(here.velocity, 60.0 / here.velocity)
-        run = ss.simulate(here.interface, here.rig, drive, ss.Contacts(2_000, seed=77))
+        run = ss.simulate(ss.Rig(here.interface, here.slider, drive), method=ss.Contacts(2_000, seed=77))
         late = run["spring_force"].to_numpy()[run["time"].to_numpy() > 36.0 / here.velocity]
         assert np.ptp(late) < 0.25
 
@@ -164,7 +163,7 @@ def test_mitigations_of_rigs_drawn_at_random_are_true(number):
     for mitigation in found.mitigations:
         if mitigation.keeps is not None:
             kept = at(rig, mitigation.parameter, mitigation.keeps)
-            assert ss.unstable_modes(kept.interface, kept.rig, kept.velocity) == 0
+            assert ss.stability.count_unstable(kept) == 0
         if mitigation.stops is not None:
             seen = motion_from_rest(at(rig, mitigation.parameter, mitigation.stops), seed=number)
             assert seen.kind == "smooth sliding", (mitigation, seen)

@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from stickslip import cycles
-from stickslip.cycles import bistable_band, cycle_branch, lasting, lasting_delay, lasting_velocities, lasts
+from stickslip.cycles import bistable_range, cycle_branch, is_sustained, sustained, sustained_onset
 from stickslip.errors import InputError, UndecidedError
 from stickslip.measure import regime, transitions
 from stickslip.model import (
@@ -20,6 +20,7 @@ from stickslip.model import (
     MasterEquation,
     Output,
     RandomDelay,
+    Rig,
     Slider,
 )
 from stickslip.model.distributions import Gaussian
@@ -33,8 +34,7 @@ from stickslip.stability import (
     STD,
     STIFFNESS,
     VELOCITY,
-    Setting,
-    critical_velocities,
+    critical,
     growth_rate,
 )
 
@@ -67,7 +67,7 @@ def scaled(mass, stiffness=2.0, ratio=0.3):
     ],
 )
 def test_the_table_of_fig_4(slider, delay, kind, oscillation):
-    verdict = lasts(delayed(delay), slider, 1.0)
+    verdict = is_sustained(Rig(delayed(delay), slider, constant(1.0)))
     assert verdict.kind == kind
     assert verdict.lasts is (kind != "smooth sliding")
     if oscillation:
@@ -75,14 +75,14 @@ def test_the_table_of_fig_4(slider, delay, kind, oscillation):
 
 
 def test_the_cycle_of_fig_4():
-    verdict = lasts(delayed(0.2), FIG4.slider, 1.0)
+    verdict = is_sustained(Rig(delayed(0.2), FIG4.slider, constant(1.0)))
     assert verdict.period == pytest.approx(1.487, abs=0.010)
     assert verdict.largest_velocity == pytest.approx(13, abs=0.7)
     assert verdict.linearly_unstable
 
 
 def test_a_verdict_says_why_and_how_far_it_looked():
-    verdict = lasts(delayed(0.06), FIG6.slider, 1.0)
+    verdict = is_sustained(Rig(delayed(0.06), FIG6.slider, constant(1.0)))
     assert verdict.travel > 10
     assert verdict.change < 0
     assert not verdict.linearly_unstable
@@ -90,21 +90,23 @@ def test_a_verdict_says_why_and_how_far_it_looked():
 
 
 def test_smooth_sliding_and_stick_slip_both_last_in_the_bistable_band():
-    perturbed = lasts(FIG7.interface, FIG7.slider, 1.0, FromSliding(perturbation=0.01))
+    perturbed = is_sustained(Rig(FIG7.interface, FIG7.slider, constant(1.0)), start=FromSliding(perturbation=0.01))
     assert perturbed.lasts is False
-    assert lasts(FIG7.interface, FIG7.slider, 1.0).lasts is True
+    assert is_sustained(Rig(FIG7.interface, FIG7.slider, constant(1.0))).lasts is True
 
 
 def test_where_smooth_sliding_is_unstable_a_small_perturbation_grows_into_the_cycle():
-    perturbed = lasts(delayed(0.2), FIG6.slider, 1.0, FromSliding(perturbation=0.01))
-    relaxed = lasts(delayed(0.2), FIG6.slider, 1.0)
+    perturbed = is_sustained(Rig(delayed(0.2), FIG6.slider, constant(1.0)), start=FromSliding(perturbation=0.01))
+    relaxed = is_sustained(Rig(delayed(0.2), FIG6.slider, constant(1.0)))
     assert perturbed.kind == relaxed.kind == "stick-slip"
     assert perturbed.peak_to_peak == pytest.approx(relaxed.peak_to_peak, rel=0.01)
     assert perturbed.period == pytest.approx(relaxed.period, rel=0.01)
 
 
 def test_a_hundred_cells_are_enough():
-    rough, fine = (lasts(delayed(0.1), FIG6.slider, 1.0, method=MasterEquation(cells=n)) for n in (100, 200))
+    rough, fine = (
+        is_sustained(Rig(delayed(0.1), FIG6.slider, constant(1.0)), method=MasterEquation(cells=n)) for n in (100, 200)
+    )
     assert rough.peak_to_peak == pytest.approx(fine.peak_to_peak, rel=2e-3)
     assert rough.period == pytest.approx(fine.period, rel=2e-3)
 
@@ -113,8 +115,10 @@ def test_a_hundred_cells_are_enough():
 @pytest.mark.parametrize("delay", [0.06, 0.1])
 def test_the_verdict_agrees_with_the_regime_of_a_run_of_contacts(delay):
     interface = delayed(delay)
-    run = simulate(interface, FIG6.slider, constant(1.0, 120), Contacts(10_000, seed=3), output=Output(interval=0.01))
-    assert lasts(interface, FIG6.slider, 1.0).kind == regime(run).kind
+    run = simulate(
+        Rig(interface, FIG6.slider, constant(1.0, 120)), method=Contacts(10_000, seed=3), output=Output(interval=0.01)
+    )
+    assert is_sustained(Rig(interface, FIG6.slider, constant(1.0))).kind == regime(run).kind
 
 
 @pytest.mark.slow
@@ -126,33 +130,33 @@ def test_verdicts_of_random_rigs_agree_with_long_runs():
         interface = Interface(thresholds=Gaussian(mean=1.0, std=rng.uniform(0.05, 0.35)), delay=Delay(delay))
         slider = scaled(mass, stiffness, ratio)
         duration = 200 * (1 + 1 / stiffness) / velocity
-        late = simulate(interface, slider, constant(velocity, duration), cycles.METHOD).sel(
+        late = simulate(Rig(interface, slider, constant(velocity, duration)), method=cycles.METHOD).sel(
             time=slice(0.9 * duration, None)
         )
         still = np.ptp(late.spring_force.values) > 0.02 * late.spring_force.values.mean()
-        assert lasts(interface, slider, velocity).lasts == still
+        assert is_sustained(Rig(interface, slider, constant(velocity))).lasts == still
 
 
 @pytest.mark.parametrize(("stiffness", "mass"), [(0.01, 1e-2), (0.05, 1e-3)])
 def test_soft_springs_have_long_cycles(stiffness, mass):
-    verdict = lasts(delayed(0.2), scaled(mass, stiffness), 1.0, method=MasterEquation(cells=50))
+    verdict = is_sustained(Rig(delayed(0.2), scaled(mass, stiffness), constant(1.0)), method=MasterEquation(cells=50))
     assert verdict.kind == "stick-slip"
     assert verdict.period > 0.5 / stiffness
 
 
 def test_contacts_that_never_come_back_leave_nothing_to_oscillate():
-    verdict = lasts(delayed(math.inf), FIG4.slider, 1.0)
+    verdict = is_sustained(Rig(delayed(math.inf), FIG4.slider, constant(1.0)))
     assert verdict.lasts is False
     assert verdict.linearly_unstable is None
 
 
 def test_an_oscillation_that_has_not_settled_is_undecided():
     # A slow passage: just below tau* the oscillation lingers at .55 before it decays.
-    hurried = lasts(delayed(0.0757), FIG6.slider, 1.0, patience=4)
+    hurried = is_sustained(Rig(delayed(0.0757), FIG6.slider, constant(1.0)), patience=4)
     assert hurried.lasts is None
     assert hurried.kind == "undecided"
     assert "still changes" in hurried.reason
-    assert lasts(delayed(0.0757), FIG6.slider, 1.0).lasts is False
+    assert is_sustained(Rig(delayed(0.0757), FIG6.slider, constant(1.0))).lasts is False
 
 
 # ---------------------------------------------------------------- growth
@@ -171,12 +175,14 @@ def test_an_oscillation_that_has_not_settled_is_undecided():
 )
 def test_small_disturbances_grow_or_die_at_the_linear_rate(interface, slider, velocity, duration):
     method = MasterEquation(cells=200)
-    run = simulate(interface, slider, constant(velocity, duration), method, start=FromSliding(perturbation=1e-3))
+    run = simulate(
+        Rig(interface, slider, constant(velocity, duration)), method=method, start=FromSliding(perturbation=1e-3)
+    )
     late = run.sel(time=slice(0.6 * duration, None))
     t = late.time.values - late.time.values[0]
     speed = late.velocity.values / velocity - 1.0
     assert np.abs(speed).max() < 0.02
-    linear = growth_rate(interface, slider, velocity)
+    linear = growth_rate(Rig(interface, slider, constant(velocity)))
 
     def misfit(guess):
         rate, omega = guess
@@ -193,25 +199,29 @@ def test_small_disturbances_grow_or_die_at_the_linear_rate(interface, slider, ve
 
 
 def test_tau_star_of_fig_6():
-    answer = lasting_delay(FIG6.interface, FIG6.slider, 1.0)
+    answer = sustained_onset(Rig(FIG6.interface, FIG6.slider, constant(1.0)), "delay", between=(0.01, 100))
     assert answer.value == pytest.approx(0.0755, abs=0.003)
     assert answer.value == pytest.approx(0.07575, abs=2e-4)  # ours, from runs of 600 x_s with 200 cells
     assert answer.dies_at < answer.value < answer.lasts_at < answer.dies_at * 1.003
     assert answer.linear == pytest.approx(0.138218, abs=1e-6)
     assert answer.verdict.kind == "stick-slip"
     assert "nonlinear" in str(answer)
-    assert "linear critical delay: 0.138218" in str(answer)
+    assert "linear onset: 0.138218" in str(answer)
 
 
 def test_tau_star_rises_with_damping():
-    answer = lasting_delay(FIG4.interface, FIG4.slider, 1.0, between=(0.08, 0.12))
+    answer = sustained_onset(Rig(FIG4.interface, FIG4.slider, constant(1.0)), "delay", between=(0.08, 0.12))
     assert answer.value == pytest.approx(0.098, abs=0.002)
 
 
 @pytest.mark.parametrize("velocity", [pytest.param(0.3, marks=pytest.mark.slow), 3.0])
 def test_tau_star_times_v_depends_on_m_v_squared_only(velocity):
-    fast = lasting_delay(FIG6.interface, FIG6.slider, velocity)
-    heavy = lasting_delay(FIG6.interface, scaled(1e-4 * velocity**2), 1.0)
+    fast = sustained_onset(
+        Rig(FIG6.interface, FIG6.slider, constant(velocity)), "delay", between=(0.01 / velocity, 100 / velocity)
+    )
+    heavy = sustained_onset(
+        Rig(FIG6.interface, scaled(1e-4 * velocity**2), constant(1.0)), "delay", between=(0.01, 100)
+    )
     assert fast.value * velocity == pytest.approx(heavy.value, rel=0.005)
     assert fast.linear * velocity == pytest.approx(heavy.linear, rel=1e-6)
 
@@ -219,7 +229,12 @@ def test_tau_star_times_v_depends_on_m_v_squared_only(velocity):
 @pytest.mark.slow
 def test_tau_star_against_mass():
     mass = np.array([1e-6, 1e-5, 1e-4, 3e-4, 1e-3])
-    tau = np.array([lasting_delay(FIG6.interface, scaled(m), 1.0).value for m in mass])
+    tau = np.array(
+        [
+            sustained_onset(Rig(FIG6.interface, scaled(m), constant(1.0)), "delay", between=(0.01, 100)).value
+            for m in mass
+        ]
+    )
     A2, A1 = np.polyfit(np.cbrt(mass), tau, 1)
     assert 0.047 < A1 < 0.054
     assert 0.47 < A2 < 0.57
@@ -227,17 +242,17 @@ def test_tau_star_against_mass():
 
 def test_a_delay_that_does_not_exist_is_not_invented():
     wide = replace(FIG6.interface, thresholds=Gaussian(mean=1.0, std=0.5))
-    with pytest.raises(UndecidedError, match=r"no oscillation persists with delays from 0\.05 to 0\.5"):
-        lasting_delay(wide, FIG6.slider, 1.0, between=(0.05, 0.5))
+    with pytest.raises(UndecidedError, match=r"no oscillation persists for delay from 0\.05 to 0\.5"):
+        sustained_onset(Rig(wide, FIG6.slider, constant(1.0)), "delay", between=(0.05, 0.5))
     with pytest.raises(UndecidedError, match=r"at 0\.2, the low end of the range"):
-        lasting_delay(FIG6.interface, FIG6.slider, 1.0, between=(0.2, 0.5))
+        sustained_onset(Rig(FIG6.interface, FIG6.slider, constant(1.0)), "delay", between=(0.2, 0.5))
 
 
 # ---------------------------------------------------------------- velocities
 
 
 def test_stick_slip_lasts_down_to_v1_prime_from_a_narrow_start():
-    answer = lasting_velocities(FIG7.interface, FIG7.slider, between=(0.3, 3), points=6)
+    answer = sustained(Rig(FIG7.interface, FIG7.slider, constant(1.0)), "velocity", between=(0.3, 3), points=6)
     (window,) = answer
     assert window.low.value == pytest.approx(0.71, abs=0.02)
     assert window.high.end_of_range
@@ -251,16 +266,16 @@ def test_stick_slip_lasts_down_to_v1_prime_from_a_narrow_start():
 def test_windows_of_random_delays(std, on, off):
     interface = delayed(0.2, std)
     for velocity in on:
-        verdict = lasts(interface, FIG7.slider, velocity)
+        verdict = is_sustained(Rig(interface, FIG7.slider, constant(velocity)))
         assert verdict.kind == "stick-slip"
         assert verdict.peak_to_peak > 0.5
     for velocity in off:
-        assert lasts(interface, FIG7.slider, velocity).kind == "smooth sliding"
+        assert is_sustained(Rig(interface, FIG7.slider, constant(velocity))).kind == "smooth sliding"
 
 
 @pytest.mark.parametrize("negative", ["clip", "fold"])
 def test_widely_random_delays_let_nothing_last(negative):
-    answer = lasting_velocities(delayed(0.2, 0.12, negative), FIG7.slider, between=(0.2, 5))
+    answer = sustained(Rig(delayed(0.2, 0.12, negative), FIG7.slider, constant(1.0)), "velocity", between=(0.2, 5))
     assert len(answer) == 0
     assert answer.undecided == ()
     assert str(answer).startswith("no oscillation persists for velocity from 0.2 to 5")
@@ -268,8 +283,12 @@ def test_widely_random_delays_let_nothing_last(negative):
 
 @pytest.mark.slow
 def test_redrawn_delays_leave_a_narrow_window():
-    answer = lasting_velocities(
-        delayed(0.2, 0.12, "redraw"), FIG7.slider, between=(0.6, 1.0), points=25, tolerance=0.01
+    answer = sustained(
+        Rig(delayed(0.2, 0.12, "redraw"), FIG7.slider, constant(1.0)),
+        "velocity",
+        between=(0.6, 1.0),
+        points=25,
+        tolerance=0.01,
     )
     (window,) = answer
     assert window.low.value == pytest.approx(0.7, abs=0.05)
@@ -279,9 +298,13 @@ def test_redrawn_delays_leave_a_narrow_window():
 @pytest.mark.slow
 def test_smooth_again_at_high_velocity():
     interface = delayed(0.2, 0.08)
-    answer = lasting_velocities(interface, FIG7.slider, between=(0.3, 5), points=6, tolerance=0.03)
+    answer = sustained(
+        Rig(interface, FIG7.slider, constant(1.0)), "velocity", between=(0.3, 5), points=6, tolerance=0.03
+    )
     (window,) = answer
-    v1, v2_down = (c.value for c in critical_velocities(interface, FIG7.slider, (0.1, 20)).edges)
+    v1, v2_down = (
+        c.value for c in critical(Rig(interface, FIG7.slider, constant(1.0)), "velocity", between=(0.1, 20)).edges
+    )
     assert window.low.value < v1  # nonlinear v1', linear v1
     assert window.high.value == pytest.approx(v2_down, rel=0.03)  # at v2 there is next to no hysteresis
 
@@ -290,7 +313,9 @@ def test_smooth_again_at_high_velocity():
 @pytest.mark.parametrize("seed", [1, 2])
 def test_ramps_overshoot(seed):
     loop = ramp(0.1, 3.0, duration=400).then(ramp(3.0, 0.1, duration=400))
-    run = simulate(FIG7.interface, FIG7.slider, loop, Contacts(10_000, seed=seed), output=Output(interval=0.01))
+    run = simulate(
+        Rig(FIG7.interface, FIG7.slider, loop), method=Contacts(10_000, seed=seed), output=Output(interval=0.01)
+    )
     found = transitions(run)
     assert 1.0 < found.v1 < 1.85
     assert 0.2 < found.v1_down < 0.72
@@ -302,7 +327,7 @@ def test_ramps_overshoot(seed):
 
 
 def test_the_branch_ends_in_a_fold_at_v1_prime():
-    branch = cycle_branch(FIG7.interface, FIG7.slider, 1.0, within=(0.3, 2.0))
+    branch = cycle_branch(Rig(FIG7.interface, FIG7.slider, constant(1.0)), "velocity", between=(0.3, 2.0))
     assert branch.attrs["low_end"] == "fold"
     assert branch.attrs["high_end"] == "end of range"
     assert 0.5 * (branch.attrs["low_dies_at"] + branch.attrs["low_lasts_at"]) == pytest.approx(0.71, abs=0.02)
@@ -321,8 +346,8 @@ def test_the_branch_ends_in_a_fold_at_v1_prime():
 
 
 def test_the_branch_carries_the_same_cycle_as_a_fresh_start():
-    branch = cycle_branch(delayed(0.1), FIG6.slider, 1.0, DELAY, within=(0.1, 0.2), step=0.1)
-    fresh = lasts(delayed(0.2), FIG6.slider, 1.0)
+    branch = cycle_branch(Rig(delayed(0.1), FIG6.slider, constant(1.0)), DELAY, step=0.1, between=(0.1, 0.2))
+    fresh = is_sustained(Rig(delayed(0.2), FIG6.slider, constant(1.0)))
     last = branch.isel(delay=-1)
     assert float(last.delay) == 0.2
     assert float(last.amplitude) == pytest.approx(fresh.peak_to_peak, rel=2e-3)
@@ -345,24 +370,22 @@ def test_the_branch_carries_the_same_cycle_as_a_fresh_start():
 def test_turning_a_parameter_under_way_keeps_what_must_be_kept(parameter, value):
     from stickslip.kernels import cohorts
 
-    before = cycles._Ride.begin(
-        Setting(interface=delayed(0.1), rig=FIG6.slider, velocity=1.0), FromRest(), cycles.METHOD
-    )
+    before = cycles._Ride.begin(Rig(delayed(0.1), FIG6.slider, constant(1.0)), FromRest(), cycles.METHOD)
     before, _ = before.on(7.3)
     kept = before.state.scalar.copy()
-    after = before.turn(parameter.set(before.setting, value))
+    after = before.turn(parameter.set(before.rig, value))
     assert np.array_equal(before.state.scalar, kept)
     assert np.array_equal(after.state.scalar, kept)
     length, speed = cohorts._spring(after.state.scalar, after.pull)
     assert after.mechanics.stiffness * length == pytest.approx(kept[cohorts.DRIVE_FORCE], rel=1e-12)
-    assert speed == parameter.set(before.setting, value).velocity
+    assert speed == parameter.set(before.rig, value).velocity
     later, rows = after.on(2.0)
     # Forces do not jump, and contacts are neither lost nor made.
     assert rows[1, 0] == pytest.approx(kept[cohorts.DRIVE_FORCE], abs=0.05)
     total = later.state.scalar[cohorts.MASS_IN] + later.state.scalar[cohorts.MASS_OUT]
     assert total == pytest.approx(1.0, abs=1e-9)
     last = later.state.used[1] - 1
-    begun = later.state.scalar[cohorts.TIME] - later.setting.interface.delay.time
+    begun = later.state.scalar[cohorts.TIME] - later.rig.interface.delay.time
     out = later.state.broken[1, last] - np.interp(
         begun, later.state.broken[0, : last + 1], later.state.broken[1, : last + 1]
     )
@@ -371,14 +394,14 @@ def test_turning_a_parameter_under_way_keeps_what_must_be_kept(parameter, value)
 
 def test_a_branch_that_is_not_there():
     with pytest.raises(UndecidedError, match="no cycle to follow"):
-        cycle_branch(delayed(0.01), FIG6.slider, 1.0, within=(0.5, 2.0), begin=1.0)
+        cycle_branch(Rig(delayed(0.01), FIG6.slider, constant(1.0)), "velocity", begin=1.0, between=(0.5, 2.0))
 
 
 # ---------------------------------------------------------------- the bistable band
 
 
 def test_the_bistable_band_of_fig_7():
-    answer = bistable_band(FIG7.interface, FIG7.slider, between=(0.3, 3.0))
+    answer = bistable_range(Rig(FIG7.interface, FIG7.slider, constant(1.0)), "velocity", between=(0.3, 3.0))
     (band,) = answer
     assert band.low.kind == "fold"
     assert band.low.value == pytest.approx(0.71, abs=0.02)
@@ -390,13 +413,15 @@ def test_the_bistable_band_of_fig_7():
 
 
 def test_the_band_in_the_delay_lies_between_the_lasting_and_the_critical_one():
-    (band,) = bistable_band(FIG6.interface, FIG6.slider, 1.0, DELAY, between=(0.05, 0.2))
+    (band,) = bistable_range(Rig(FIG6.interface, FIG6.slider, constant(1.0)), DELAY, between=(0.05, 0.2))
     assert band.low.value == pytest.approx(0.0757, rel=0.005)
     assert band.high.value == pytest.approx(0.138218, abs=1e-6)
 
 
 def test_a_band_apart_from_any_linear_boundary():
-    answer = bistable_band(delayed(0.2, 0.12, "redraw"), FIG7.slider, between=(0.5, 1.2), tolerance=0.01)
+    answer = bistable_range(
+        Rig(delayed(0.2, 0.12, "redraw"), FIG7.slider, constant(1.0)), "velocity", between=(0.5, 1.2), tolerance=0.01
+    )
     (band,) = answer
     assert band.low.kind == band.high.kind == "fold"
     assert band.low.value == pytest.approx(0.7, abs=0.05)
@@ -404,10 +429,10 @@ def test_a_band_apart_from_any_linear_boundary():
 
 
 def test_no_band_is_an_answer_with_the_range_searched():
-    answer = bistable_band(delayed(0.2, 0.12), FIG7.slider, between=(0.2, 5.0))
+    answer = bistable_range(Rig(delayed(0.2, 0.12), FIG7.slider, constant(1.0)), "velocity", between=(0.2, 5.0))
     assert not answer
     assert str(answer).startswith("no bistable band found for velocity from 0.2 to 5")
-    answer = bistable_band(delayed(0.2), FIG6.slider, between=(1.0, 1.5))
+    answer = bistable_range(Rig(delayed(0.2), FIG6.slider, constant(1.0)), "velocity", between=(1.0, 1.5))
     assert not answer
     assert "unstable all the way" in str(answer)
 
@@ -417,31 +442,31 @@ def test_no_band_is_an_answer_with_the_range_searched():
 
 def test_what_cannot_be_used_is_refused():
     with pytest.raises(InputError, match="velocity = -1"):
-        lasts(FIG6.interface, FIG6.slider, -1.0)
+        is_sustained(Rig(FIG6.interface, FIG6.slider, constant(-1.0)))
     with pytest.raises(InputError, match="mass above 0"):
-        lasts(FIG6.interface, replace(FIG6.slider, mass=0.0), 1.0)
+        is_sustained(Rig(FIG6.interface, replace(FIG6.slider, mass=0.0), constant(1.0)))
     with pytest.raises(InputError, match="ageing"):
-        lasts(FIG8.interface, FIG8.slider, 1.0)
+        is_sustained(Rig(FIG8.interface, FIG8.slider, constant(1.0)))
     with pytest.raises(InputError, match="memoryless"):
-        lasts(FIG6.interface, FIG6.slider, 1.0, method=MasterEquation(memoryless=True))
+        is_sustained(Rig(FIG6.interface, FIG6.slider, constant(1.0)), method=MasterEquation(memoryless=True))
     with pytest.raises(InputError, match="start FromRest"):
-        lasts(delayed(math.inf), FIG6.slider, 1.0, FromSliding())
+        is_sustained(Rig(delayed(math.inf), FIG6.slider, constant(1.0)), start=FromSliding())
     with pytest.raises(InputError, match="velocity is missing"):
-        bistable_band(FIG6.interface, FIG6.slider, parameter=DELAY, between=(0.1, 0.2))
+        bistable_range(Rig(FIG6.interface, FIG6.slider, constant(1.0)), DELAY, between=(0.1, 0.2))
     with pytest.raises(InputError, match="over = 'speed'"):
-        lasting("speed", FIG6.interface, FIG6.slider, 1.0, between=(0.1, 0.2))
+        sustained(Rig(FIG6.interface, FIG6.slider, constant(1.0)), "speed", between=(0.1, 0.2))
 
 
 def test_a_cycle_is_carried_only_to_a_delay_of_the_same_shape():
-    ride = cycles._Ride.begin(Setting(interface=delayed(0.1), rig=FIG6.slider, velocity=1.0), FromRest(), cycles.METHOD)
+    ride = cycles._Ride.begin(Rig(delayed(0.1), FIG6.slider, constant(1.0)), FromRest(), cycles.METHOD)
     with pytest.raises(InputError, match="the old one scaled"):
-        ride.turn(replace(ride.setting, interface=delayed(0.1, 0.05)))
+        ride.turn(replace(ride.rig, interface=delayed(0.1, 0.05)))
 
 
 def test_any_distribution_and_any_parameter():
     interface = Interface(thresholds=Gaussian(mean=1.0, std=0.1), delay=Delay(0.1))
-    answer = lasting(STD, interface, FIG6.slider, 1.0, between=(0.05, 0.3), points=6, tolerance=0.01)
+    answer = sustained(Rig(interface, FIG6.slider, constant(1.0)), STD, between=(0.05, 0.3), points=6, tolerance=0.01)
     (window,) = answer
     assert window.low.end_of_range
     assert 0.1 < window.high.value < 0.15
-    assert answer.unit == "x_s"
+    assert answer.unit == "1"

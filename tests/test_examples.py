@@ -27,12 +27,12 @@ def example(name):
 
 @pytest.mark.parametrize("name", rig.examples())
 def test_example_rigs_can_be_read_and_say_what_was_assumed(name):
-    assert rig.read(rig.example(name)).assumed
+    assert rig.read_rig(rig.example_file(name)).assumed
 
 
 def test_an_example_that_is_not_there_is_told():
     with pytest.raises(InputError, match=r"^whiper: no such example; there are brake_pad, .*wiper$"):
-        rig.example("whiper")
+        rig.example_file("whiper")
 
 
 @pytest.mark.parametrize("name", PRACTICE)
@@ -63,7 +63,7 @@ def test_an_example_is_its_own_command(tmp_path):
 
 def test_the_wiper_chatters_at_both_ends_of_its_stroke():
     wiper = example("wiper")
-    low, high = wiper.chattering(rig.read(wiper.RIG))
+    low, high = wiper.chattering(rig.read_rig(wiper.RIG))
     assert low < 0.01 < high < 1.0  # m/s: the stroke begins inside, and is fastest outside
 
 
@@ -76,7 +76,7 @@ def test_damping_narrows_the_groan_from_above():
 
 def test_a_servo_stiffer_than_critical_tracks_better():
     stage = example("precision_stage")
-    rig_ = rig.read(stage.RIG)
+    rig_ = rig.read_rig(stage.RIG)
     softest = np.interp(1e-3, stage.SPEEDS, stage.softest_servo(rig_))
     errors = []
     for factor in (0.5, 1.5):
@@ -95,7 +95,7 @@ def test_a_faster_bow_needs_more_force():
 
 def test_faster_loading_makes_events_more_frequent_not_smaller():
     rock = example("rock_slab")
-    slab = rig.read(rock.RIG)
+    slab = rig.read_rig(rock.RIG)
     (wait, drop), (wait_fast, drop_fast) = (rock.recurrence_and_drop(rock.load(slab, f)) for f in (1.0, 10.0))
     assert wait / wait_fast == pytest.approx(10.0, rel=0.05)
     assert drop / drop_fast == pytest.approx(1.0, rel=0.1)
@@ -105,6 +105,6 @@ def test_a_stiffer_spring_turns_stick_slip_into_sliding():
     import stickslip as ss
 
     bench = example("teaching_bench")
-    rig_ = rig.read(bench.RIG)
+    rig_ = rig.read_rig(bench.RIG)
     kinds = [ss.regime(bench.pull(rig_, stiffness)).kind for stiffness in bench.SPRINGS]
     assert kinds == ["stick-slip", "stick-slip", "smooth sliding"]

@@ -18,6 +18,7 @@ from stickslip.errors import InputError
 from stickslip.explorer import answers, documents
 from stickslip.io import files as store
 from stickslip.io import rig_files as rigs
+from stickslip.model import Rig
 from stickslip.simulation import simulate
 
 for needed in ("starlette", "uvicorn", "plotly"):
@@ -25,7 +26,7 @@ for needed in ("starlette", "uvicorn", "plotly"):
 headless = pytest.importorskip("headless", reason="playwright is not installed")
 
 needs_browser = pytest.mark.skipif(headless.CHROMIUM is None, reason=headless.WHY_NOT)
-PMMA = rigs.example("pmma_slider")
+PMMA = rigs.example_file("pmma_slider")
 PICTURES = os.environ.get("STICKSLIP_SCREENSHOTS")
 """A folder, such as docs/images: the pictures of the docs are written there."""
 SCREEN, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
@@ -86,7 +87,7 @@ def test_a_rig_is_the_same_in_other_units(document):
 
 
 @pytest.mark.parametrize("parameter", documents.QUANTITIES)
-@pytest.mark.parametrize("document", [small(), rigs.read(PMMA).document], ids=["natural", "SI"])
+@pytest.mark.parametrize("document", [small(), rigs.read_rig(PMMA).document], ids=["natural", "SI"])
 def test_a_parameter_turned_is_where_it_was_put(parameter, document):
     if parameter == "ageing":  # in the unit of time of the document
         document = deepcopy(dict(document))
@@ -174,7 +175,9 @@ def test_a_run_is_thinned_out_and_keeps_its_peaks():
     force = numbers(run["force"]["values"])
     assert force.size < 1_600
     rig = documents.rig_of(document)
-    full = simulate(rig.interface, rig.slider, rig.drive, rig.method, start=rig.start)["spring_force"].to_numpy()
+    full = simulate(Rig(rig.interface, rig.slider, rig.drive), method=rig.method, start=rig.start)[
+        "spring_force"
+    ].to_numpy()
     assert force.max() == pytest.approx(full.max(), rel=1e-6)
     assert force.min() == pytest.approx(full.min(), rel=1e-6)
     assert run["regime"]["kind"] == "stick-slip"
@@ -631,10 +634,10 @@ def test_a_file_that_is_no_trace_is_a_message(page, tmp_path):
 @needs_browser
 def test_downloads_reproduce_the_run(page, tmp_path):
     move(page, "#field-slider-stiffness", 3)
-    rig = rigs.read(download(page, "toml", tmp_path))
+    rig = rigs.read_rig(download(page, "toml", tmp_path))
     assert rig.slider.stiffness == 3
     run = store.load(download(page, "nc", tmp_path))
-    made = simulate(rig.interface, rig.slider, rig.drive, rig.method, output=rig.output, start=rig.start)
+    made = simulate(Rig(rig.interface, rig.slider, rig.drive), method=rig.method, output=rig.output, start=rig.start)
     np.testing.assert_array_equal(made["spring_force"], run["spring_force"])
     shown = page.evaluate("Array.from(document.querySelector('#plot-force')._fullData[0].y)")
     assert max(shown) == pytest.approx(float(made["spring_force"].max()), rel=1e-6)

@@ -355,7 +355,7 @@ def run(stiffness, delay, *, method=COHORTS, duration=100.0, damping=200.0, velo
         delay=ss.Delay(delay),
     )
     slider = ss.Slider(stiffness=stiffness, mass=1e-4, damping=damping)
-    return ss.simulate(interface, slider, ss.constant(velocity=velocity, duration=duration), method=method)
+    return ss.simulate(ss.Rig(interface, slider, ss.constant(velocity=velocity, duration=duration)), method=method)
 
 
 @pytest.mark.parametrize("method", [CONTACTS, COHORTS], ids=["contacts", "cohorts"])
@@ -520,7 +520,7 @@ def test_the_loop_of_fig_7a():
     )
     slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=0.3 * math.sqrt(2.0 / 1e-4))
     drive = ss.ramp(0.1, 3.0, duration=400).then(ss.ramp(3.0, 0.1, duration=400))
-    found = transitions(ss.simulate(interface, slider, drive, method=ss.Contacts(2000, seed=1)))
+    found = transitions(ss.simulate(ss.Rig(interface, slider, drive), method=ss.Contacts(2000, seed=1)))
     assert found.v1 is not None
     assert found.v1_down is not None
     assert 1.0 <= found.v1 <= 1.85

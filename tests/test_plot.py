@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from stickslip import plot
 from stickslip.errors import InputError
 from stickslip.measure import events
-from stickslip.model import Contacts, Output
+from stickslip.model import Contacts, Output, Rig
 from stickslip.model.drive import constant
 from stickslip.model.units import Scales, in_si
 from stickslip.paper.cases import FIG4
@@ -25,7 +25,7 @@ from stickslip.simulation import simulate
 @pytest.fixture(scope="module")
 def run():
     output = Output(interval=0.002, snapshots=(1.0, 1.3, 5.0))
-    return simulate(FIG4.interface, FIG4.slider, constant(1.0, 12.0), Contacts(1000, seed=1), output=output)
+    return simulate(Rig(FIG4.interface, FIG4.slider, constant(1.0, 12.0)), method=Contacts(1000, seed=1), output=output)
 
 
 @pytest.fixture(scope="module")
@@ -256,5 +256,5 @@ def test_importing_the_package_does_not_load_matplotlib():
 
 def test_reversed_motion_draws():
     slider = replace(FIG4.slider, damping=0.0)
-    back = simulate(FIG4.interface, slider, constant(-1.0, 3.0), Contacts(200, seed=1))
+    back = simulate(Rig(FIG4.interface, slider, constant(-1.0, 3.0)), method=Contacts(200, seed=1))
     assert plot.overview(back).axes

@@ -61,7 +61,9 @@ def test_the_code_a_user_writes():
         thresholds=ss.Gaussian(mean=1.0, std=0.1), initial=ss.Gaussian(mean=0.0, std=0.01), delay=ss.Delay(0.2)
     )
     slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4)
-    run = ss.simulate(interface, slider, ss.constant(velocity=1.0, duration=100), method=ss.Contacts(1_000, seed=1))
+    run = ss.simulate(
+        ss.Rig(interface, slider, ss.constant(velocity=1.0, duration=100)), method=ss.Contacts(1_000, seed=1)
+    )
     assert ss.regime(run).kind == "stick-slip"
     events = ss.events(run)
     assert {"start", "end", "drop", "peak_velocity"} <= set(events.variables)
@@ -69,11 +71,11 @@ def test_the_code_a_user_writes():
     assert 0.7 < float(ss.rigid_slide(interface, distance=6.0)["friction_force"].max()) < 0.79560
     assert ss.kinetic_friction(interface, velocity=1.0) == pytest.approx(1.01 / 2.4, rel=1e-12)
     assert ss.critical_stiffness(interface) == pytest.approx(2.989, abs=0.003)
-    assert abs(complex(ss.dynamic_stiffness(interface, velocity=1.0, s=2j))) > 0
+    assert abs(complex(ss.stability.dynamic_stiffness(interface, velocity=1.0, s=2j))) > 0
     # At v = 1 and tau = .2 smooth sliding is unstable (its critical delay is .138218 at this damping).
-    assert complex(ss.growth_rate(interface, slider, velocity=1.0)).real > 0
-    assert ss.critical_velocities(interface, slider, between=(0.1, 10))
-    assert ss.critical_spring(interface, slider, velocity=1.0)
-    assert ss.critical_delay(interface, slider, velocity=1.0)
+    assert complex(ss.growth_rate(ss.Rig(interface, slider, ss.constant(1.0)))).real > 0
+    assert ss.critical(ss.Rig(interface, slider, ss.constant(1.0)), "velocity", between=(0.1, 10))
+    assert ss.stability.critical_spring(ss.Rig(interface, slider, ss.constant(1.0)))
+    assert ss.stability.onset(ss.Rig(interface, slider, ss.constant(1.0)), "delay", between=(1e-3, 1e2))
     loop = ss.ramp(0.1, 3.0, duration=4).then(ss.ramp(3.0, 0.1, duration=4))
     assert loop.duration == 8

@@ -21,11 +21,12 @@ from stickslip.model import (
     MasterEquation,
     Output,
     RandomDelay,
+    Rig,
     Slider,
 )
 from stickslip.model.distributions import Exponential, Gaussian, SteadyState, Uniform
 from stickslip.model.drive import ForceAbove, ForceBelow, Travel, constant, ramp
-from stickslip.simulation import LABELS, case_of, rerun, simulate
+from stickslip.simulation import LABELS, rerun, rig_of, simulate
 
 NARROW = Gaussian(mean=0.0, std=0.01)
 TENTH = Gaussian(mean=1.0, std=0.1)
@@ -100,7 +101,9 @@ every_motion = pytest.mark.parametrize("name", MOTIONS)
 
 
 def run_of(case: Case, method=None, **options) -> xr.Dataset:
-    return simulate(case.interface, case.slider, case.drive, method or Contacts(case.count, seed=1), **options)
+    return simulate(
+        Rig(case.interface, case.slider, case.drive), method=method or Contacts(case.count, seed=1), **options
+    )
 
 
 # ------------------------------------------------------------------------------------------------ the result
@@ -225,7 +228,7 @@ def test_before_any_break_the_slider_is_an_oscillator(damping, drive):
     """M X'' + M eta X' = K (D - X) - (X - <birth>), by an ODE solver."""
     slider = Slider(stiffness=2.0, mass=1e-2, damping=damping)
     far = Interface(thresholds=Uniform(low=50, high=60), initial=Gaussian(mean=0.3, std=0.1))
-    run = simulate(far, slider, drive, Contacts(20, seed=3), output=Output(interval=1 / 128))
+    run = simulate(Rig(far, slider, drive), method=Contacts(20, seed=3), output=Output(interval=1 / 128))
     offset = -float(run["friction_force"][0])  # the mean birth position
     assert np.all(run["attached"] == 1)
 
@@ -262,7 +265,7 @@ def test_before_any_break_the_slider_is_an_oscillator(damping, drive):
 def test_equal_contacts_break_together(count):
     """All thresholds 1, all born at 0, none comes back: the force is X up to X = 1 and 0 beyond."""
     same = Interface(thresholds=Gaussian(mean=1, std=0), initial=Gaussian(mean=0, std=0), delay=Delay(math.inf))
-    run = simulate(same, FIG4_SLIDER, constant(1.0, 3.0), Contacts(count))
+    run = simulate(Rig(same, FIG4_SLIDER, constant(1.0, 3.0)), method=Contacts(count))
     X, F = run["displacement"].to_numpy(), run["friction_force"].to_numpy()
     np.testing.assert_allclose(F, np.where(X < 1, X, 0.0), atol=1e-14)
     np.testing.assert_array_equal(run["attached"], np.where(X < 1, 1.0, 0.0))
@@ -274,7 +277,7 @@ def test_equal_contacts_break_together(count):
 def test_a_contact_is_reborn_after_its_delay_where_the_slider_then_is():
     """One contact, threshold 1, delay .2: the force restarts from 0 exactly .2 after the break."""
     one = Interface(thresholds=Gaussian(mean=1, std=0), initial=Gaussian(mean=0, std=0), delay=Delay(0.2))
-    run = simulate(one, FIG4_SLIDER, constant(1.0, 4.0), Contacts(1), output=Output(interval=1e-4))
+    run = simulate(Rig(one, FIG4_SLIDER, constant(1.0, 4.0)), method=Contacts(1), output=Output(interval=1e-4))
     attached = run["attached"].to_numpy()
     t, X, F = (run[name].to_numpy() for name in ("time", "displacement", "friction_force"))
     breaks, births = np.flatnonzero(np.diff(attached) < 0), np.flatnonzero(np.diff(attached) > 0)
@@ -292,7 +295,7 @@ def test_contacts_break_behind_when_the_slider_turns_back():
     """Pulled to X > 0 and back below: the same contacts, born at 0, break at X = -1."""
     same = Interface(thresholds=Gaussian(mean=1, std=0), initial=Gaussian(mean=0, std=0), delay=Delay(math.inf))
     drive = constant(1.0, 0.8).then(constant(-1.0, 4.0))
-    run = simulate(same, FIG4_SLIDER, drive, Contacts(5), output=Output(interval=1e-3))
+    run = simulate(Rig(same, FIG4_SLIDER, drive), method=Contacts(5), output=Output(interval=1e-3))
     X = run["displacement"].to_numpy()
     assert 0.4 < X.max() < 1
     first = int(np.flatnonzero(run["attached"].to_numpy() == 0)[0])
@@ -304,7 +307,9 @@ def test_contacts_break_behind_when_the_slider_turns_back():
 def test_the_two_directions_are_mirror_images():
     symmetric = interface(initial=Gaussian(mean=0, std=0))
     ahead, behind = (
-        simulate(symmetric, FIG4_SLIDER, constant(v, 6.0), Contacts(300, seed=4), output=Output(interval=0.01))
+        simulate(
+            Rig(symmetric, FIG4_SLIDER, constant(v, 6.0)), method=Contacts(300, seed=4), output=Output(interval=0.01)
+        )
         for v in (1.0, -1.0)
     )
     for name in ("displacement", "velocity", "friction_force", "spring_force"):
@@ -317,13 +322,13 @@ def test_scaling_time_scales_velocities():
     """Exact similarity: time, 1/velocity, sqrt(mass), 1/damping and delay scale together."""
     c = 4.0
     slow = simulate(
-        interface(0.2), FIG4_SLIDER, constant(1.0, 4.0), Contacts(200, seed=5), output=Output(interval=1 / 64)
+        Rig(interface(0.2), FIG4_SLIDER, constant(1.0, 4.0)),
+        method=Contacts(200, seed=5),
+        output=Output(interval=1 / 64),
     )
     fast = simulate(
-        interface(0.2 / c),
-        Slider(stiffness=2.0, mass=1e-4 / c**2, damping=200.0 * c),
-        constant(c, 4.0 / c),
-        Contacts(200, seed=5),
+        Rig(interface(0.2 / c), Slider(stiffness=2.0, mass=1e-4 / c**2, damping=200.0 * c), constant(c, 4.0 / c)),
+        method=Contacts(200, seed=5),
         output=Output(interval=1 / 64 / c),
     )
     np.testing.assert_allclose(fast["displacement"], slow["displacement"], atol=1e-9)
@@ -338,7 +343,7 @@ def test_travel_ends_a_piece_at_the_first_sample_that_far():
     drive = (
         constant(1.0, 50.0).until(Travel(2.5)).then(constant(-1.0, 50.0).until(Travel(1.0))).then(constant(0.0, 0.5))
     )
-    run = simulate(interface(), FIG4_SLIDER, drive, Contacts(200, seed=6), output=Output(interval=0.01))
+    run = simulate(Rig(interface(), FIG4_SLIDER, drive), method=Contacts(200, seed=6), output=Output(interval=0.01))
     velocity, X = run["drive_velocity"].to_numpy(), run["displacement"].to_numpy()
     turn = int(np.flatnonzero(velocity > 0)[-1])
     assert X[turn] >= 2.5 > X[turn - 1]
@@ -350,7 +355,7 @@ def test_travel_ends_a_piece_at_the_first_sample_that_far():
 
 def test_forces_end_a_piece():
     drive = constant(1.0, 5.0).until(ForceAbove(0.6)).then(constant(-1.0, 5.0).until(ForceBelow(0.2)))
-    run = simulate(interface(), FIG4_SLIDER, drive, Contacts(200, seed=6), output=Output(interval=0.001))
+    run = simulate(Rig(interface(), FIG4_SLIDER, drive), method=Contacts(200, seed=6), output=Output(interval=0.001))
     F, velocity = run["spring_force"].to_numpy(), run["drive_velocity"].to_numpy()
     turn = int(np.flatnonzero(velocity > 0)[-1])
     assert F[turn] >= 0.6 > F[turn - 1]
@@ -412,10 +417,8 @@ def test_a_steady_start_stays_steady(delay, velocity):
     N = 10_000
     rig = interface(delay)
     run = simulate(
-        rig,
-        replace(FIG4_SLIDER, stiffness=5.0),
-        constant(velocity, 3 / velocity),
-        Contacts(N, seed=8),
+        Rig(rig, replace(FIG4_SLIDER, stiffness=5.0), constant(velocity, 3 / velocity)),
+        method=Contacts(N, seed=8),
         start=FromSliding(),
     )
     share = 1 / (1 + velocity * rig.delay.moment(1))
@@ -437,10 +440,7 @@ def test_a_perturbation_dies_out_or_grows():
     slider = Slider(stiffness=2.0, mass=1e-4, damping=0.3 * math.sqrt(2e4))
     amplitudes = {}
     for velocity in (1.25, 1.55):
-        run = simulate(
-            interface(0.1), slider, constant(velocity, 60.0), MasterEquation(), start=FromSliding(perturbation=0.01),
-            output=Output(interval=0.01),
-        )  # fmt: skip
+        run = simulate(Rig(interface(0.1), slider, constant(velocity, 60.0)), method=MasterEquation(), start=FromSliding(perturbation=0.01), output=Output(interval=0.01))  # fmt: skip
         late = run["spring_force"].sel(time=slice(50, 60))
         early = run["spring_force"].sel(time=slice(10, 20))
         amplitudes[velocity] = float(late.max() - late.min()) / float(early.max() - early.min())
@@ -455,10 +455,7 @@ BOTH = pytest.mark.parametrize("method", [Contacts(10_000, seed=1), MasterEquati
 
 def fig4(stiffness, delay, method):
     """Fig. 4 of the paper: 100 time units from a narrow start."""
-    return simulate(
-        interface(delay), replace(FIG4_SLIDER, stiffness=stiffness), constant(1.0, 100.0), method,
-        output=Output(interval=0.002),
-    )  # fmt: skip
+    return simulate(Rig(interface(delay), replace(FIG4_SLIDER, stiffness=stiffness), constant(1.0, 100.0)), method=method, output=Output(interval=0.002))  # fmt: skip
 
 
 def peak_to_peak(run, begin, end):
@@ -522,9 +519,7 @@ def test_fig4_a_stiff_spring_and_a_long_delay(method):
 @BOTH
 @pytest.mark.eq(8, 11)
 def test_fig5_the_elastic_instability(method):
-    run = simulate(
-        interface(math.inf), FIG4_SLIDER, constant(1.0, 3.0), method, output=Output(interval=1 / 8192)
-    )  # fmt: skip
+    run = simulate(Rig(interface(math.inf), FIG4_SLIDER, constant(1.0, 3.0)), method=method, output=Output(interval=1 / 8192))  # fmt: skip
     passes = float(np.interp(0.9247, run["displacement"], run["time"]))
     assert passes == pytest.approx(1.309, abs=0.004)
     assert float(run["velocity"].max()) == pytest.approx(14.4, abs=0.4)
@@ -538,7 +533,9 @@ def test_contacts_scatter_about_the_master_equation():
     """Up to the first instability the motions agree within N^(-1/2) of the standard deviation of one contact's force."""
 
     def force(method):
-        run = simulate(interface(0.1), FIG4_SLIDER, constant(1.0, 1.2), method, output=Output(interval=0.01))
+        run = simulate(
+            Rig(interface(0.1), FIG4_SLIDER, constant(1.0, 1.2)), method=method, output=Output(interval=0.01)
+        )
         return run["friction_force"].to_numpy()
 
     exact = force(MasterEquation())
@@ -578,7 +575,7 @@ def test_a_run_can_be_repeated_from_its_file_bit_for_bit(name, tmp_path):
     loaded = store.load(store.save(run, tmp_path / "run.nc"))
     xr.testing.assert_identical(loaded, run)
     xr.testing.assert_identical(rerun(loaded), run)
-    assert case_of(loaded)["interface"] == case.interface
+    assert rig_of(loaded).interface == case.interface
 
 
 def test_every_distribution_can_be_repeated(distribution, tmp_path):
@@ -597,12 +594,16 @@ def test_what_is_no_run_cannot_be_repeated():
 @pytest.mark.parametrize("method", [Contacts(3_000), MasterEquation()], ids=["contacts", "cohorts"])
 def test_progress_rises_to_one(method):
     shares = []
-    run = simulate(interface(), FIG4_SLIDER, constant(1, 3).then(constant(2, 3)), method, progress=shares.append)
+    run = simulate(
+        Rig(interface(), FIG4_SLIDER, constant(1, 3).then(constant(2, 3))), method=method, progress=shares.append
+    )
     assert shares
     assert shares == sorted(shares)
     assert all(0 <= share <= 1 for share in shares)
     assert shares[-1] == 1
-    xr.testing.assert_identical(run, simulate(interface(), FIG4_SLIDER, constant(1, 3).then(constant(2, 3)), method))
+    xr.testing.assert_identical(
+        run, simulate(Rig(interface(), FIG4_SLIDER, constant(1, 3).then(constant(2, 3))), method=method)
+    )
 
 
 def test_what_progress_raises_comes_out():
@@ -628,17 +629,14 @@ def test_one_contact_and_many_contacts():
 
 def test_a_drive_at_rest_leaves_a_relaxed_interface_at_rest():
     same = Interface(thresholds=TENTH, initial=Gaussian(mean=0, std=0), delay=Delay(0.2))
-    run = simulate(same, FIG4_SLIDER, constant(0.0, 5.0), Contacts(100))
+    run = simulate(Rig(same, FIG4_SLIDER, constant(0.0, 5.0)), method=Contacts(100))
     assert np.all(run["displacement"] == 0)
     assert np.all(run["work"] == 0)
 
 
 def test_a_stiff_spring_makes_rigid_motion():
     """K = 1e5: X follows the drive, whose lag is the force over K, and F_c is that of slide()."""
-    run = simulate(
-        interface(0.0), Slider(stiffness=1e5, mass=1e-2, damping=1e4), constant(0.1, 20.0), Contacts(500, seed=10),
-        output=Output(interval=0.1),
-    )  # fmt: skip
+    run = simulate(Rig(interface(0.0), Slider(stiffness=1e5, mass=1e-2, damping=1e4), constant(0.1, 20.0)), method=Contacts(500, seed=10), output=Output(interval=0.1))  # fmt: skip
     np.testing.assert_allclose(run["displacement"], 0.1 * run["time"], atol=2e-4)
 
 
@@ -658,13 +656,13 @@ GOOD = {
 @pytest.mark.parametrize(
     ("bad", "message"),
     [
-        ({"interface": TENTH}, r"^simulate: interface = .*: must be an Interface"),
-        ({"slider": None}, r"^simulate: slider = None: must be a Slider"),
-        ({"drive": 1.0}, r"^simulate: drive = 1\.0: must be a drive, made with constant\(\) or ramp\(\)"),
-        ({"method": "contacts"}, r"^simulate: method = 'contacts': must be Contacts\(\.\.\.\) or MasterEquation"),
-        ({"method": Contacts}, r"^simulate: method = <class .*: must be Contacts\(\.\.\.\) or MasterEquation"),
-        ({"output": 0.1}, r"^simulate: output = 0\.1: must be an Output"),
-        ({"start": "sliding"}, r"^simulate: start = 'sliding': must be FromRest\(\) or FromSliding\(\)"),
+        ({"interface": TENTH}, r"^Rig\.interface = .*: must be an Interface"),
+        ({"slider": None}, r"^Rig\.slider = None: must be a Slider"),
+        ({"drive": 1.0}, r"^Rig\.drive = 1\.0: must be a drive, made with constant\(\) or ramp\(\)"),
+        ({"method": "contacts"}, r"^Rig\.method = 'contacts': must be Contacts\(\.\.\.\) or MasterEquation"),
+        ({"method": Contacts}, r"^Rig\.method = <class .*: must be Contacts\(\.\.\.\) or MasterEquation"),
+        ({"output": 0.1}, r"^Rig\.output = 0\.1: must be an Output"),
+        ({"start": "sliding"}, r"^Rig\.start = 'sliding': must be FromRest\(\) or FromSliding\(\)"),
         ({"slider": replace(FIG4_SLIDER, mass=0)}, r"^Slider\.mass = 0: a simulation needs a mass above 0"),
         ({"output": Output(snapshots=(2.0,))}, r"^Output\.snapshots: 2 lies beyond the end of the drive \(1\)"),
         ({"output": Output(interval=1e-9)}, r"^Output\.interval = 1e-09: 1e\+09 samples; choose at least 2e-08"),
@@ -689,7 +687,7 @@ GOOD = {
 )
 def test_bad_arguments(bad, message):
     with pytest.raises(InputError, match=message):
-        simulate(**(GOOD | bad))
+        simulate(Rig(**(GOOD | bad)))
 
 
 @pytest.mark.parametrize(

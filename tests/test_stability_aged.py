@@ -6,20 +6,18 @@ import numpy as np
 import pytest
 
 from stickslip.errors import InputError, UndecidedError
-from stickslip.model import Delay, ExponentialGrowth, Langevin
+from stickslip.model import Delay, ExponentialGrowth, Langevin, Rig, constant
 from stickslip.paper.cases import FIG8
 from stickslip.stability import (
     AGEING,
-    Setting,
     boundary,
+    count_unstable,
     critical,
-    critical_delay,
     critical_spring,
-    critical_velocities,
     dynamic_stiffness,
     growth_rate,
+    onset,
     stability_map,
-    unstable_modes,
 )
 from stickslip.stability.response import respond
 from stickslip.theory import kinetic_friction
@@ -48,22 +46,22 @@ def test_response_depends_on_reduced_velocity_and_frequency_and_is_stiff_at_high
 # The edges seen in runs from smooth sliding: growth from .80, smooth again from 1.63 +- .05.
 @pytest.mark.parametrize(("rate", "modes"), [(0.76, 0), (0.85, 2), (1.5, 2), (1.58, 2), (1.68, 0), (3.0, 0)])
 def test_window_of_figure_8_is_where_smooth_sliding_is_unstable(rate, modes):
-    assert unstable_modes(aged(rate), FIG8.slider, 1.0) == modes
+    assert count_unstable(Rig(aged(rate), FIG8.slider, constant(1.0))) == modes
 
 
 def test_growth_rate_solves_the_equation_of_modes():
     interface, slider = aged(1.5), FIG8.slider
-    s = growth_rate(interface, slider, 1.0)
+    s = growth_rate(Rig(interface, slider, constant(1.0)))
     assert s.real > 0
     total = slider.mass * s * (s + slider.damping) + slider.stiffness + complex(dynamic_stiffness(interface, 1.0, s))
     assert abs(total) < 1e-4
-    assert growth_rate(aged(1.7), slider, 1.0).real < 0
+    assert growth_rate(Rig(aged(1.7), slider, constant(1.0))).real < 0
     with pytest.raises(UndecidedError, match="is stable"):
-        growth_rate(aged(2.0), replace(slider, stiffness=5.0), 1.0)
+        growth_rate(Rig(aged(2.0), replace(slider, stiffness=5.0), constant(1.0)))
 
 
 def test_first_critical_velocity_lies_where_figures_9_and_10_have_it():
-    crossings = critical_velocities(aged(1.5), FIG8.slider, (0.5, 1.2))
+    crossings = critical(Rig(aged(1.5), FIG8.slider, constant(1.0)), "velocity", between=(0.5, 1.2))
     (edge,) = crossings
     assert (edge.unstable_below, edge.unstable_above) == (0, 2)
     assert edge.value == pytest.approx(0.8687, abs=1e-3)
@@ -74,9 +72,9 @@ def test_first_critical_velocity_lies_where_figures_9_and_10_have_it():
 
 def test_what_is_not_known_is_refused():
     growing = replace(FIG8.interface, ageing=ExponentialGrowth(rate=1.0))
-    for ask in (unstable_modes, growth_rate):
+    for ask in (count_unstable, growth_rate):
         with pytest.raises(InputError, match="ageing = ExponentialGrowth"):
-            ask(growing, FIG8.slider, 1.0)
+            ask(Rig(growing, FIG8.slider, constant(1.0)))
 
 
 def impedance_at(slider, omega):
@@ -87,7 +85,7 @@ def impedance_at(slider, omega):
 def test_the_table_agrees_with_single_points_and_there_are_two_windows_of_instability():
     # At low rate of ageing smooth sliding is stable between the window of Fig. 9 and one of fast small oscillations.
     interface, slider = aged(1.0), FIG8.slider
-    crossings = critical_velocities(interface, slider, (0.3, 6.0))
+    crossings = critical(Rig(interface, slider, constant(1.0)), "velocity", between=(0.3, 6.0))
     assert [edge.loses_stability for edge in crossings.edges] == [True, False, True, False]
     for edge in crossings:
         total = impedance_at(slider, edge.frequency) + dynamic_stiffness(interface, edge.value, 1j * edge.frequency)
@@ -105,38 +103,38 @@ def test_the_table_reaches_up_to_where_contacts_are_springs(speed):
 
 
 def test_rates_of_ageing_at_the_edges_of_figure_8():
-    found = critical(AGEING, FIG8.interface, FIG8.slider, 1.0, between=(0.2, 3.0))
+    found = critical(Rig(FIG8.interface, FIG8.slider, constant(1.0)), AGEING, between=(0.2, 3.0))
     rates = sorted(edge.value**-0.5 for edge in found.edges)
     assert rates == pytest.approx([0.80, 1.63], abs=0.03)
-    assert AGEING.get(Setting(interface=FIG8.interface, rig=FIG8.slider, velocity=1.0)) == pytest.approx(1 / 2.25)
-    with pytest.raises(InputError, match="has no time to vary"):
-        AGEING.get(Setting(interface=replace(FIG8.interface, ageing=None), rig=FIG8.slider, velocity=1.0))
+    assert AGEING.get(Rig(FIG8.interface, FIG8.slider, constant(1.0))) == pytest.approx(1 / 2.25)
+    with pytest.raises(InputError, match="has no ageing to vary"):
+        AGEING.get(Rig(replace(FIG8.interface, ageing=None), FIG8.slider, constant(1.0)))
 
 
 def test_critical_spring_is_where_the_count_changes():
-    spring = critical_spring(aged(1.5), FIG8.slider, 1.2)
-    assert unstable_modes(aged(1.5), replace(FIG8.slider, stiffness=0.97 * spring), 1.2) == 2
-    assert unstable_modes(aged(1.5), replace(FIG8.slider, stiffness=1.03 * spring), 1.2) == 0
+    spring = critical_spring(Rig(aged(1.5), FIG8.slider, constant(1.2)))
+    assert count_unstable(Rig(aged(1.5), replace(FIG8.slider, stiffness=0.97 * spring), constant(1.2))) == 2
+    assert count_unstable(Rig(aged(1.5), replace(FIG8.slider, stiffness=1.03 * spring), constant(1.2))) == 0
 
 
 def test_delays_count_where_newborns_have_strength():
     interface = replace(FIG8.interface, ageing=Langevin(rate=1.5, newborn=0.3), delay=Delay(0.01))
-    delay = critical_delay(interface, FIG8.slider, 3.5)
+    delay = onset(Rig(interface, FIG8.slider, constant(3.5)), "delay", between=(1e-3 / 3.5, 1e2 / 3.5))
     for factor, modes in ((0.9, 0), (1.1, 2)):
-        assert unstable_modes(replace(interface, delay=Delay(factor * delay)), FIG8.slider, 3.5) == modes
+        assert count_unstable(Rig(replace(interface, delay=Delay(factor * delay)), FIG8.slider, constant(3.5))) == modes
     with pytest.raises(InputError, match="newborn = 0"):
-        critical_delay(aged(1.5), FIG8.slider, 1.0)
+        onset(Rig(aged(1.5), FIG8.slider, constant(1.0)), "delay", between=(1e-3, 1e2))
 
 
 def test_a_map_has_the_signs_of_its_counts():
     grids = np.array([0.5, 1.5]), np.array([0.8, 1.2, 2.5])
-    found = stability_map(aged(1.5), FIG8.slider, 1.0, values=grids, growth=True)
+    found = stability_map(Rig(aged(1.5), FIG8.slider, constant(1.0)), values=grids, growth=True)
     assert found["unstable_modes"].to_numpy().tolist() == [[2, 2, 2], [0, 2, 2]]
     np.testing.assert_array_equal(found["growth_rate"] > 0, found["unstable_modes"] > 0)
 
 
 def test_a_boundary_is_neutral_along_its_points():
-    found = boundary(aged(1.5), FIG8.slider, 1.0, within=((0.8, 1.6), (0.7, 1.4)))
+    found = boundary(Rig(aged(1.5), FIG8.slider, constant(1.0)), between=((0.8, 1.6), (0.7, 1.4)))
     assert found.sizes["point"] > 5
     for i in range(0, found.sizes["point"], 4):
         point = found.isel(point=i)

@@ -40,6 +40,9 @@ CASES = [
     model.LogarithmicGrowth(slope=0.05, time=1e-3),
     model.Interface(thresholds=LAWS_INSIDE.thresholds, initial=LAWS_INSIDE, ageing=model.Langevin(rate=1)),
     model.Slider(stiffness=2.0, mass=1e-4, damping=200.0),
+    model.Rig(
+        cases.FIG5.interface, cases.FIG5.slider, drive.constant(1.0), scales=units.Scales(force=1.0, stretching=2.0)
+    ),
     cases.FIG5.interface,
     drive.constant(0.1, 2).then(drive.ramp(1, -2, 3)).until(drive.Travel(0.1)),
     drive.constant(0.1, 2).until(drive.ForceAbove(0.1)).then(drive.constant(0.1, 2).until(drive.ForceBelow(-0.1))),

@@ -142,9 +142,9 @@ def test_parameters_are_turned_in_the_units_of_the_file():
     plan = from_document(document)
     scales = plan.study.scales
     setting = plan.study.at({name: float(values[0]) for name, values in plan.axes.items()})
-    assert scales.si(setting.rig.stiffness, "stiffness") == pytest.approx(1e6)
-    assert scales.si(setting.rig.mass, "mass") == pytest.approx(0.01)
-    assert scales.si(setting.rig.damping, "rate") == pytest.approx(100.0)
+    assert scales.si(setting.slider.stiffness, "stiffness") == pytest.approx(1e6)
+    assert scales.si(setting.slider.mass, "mass") == pytest.approx(0.01)
+    assert scales.si(setting.slider.damping, "rate") == pytest.approx(100.0)
     assert scales.si(setting.velocity, "velocity") == pytest.approx(2e-3)
     assert scales.si(setting.interface.delay.time, "time") == pytest.approx(1e-3)
     assert setting.interface.thresholds == ss.Gaussian(mean=1.0, std=0.2)
@@ -221,7 +221,9 @@ def test_a_case_can_be_made_again_from_what_the_store_says(tmp_path, capsys):
         interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
         slider = ss.Slider(stiffness=float(here["stiffness"]), mass=1e-4, damping=200.0)
         drive = ss.constant(0.3, 12.0 / 0.3)
-        seen = regime(ss.simulate(interface, slider, drive, Contacts(100, int(here["seed"])), start=of_start))
+        seen = regime(
+            ss.simulate(ss.Rig(interface, slider, drive), method=Contacts(100, int(here["seed"])), start=of_start)
+        )
         assert here["regime"].item() == seen.kind == study.KINDS[int(here["regime_code"])]
         for name in ("peak_to_peak", "mean_force", "period"):
             np.testing.assert_equal(float(here[name]), getattr(seen, name))
@@ -239,8 +241,7 @@ def test_results_come_in_the_units_of_the_file():
     result = plan.run().isel(velocity=0, seed=0)
     scales = plan.study.scales
     setting = plan.study.at({})
-    inside = regime(ss.simulate(setting.interface, setting.rig, ss.constant(setting.velocity, 20 / setting.velocity),
-                                Contacts(100, 3)))  # fmt: skip
+    inside = regime(ss.simulate(ss.Rig(setting.interface, setting.slider, ss.constant(setting.velocity, 20 / setting.velocity)), method=Contacts(100, 3)))  # fmt: skip
     assert float(result["peak_to_peak"]) == pytest.approx(scales.si(inside.peak_to_peak, "force"))
     assert float(result["travel"]) == pytest.approx(40e-6)
     assert result["peak_to_peak"].attrs["units"] == "N"
@@ -401,7 +402,7 @@ def test_the_boundary_on_top_is_the_computed_one():
     for i in (0, -1):
         stiffness, velocity = (float(shown[f"edge_{name}"][i]) for name in ("stiffness", "velocity"))
         slider = ss.Slider(stiffness=stiffness, mass=1e-4, damping=200.0)
-        edges = ss.critical_velocities(setting.interface, slider, between=(0.05, 5.0)).edges
+        edges = ss.critical(ss.Rig(setting.interface, slider, ss.constant(1.0)), "velocity", between=(0.05, 5.0)).edges
         assert min(abs(edge.value / velocity - 1) for edge in edges) < 1e-6
     plan = from_document(changed("axes", {"velocity": {"from": 0.2, "to": 3.0, "count": 3}, "seed": [1]}))
     assert with_theory(plan.run())["edge_velocity"].values == pytest.approx([0.7142311], rel=1e-6)
@@ -419,8 +420,10 @@ def test_the_boundary_of_a_rig_in_si_units_is_in_si_units():
     assert shown.attrs["theory"] == "linear stability of smooth sliding"
     x, y = (shown[f"edge_{name}"].to_numpy() for name in ("stiffness", "velocity"))
     setting = plan.study.at({"stiffness": float(x[0]), "velocity": float(y[0])})
-    critical = ss.critical_velocities(
-        setting.interface, setting.rig, between=(0.5 * setting.velocity, 2 * setting.velocity)
+    critical = ss.critical(
+        ss.Rig(setting.interface, setting.slider, ss.constant(1.0)),
+        "velocity",
+        between=(0.5 * setting.velocity, 2 * setting.velocity),
     )
     assert min(abs(edge.value / setting.velocity - 1) for edge in critical.edges) < 1e-6
     assert shown["edge_velocity"].attrs["units"] == "m/s"

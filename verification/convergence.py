@@ -21,6 +21,7 @@ from stickslip import (
     rigid_slide,
     simulate,
 )
+from stickslip.model import Rig
 from stickslip.paper import Claim
 from stickslip.paper.cases import FIG4, FIG8
 from stickslip.paper.figure import at_most, between, near
@@ -61,7 +62,9 @@ def _cohorts() -> tuple[Claim, ...]:
     output = Output(interval=0.01)
 
     def table(count: int) -> np.ndarray:
-        run = simulate(interface, FIG4.slider, constant(1.0, 3.0), MasterEquation(cells=count), output=output)
+        run = simulate(
+            Rig(interface, FIG4.slider, constant(1.0, 3.0)), method=MasterEquation(cells=count), output=output
+        )
         return np.stack([run[name].to_numpy() for name in ("displacement", "spring_force", "friction_force")])
 
     exact = table(finest)

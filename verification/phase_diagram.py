@@ -13,10 +13,12 @@ from dataclasses import replace
 
 import xarray as xr
 
-from stickslip import Contacts, Slider, bistable_band, critical_velocities
+from stickslip import Contacts, Slider
+from stickslip.cycles import bistable_range
 from stickslip.io import rig_files as rig
 from stickslip.paper import Claim
 from stickslip.paper.figure import at_least, near
+from stickslip.stability import critical
 from stickslip.sweep.plan import Plan, read_plan
 from verification.study import finding
 
@@ -29,7 +31,7 @@ _OSCILLATES = ("stick-slip", "sustained oscillation")
 
 def regimes() -> tuple[Claim, ...]:
     """Weigh the regimes of a coarse grid, and of runs about the fold."""
-    plan = read_plan(rig.example("phase_diagram"))
+    plan = read_plan(rig.example_file("phase_diagram"))
     plan = replace(plan, study=replace(plan.study, method=Contacts(_CONTACTS)))
     axes = dict(plan.axes) | {name: plan.axes[name][3::6] for name in ("stiffness", "velocity")}
     diagram = replace(plan, axes=axes).run()
@@ -40,7 +42,7 @@ def _linear(plan: Plan, diagram: xr.Dataset) -> Claim:
     claimed, as_claimed = 0, 0
     for stiffness in diagram["stiffness"].to_numpy().tolist():
         setting = plan.study.at({"stiffness": stiffness})
-        edges = critical_velocities(setting.interface, setting.rig, between=(0.02, 30)).edges
+        edges = critical(setting, "velocity", between=(0.02, 30)).edges
         for velocity in diagram["velocity"].to_numpy().tolist():
             beyond = velocity / edges[0].value
             if 1 / _MARGIN <= beyond <= _MARGIN:
@@ -72,8 +74,14 @@ def _fold(plan: Plan) -> Claim:
     cases = []
     for stiffness in (1.8, 2.5):
         setting = plan.study.at({"stiffness": stiffness})
-        assert isinstance(setting.rig, Slider)
-        (band,) = bistable_band(setting.interface, setting.rig, between=(0.1, 3.0), step=0.1, tolerance=0.01).bands
+        assert isinstance(setting.slider, Slider)
+        (band,) = bistable_range(
+            setting,
+            "velocity",
+            between=(0.1, 3.0),
+            step=0.1,
+            tolerance=0.01,
+        ).bands
         low, high = band.low.value, band.high.value
         for velocity, start, expected in (
             (math.sqrt(low * high), "from rest", "stick-slip"),

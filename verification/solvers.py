@@ -19,7 +19,6 @@ from stickslip import (
     Output,
     RandomDelay,
     constant,
-    critical_velocities,
     growth_rate,
     kinetic_friction,
     ramp,
@@ -27,9 +26,11 @@ from stickslip import (
     rigid_slide,
     simulate,
 )
+from stickslip.model import Rig
 from stickslip.paper import Claim, Measured
 from stickslip.paper.cases import FIG4, FIG7, FIG8
 from stickslip.paper.figure import at_most, near
+from stickslip.stability import critical
 from stickslip.theory import driving_force
 from verification import phase_diagram
 from verification.study import Study, finding, held_friction
@@ -84,8 +85,8 @@ def _stick_slip() -> tuple[Claim, ...]:
     interface = replace(FIG4.interface, delay=Delay(0.2))
     slider = replace(FIG4.slider, stiffness=2.0)
     drive, output = constant(1.0, 100.0), Output(interval=0.002)
-    cohorts = simulate(interface, slider, drive, MasterEquation(cells=800), output=output)
-    contacts = simulate(interface, slider, drive, Contacts(200_000, seed=5), output=output)
+    cohorts = simulate(Rig(interface, slider, drive), method=MasterEquation(cells=800), output=output)
+    contacts = simulate(Rig(interface, slider, drive), method=Contacts(200_000, seed=5), output=output)
     (oscillation, period, fastest), (swing_n, period_n, fastest_n) = _cycle(cohorts), _cycle(contacts)
     return (
         finding(
@@ -109,7 +110,7 @@ def _energy() -> tuple[Claim, ...]:
     }
     gaps, counts = [], []
     for name, drive in drives.items():
-        run = simulate(interface, FIG4.slider, drive, Contacts(10_000, seed=3))
+        run = simulate(Rig(interface, FIG4.slider, drive), method=Contacts(10_000, seed=3))
         stored = run["kinetic_energy"] + run["spring_energy"] + run["contact_energy"]
         lost = run["damped_energy"] + run["broken_energy"]
         gap = float(np.abs(run["work"] - (stored - stored[0]) - lost).max())
@@ -127,22 +128,20 @@ def _linear() -> tuple[Claim, ...]:
     """A small perturbation of the cohorts grows at the rate of linear theory, and stops growing where theory says so."""
     slider = FIG7.slider
     interface = replace(FIG7.interface, delay=Delay(0.1))
-    v1 = critical_velocities(interface, slider, between=(1.0, 1.9))[0]
+    v1 = critical(Rig(interface, slider, constant(1.0)), "velocity", between=(1.0, 1.9))[0]
     rates, turns, speeds = [], [], (1.2, 1.3, 1.5, 1.6)
     for velocity in speeds:
         drive = constant(velocity, 24.0)
         run = simulate(
-            interface,
-            slider,
-            drive,
-            MasterEquation(cells=3200),
+            Rig(interface, slider, drive),
+            method=MasterEquation(cells=3200),
             start=FromSliding(perturbation=1e-3),
             output=Output(interval=0.004),
         )
         rate, turn = _swing(
             run["time"].to_numpy(), run["spring_force"].to_numpy() - driving_force(interface, slider, velocity)
         )
-        mode = growth_rate(interface, slider, velocity)
+        mode = growth_rate(Rig(interface, slider, constant(velocity)))
         rates.append(near(f"growth rate at v = {velocity:g}, less theory", rate - mode.real, 0.0, 2e-3, "1/time"))
         turns.append(near(f"frequency at v = {velocity:g}, less theory", turn - abs(mode.imag), 0.0, 5e-3, "1/time"))
     return (

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from stickslip import Contacts, FromSliding, Interface, MasterEquation, Output, Slider, constant, simulate
+from stickslip.model import Rig
 from stickslip.paper import Claim, Measured
 
 
@@ -57,7 +58,10 @@ def held_friction(
     """
     slider = Slider(stiffness=200.0, mass=1e-2, damping=100.0)
     run = simulate(
-        interface, slider, constant(velocity, distance / velocity), method, start=FromSliding(), record=record
+        Rig(interface, slider, constant(velocity, distance / velocity)),
+        method=method,
+        start=FromSliding(),
+        record=record,
     )
     drag = slider.mass * slider.damping * velocity
     return float(run["spring_force"].sel(time=slice(after / velocity, None)).mean()) - drag

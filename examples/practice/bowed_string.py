@@ -48,8 +48,8 @@ def string(friction: float) -> Modes:
 FRICTION = Parameter(
     name="friction",
     unit="N",
-    get=lambda setting: string(1.0).masses[0] / setting.rig.masses[0],
-    set=lambda setting, value: replace(setting, rig=string(value)),
+    get=lambda setting: string(1.0).masses[0] / setting.slider.masses[0],
+    set=lambda setting, value: replace(setting, slider=string(value)),
 )
 """The force of friction as a parameter of our own, for `stickslip.critical`."""
 
@@ -57,7 +57,7 @@ FRICTION = Parameter(
 def lightest(speed: float) -> tuple[float, float]:
     """Smallest force of friction (N) at which the string sings, and the frequency (Hz) that starts first."""
     velocity = Scales(force=1.0, stretching=10e-6, time=1e-3).natural(speed, "velocity")
-    edge = ss.critical(FRICTION, ROSIN, string(0.1), velocity, between=(1e-3, 2.0)).edges[0]
+    edge = ss.critical(ss.Rig(ROSIN, string(0.1), ss.constant(velocity)), FRICTION, between=(1e-3, 2.0)).edges[0]
     return edge.value, edge.frequency / (2 * np.pi * 1e-3)
 
 

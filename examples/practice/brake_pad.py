@@ -10,30 +10,27 @@ Run it with ``python examples/practice/brake_pad.py brake_pad.png``.
 """
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 import stickslip as ss
 from stickslip import advise, plot
-from stickslip.io import rig_files as rig
 
-RIG = rig.example("brake_pad")
+RIG = "brake_pad"
 
 
-def groaning(path: Path = RIG, *, damping: float = 1.0) -> tuple[float, float]:
+def groaning(rig: str | Path = RIG, *, damping: float = 1.0) -> tuple[float, float]:
     """Speeds in m/s between which smooth braking is unstable, with the damping of the rig times a factor."""
-    brake = rig.read(path)
-    slider = replace(brake.slider, damping=damping * brake.slider.damping)
-    edges = ss.critical_velocities(brake.interface, slider, between=(brake.velocity / 100, brake.velocity * 100)).edges
-    low, high = (brake.scales.si(edge.value, "velocity") for edge in (edges[0], edges[-1]))
-    return low, high
+    brake = ss.read_rig(rig)
+    damped = brake.replace(damping=damping * brake.value("damping"))
+    edges = ss.critical(damped, "velocity", between=(brake.velocity / 100, brake.velocity * 100)).edges
+    return edges[0].value, edges[-1].value
 
 
-def draw(path: Path = RIG) -> Figure:
+def draw(rig: str | Path = RIG) -> Figure:
     """Stability of smooth braking over speed and damping."""
-    return plot.chart(advise.chart(rig.read(path), ("velocity", "damping"), around=30.0, points=80))
+    return plot.chart(advise.chart(ss.read_rig(rig), ("velocity", "damping"), around=30.0, points=80))
 
 
 if __name__ == "__main__":

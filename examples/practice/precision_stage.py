@@ -10,7 +10,6 @@ Run it with ``python examples/practice/precision_stage.py stage.png``.
 """
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,40 +17,35 @@ from matplotlib.figure import Figure
 
 import stickslip as ss
 from stickslip import plot
-from stickslip.io import rig_files as rig
 
-RIG = rig.example("precision_stage")
+RIG = "precision_stage"
 SPEEDS = np.geomspace(0.2e-3, 20e-3, 25)
 """In m/s."""
 
 
-def softest_servo(stage: rig.Rig) -> np.ndarray:
+def softest_servo(stage: ss.Rig) -> np.ndarray:
     """Stiffness in N/m below which smooth motion is unstable, at each of the speeds; NaN where any servo will do."""
     found = []
     for speed in SPEEDS:
-        velocity = stage.scales.natural(speed, "velocity")
         try:
-            critical = ss.critical_spring(stage.interface, stage.slider, velocity=velocity)
-            found.append(stage.scales.si(critical, "stiffness"))
+            found.append(ss.stability.critical_spring(stage.replace(velocity=speed)))
         except ss.UndecidedError:
             found.append(np.nan)
     return np.array(found)
 
 
-def error_of_tracking(stage: rig.Rig, stiffness: float) -> tuple[np.ndarray, np.ndarray]:
+def error_of_tracking(stage: ss.Rig, stiffness: float) -> tuple[np.ndarray, np.ndarray]:
     """Time in s, and how far the stage strays from its course, in m."""
-    slider = replace(stage.slider, stiffness=stage.scales.natural(stiffness, "stiffness"))
-    run = ss.simulate(stage.interface, slider, stage.drive, stage.method, output=stage.output)
-    shown = stage.in_its_units(run)
-    lag = (shown["spring_force"] / stiffness).to_numpy()
-    return shown["time"].to_numpy(), lag - lag[lag.size // 2 :].mean()
+    run = ss.simulate(stage.replace(stiffness=stiffness))
+    lag = (run["spring_force"] / stiffness).to_numpy()
+    return run["time"].to_numpy(), lag - lag[lag.size // 2 :].mean()
 
 
-def draw(path: Path = RIG) -> Figure:
+def draw(rig: str | Path = RIG) -> Figure:
     """The softest servo against speed, and the error of tracking with one softer and one stiffer."""
-    stage = rig.read(path)
+    stage = ss.read_rig(rig)
     softest = softest_servo(stage)
-    here = stage.scales.si(stage.velocity, "velocity")
+    here = stage.velocity
     critical = float(np.interp(here, SPEEDS, softest))
     with plot.house_style():
         figure = plot.new_figure(plot.PAGE, 2.9)

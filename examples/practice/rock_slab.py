@@ -16,19 +16,16 @@ from matplotlib.figure import Figure
 
 import stickslip as ss
 from stickslip import plot
-from stickslip.io import rig_files as rig
 
-RIG = rig.example("rock_slab")
+RIG = "rock_slab"
 FACTORS = (1.0, 10.0, 100.0)
 """Speeds of loading, as multiples of the rig's."""
 
 
-def load(slab: rig.Rig, factor: float):
+def load(slab: ss.Rig, factor: float):
     """A run at another speed over the same distance, in SI units."""
-    velocity = factor * slab.velocity
-    drive = ss.constant(velocity, slab.drive.duration / factor)
-    output = ss.Output(interval=slab.scales.natural(1e-3, "time"))  # a slip lasts some milliseconds
-    return slab.in_its_units(ss.simulate(slab.interface, slab.slider, drive, slab.method, output=output))
+    output = ss.Output(interval=1e-3)  # in s: a slip lasts some milliseconds
+    return ss.simulate(slab.replace(velocity=factor * slab.velocity), output=output)
 
 
 def recurrence_and_drop(run) -> tuple[float, float]:
@@ -37,9 +34,9 @@ def recurrence_and_drop(run) -> tuple[float, float]:
     return float(events["start"].diff("event").median()), float(events["drop"].median())
 
 
-def draw(path: Path = RIG) -> Figure:
+def draw(rig: str | Path = RIG) -> Figure:
     """Force against displacement of the press, at three speeds of loading."""
-    slab = rig.read(path)
+    slab = ss.read_rig(rig)
     with plot.house_style():
         figure = plot.new_figure(plot.PAGE, 4.2)
         panels = figure.subplots(len(FACTORS), sharex=True, sharey=True)

@@ -10,32 +10,29 @@ Run it with ``python examples/practice/teaching_bench.py bench.png``; in the bro
 teaching_bench`` has a slider for the spring.
 """
 
+import math
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 import stickslip as ss
 from stickslip import plot
-from stickslip.io import rig_files as rig
 
-RIG = rig.example("teaching_bench")
+RIG = "teaching_bench"
 SPRINGS = (100.0, 500.0, 10_000.0)
 """In N/m."""
 
 
-def pull(bench: rig.Rig, stiffness: float):
+def pull(bench: ss.Rig, stiffness: float):
     """The run with another spring, in SI units; the damping stays the same fraction of the block's own oscillation."""
-    share = bench.slider.damping / bench.slider.frequency
-    slider = replace(bench.slider, stiffness=bench.scales.natural(stiffness, "stiffness"))
-    slider = replace(slider, damping=share * slider.frequency)
-    return bench.in_its_units(ss.simulate(bench.interface, slider, bench.drive, bench.method))
+    damping = bench.value("damping") * math.sqrt(stiffness / bench.value("stiffness"))
+    return ss.simulate(bench.replace(stiffness=stiffness, damping=damping))
 
 
-def draw(path: Path = RIG) -> Figure:
+def draw(rig: str | Path = RIG) -> Figure:
     """The force in each spring, and what regime it is."""
-    bench = rig.read(path)
+    bench = ss.read_rig(rig)
     with plot.house_style():
         figure = plot.new_figure(plot.PAGE, 4.2)
         panels = figure.subplots(len(SPRINGS), sharex=True, sharey=True)

@@ -17,22 +17,21 @@ from matplotlib.figure import Figure
 
 import stickslip as ss
 from stickslip import plot
-from stickslip.io import rig_files as rig
 
-RIG = rig.example("wiper")
+RIG = "wiper"
 
 
-def chattering(wiper: rig.Rig) -> tuple[float, float]:
+def chattering(wiper: ss.Rig) -> tuple[float, float]:
     """Speeds in m/s between which smooth wiping is unstable."""
-    edges = ss.critical_velocities(wiper.interface, wiper.slider, between=(wiper.velocity / 10, 1e3)).edges
-    return tuple(wiper.scales.si(edge.value, "velocity") for edge in (edges[0], edges[-1]))
+    edges = ss.critical(wiper.replace(velocity=1.0), "velocity", between=(1e-3, 1e2)).edges
+    return edges[0].value, edges[-1].value
 
 
-def draw(path: Path = RIG) -> Figure:
+def draw(rig: str | Path = RIG) -> Figure:
     """One stroke of the wiper, with the speeds at which it should chatter."""
-    wiper = rig.read(path)
+    wiper = ss.read_rig(rig)
     low, high = chattering(wiper)
-    run = wiper.in_its_units(ss.simulate(wiper.interface, wiper.slider, wiper.drive, wiper.method))
+    run = ss.simulate(wiper)
     time, speed = run["time"].to_numpy(), run["drive_velocity"].to_numpy()
 
     with plot.house_style():
@@ -50,7 +49,7 @@ def draw(path: Path = RIG) -> Figure:
 
 
 if __name__ == "__main__":
-    print("chatters from {:.3g} to {:.3g} m/s".format(*chattering(rig.read(RIG))))
+    print("chatters from {:.3g} to {:.3g} m/s".format(*chattering(ss.read_rig(RIG))))
     figure = draw()
     if sys.argv[1:]:
         plot.save(figure, sys.argv[1])

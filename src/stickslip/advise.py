@@ -22,17 +22,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip import stability
-from stickslip.cycles import bistable_region, lasts
+from stickslip.cycles import bistable_region, is_sustained
 from stickslip.errors import InputError, UndecidedError, number, whole
 from stickslip.io.rig_files import Rig
 from stickslip.measure import Regime, regime
 from stickslip.model import Contacts, FromRest, FromSliding, Method, Slider, Start
 from stickslip.model.drive import constant
+from stickslip.model.parameters import parameter_named
 from stickslip.model.units import quantity
 from stickslip.rigid import critical_stiffness, static_friction
 from stickslip.simulation import Progress, simulate
-from stickslip.stability import Parameter, Setting
-from stickslip.stability.parameters import parameter_named
+from stickslip.stability import Parameter
 from stickslip.theory import kinetic_friction
 
 if TYPE_CHECKING:
@@ -178,7 +178,7 @@ class Prediction:
     @property
     def verdict(self) -> str:
         """The answer in one sentence."""
-        speed = self.rig.in_units(self.rig.velocity, "velocity")
+        speed = self.rig.in_units(self.rig.natural.velocity, "velocity")
         if self.bistable:
             return (
                 f"{self.regime.kind} at {speed} from this start; smooth sliding, once reached, would be stable, too: "
@@ -269,11 +269,11 @@ def predict(rig: Rig, *, verify: bool = False, progress: Progress | None = None)
     InputError
         If the rig's speed is not above 0.
     """
-    if rig.velocity <= 0:
-        raise InputError(f"drive: the speed is {rig.velocity:g}: a prediction needs a speed above 0")
+    setting = rig.natural
+    if setting.velocity <= 0:
+        raise InputError(f"drive: the speed is {setting.velocity:g}: a prediction needs a speed above 0")
     report = progress or (lambda _share: None)
     run, seen = _watch(rig, lambda share: report(0.4 * share))
-    setting = Setting(interface=rig.interface, rig=rig.slider, velocity=rig.velocity)
     modes, growth, note = _linear(setting)
     margins = tuple(_margins(setting)) if not note else ()
     aged = replace(rig.interface, ageing=None)  # rigid motion from contacts at rest finds thresholds that have grown up
@@ -282,7 +282,7 @@ def predict(rig: Rig, *, verify: bool = False, progress: Progress | None = None)
         run=run,
         regime=seen,
         static_friction=static_friction(aged)[0],
-        kinetic_friction=float(kinetic_friction(rig.interface, rig.velocity)),
+        kinetic_friction=float(kinetic_friction(rig.interface, setting.velocity)),
         critical_stiffness=critical_stiffness(aged),
         critical_stiffness_without_reattachment=critical_stiffness(aged, reattachment=False),
         unstable_modes=modes,
@@ -304,10 +304,8 @@ def _watch(rig: Rig, progress: Progress) -> tuple[xr.Dataset, Regime]:
     """Simulate the rig as its file says, longer if that cannot be judged; the last stretch of drive is held."""
     drive = rig.drive
     for attempt in range(_EXTENSIONS + 1):
-        run = simulate(
-            rig.interface, rig.slider, drive, rig.method, output=rig.output, start=rig.start, progress=progress
-        )
-        seen = regime(rig.in_its_units(run))
+        run = simulate(replace(rig, drive=drive), progress=progress)
+        seen = regime(run)
         last = drive.pieces[-1]
         if seen.kind != "undecided" or last.start != last.end or attempt == _EXTENSIONS:
             break
@@ -315,24 +313,24 @@ def _watch(rig: Rig, progress: Progress) -> tuple[xr.Dataset, Regime]:
     return run, seen
 
 
-def _linear(setting: Setting) -> tuple[int | None, complex | None, str]:
+def _linear(setting: Rig) -> tuple[int | None, complex | None, str]:
     """Growing modes, the fastest of them, and a note where the theory has nothing to say."""
-    interface, slider = setting.interface, setting.rig
+    interface = setting.interface
     if interface.ageing is None and interface.delay.moment(1) == 0:
         return 0, None, "contacts re-attach at once: nothing can grow, smooth sliding is neutrally stable at any speed"
     try:
-        modes = stability.unstable_modes(interface, slider, setting.velocity)
+        modes = stability.count_unstable(setting)
     except (InputError, UndecidedError) as reason:
         return None, None, str(reason)
     try:
-        return modes, stability.growth_rate(interface, slider, setting.velocity), ""
+        return modes, stability.growth_rate(setting), ""
     except (
         UndecidedError
     ):  # stable, and no mode decays more slowly than the tail of the distribution: the count stands alone
         return modes, None, ""
 
 
-def _margins(setting: Setting) -> Iterator[Margin]:
+def _margins(setting: Rig) -> Iterator[Margin]:
     """Look up and down from where each parameter stands for the nearest boundary of linear stability."""
     for parameter in stability.PARAMETERS:
         try:
@@ -348,7 +346,7 @@ def _margins(setting: Setting) -> Iterator[Margin]:
         elif parameter.name == "delay":  # longer delays never help, and have many modes
             searched = (value / _RANGE, value * 3.0)
         try:
-            found = stability.critical(parameter, setting.interface, setting.rig, setting.velocity, between=searched)
+            found = stability.critical(setting, parameter, between=searched)
         except (InputError, UndecidedError):
             continue
         below = [edge.value for edge in found.edges if edge.value < value]
@@ -362,9 +360,7 @@ def _margins(setting: Setting) -> Iterator[Margin]:
         )
 
 
-def _mitigations(
-    setting: Setting, margins: tuple[Margin, ...], unstable: bool, report: Progress
-) -> tuple[Mitigation, ...]:
+def _mitigations(setting: Rig, margins: tuple[Margin, ...], unstable: bool, report: Progress) -> tuple[Mitigation, ...]:
     """For each parameter, the nearest value past the linear boundary, and the nearest from which stick-slip decays."""
     found = []
     for i, margin in enumerate(margins):
@@ -394,7 +390,7 @@ def _leads_out(margin: Margin, side: int, unstable: bool) -> bool:
 
 
 def _where_it_dies(
-    setting: Setting, parameter: Parameter, margin: Margin, begin: float, side: int
+    setting: Rig, parameter: Parameter, margin: Margin, begin: float, side: int
 ) -> tuple[float, Regime] | None:
     """Turn the parameter on until stick-slip decays from rest, and then until a run with many contacts slides smoothly.
 
@@ -432,7 +428,7 @@ def _where_it_dies(
 
 
 def _where_it_dies_aged(
-    setting: Setting, parameter: Parameter, margin: Margin, begin: float, side: int
+    setting: Rig, parameter: Parameter, margin: Margin, begin: float, side: int
 ) -> tuple[float, Regime] | None:
     """Return the same for thresholds that age: vary the parameter on until a run of contacts from rest slides smoothly."""
     for growth in _AGED_STEPS:
@@ -445,21 +441,21 @@ def _where_it_dies_aged(
     return None
 
 
-def _dies(parameter: Parameter, setting: Setting, value: float) -> bool:
+def _dies(parameter: Parameter, setting: Rig, value: float) -> bool:
     """Whether stick-slip is known to die from a start at rest."""
     turned = parameter.set(setting, value)
-    assert isinstance(turned.rig, Slider)
-    return lasts(turned.interface, turned.rig, turned.velocity).lasts is False
+    assert isinstance(turned.slider, Slider)
+    return is_sustained(turned).lasts is False
 
 
-def _run_from(start: Start, setting: Setting, method: Method, extensions: int = _EXTENSIONS) -> Regime:
+def _run_from(start: Start, setting: Rig, method: Method, extensions: int = _EXTENSIONS) -> Regime:
     """The regime that a start leads to, from a run long enough for a soft spring's long cycles."""
-    slider = setting.rig
+    slider = setting.slider
     assert isinstance(slider, Slider)
     distance = max(_SHORTEST, _CYCLES / slider.stiffness)
     for _ in range(extensions + 1):
         drive = constant(setting.velocity, distance / setting.velocity)
-        seen = regime(simulate(setting.interface, slider, drive, method, start=start))
+        seen = regime(simulate(replace(setting, drive=drive), method=method, start=start))
         if seen.kind != "undecided":
             break
         distance *= 2.0
@@ -469,7 +465,7 @@ def _run_from(start: Start, setting: Setting, method: Method, extensions: int = 
 def _verified(rig: Rig, mitigation: Mitigation) -> Mitigation:
     """Simulate both changes with the rig's own method."""
     parameter = parameter_named(mitigation.parameter)
-    setting = Setting(interface=rig.interface, rig=rig.slider, velocity=rig.velocity)
+    setting = rig.natural
     targets = [
         (value, start) for value, start in ((mitigation.keeps, FromSliding()), (mitigation.stops, FromRest())) if value
     ]
@@ -518,7 +514,7 @@ def chart(
     around = number("map: around", around, above=1.0, at_most=1e4)
     points = whole("map: points", points, at_least=4, at_most=2_000)
     report = progress or (lambda _share: None)
-    setting = Setting(interface=rig.interface, rig=rig.slider, velocity=rig.velocity)
+    setting = rig.natural
     parameters = [parameter_named(name) for name in over]
     here = [parameter.get(setting) for parameter in parameters]
     for parameter, value in zip(parameters, here, strict=True):
@@ -529,19 +525,15 @@ def chart(
     )
     grids = tuple(np.geomspace(low, high, max(points // 2, 4)) for low, high in window)
     names = (parameters[0].name, parameters[1].name)
-    found = stability.stability_map(
-        rig.interface, rig.slider, rig.velocity, over=names, values=(grids[0], grids[1]), growth=True
-    )
+    found = stability.stability_map(rig.natural, over=names, values=(grids[0], grids[1]), growth=True)
     report(0.7)
-    edge = stability.boundary(
-        rig.interface, rig.slider, rig.velocity, over=names, within=(window[0], window[1])
-    ).rename({name: f"edge_{name}" for name in (*names, "frequency")})
+    edge = stability.boundary(rig.natural, over=names, between=(window[0], window[1])).rename(
+        {name: f"edge_{name}" for name in (*names, "frequency")}
+    )
     found = found.merge(edge, combine_attrs="override")
     if bistable:
         bands = bistable_region(
-            rig.interface,
-            rig.slider,
-            rig.velocity,
+            rig.natural,
             over=names,
             edge=edge.rename({f"edge_{name}": name for name in names}),
             between=window[1],
@@ -549,7 +541,7 @@ def chart(
         )
         found = found.merge(bands, combine_attrs="override")
     report(1.0)
-    modes = stability.unstable_modes(rig.interface, rig.slider, rig.velocity)
+    modes = stability.count_unstable(rig.natural)
     for name, value in zip(names, here, strict=True):
         found[f"here_{name}"] = ((), value, dict(found[name].attrs))
     curves = len(set(edge["curve"].to_numpy().tolist()))

@@ -77,14 +77,13 @@ def predict(rig: Path, *, verify: bool = False, json: Json = False, plot: Plot =
     from stickslip.io import rig_files as rigs
 
     _check_target(plot)
-    described = rigs.read(rig)
+    described = rigs.read_rig(rig)
     with _bar("predicting") as progress:
         found = advise.predict(described, verify=verify, progress=progress)
     if plot is not None:
         from stickslip import plot as drawing
 
-        shown = described.in_its_units(found.run)
-        drawing.save(drawing.overview(shown, events=measures.events(shown)), plot)
+        drawing.save(drawing.overview(found.run, events=measures.events(found.run)), plot)
     if json:
         _print_json(_prediction_as_plain(found, described))
     else:
@@ -104,9 +103,9 @@ def new(example: str | None = None) -> None:
 
     if example is None:
         for name in rigs.examples():
-            print(f"{name:16} {rigs.read(rigs.example(name)).name}")
+            print(f"{name:16} {rigs.read_rig(rigs.example_file(name)).name}")
     else:
-        print(rigs.example(example).read_text(encoding="utf-8"), end="")
+        print(rigs.example_file(example).read_text(encoding="utf-8"), end="")
 
 
 @app.command
@@ -140,25 +139,16 @@ def simulate(
             run = rerun(before := store.load(rig), progress=progress)
             run.attrs.update({key: value for key, value in before.attrs.items() if key not in run.attrs})
         else:
-            described = rigs.read(rig)
-            run = run_case(
-                described.interface,
-                described.slider,
-                described.drive,
-                described.method,
-                output=described.output,
-                start=described.start,
-                progress=progress,
-            )
+            described = rigs.read_rig(rig)
+            run = run_case(described, progress=progress)
             run.attrs["rig"] = rigs.to_toml(described)
     if output is not None:
         store.save(run, output)
-    shown = _in_its_units(run)
-    seen = measure.regime(shown)
+    seen = measure.regime(run)
     if plot is not None:
         from stickslip import plot as drawing
 
-        drawing.save(drawing.overview(shown), plot)
+        drawing.save(drawing.overview(run), plot)
     if json:
         _print_json({"regime": _plain(seen), "output": str(output) if output else None})
         return
@@ -292,7 +282,7 @@ def map(
     names = tuple(part.strip() for part in over.split(","))
     if len(names) != 2:
         raise InputError(f"--over {over}: must name two parameters with a comma between, such as stiffness,velocity")
-    described = rigs.read(rig)
+    described = rigs.read_rig(rig)
     with _bar("mapping") as progress:
         found = advise.chart(described, (names[0], names[1]), around, points, bistable=bistable, progress=progress)
     drawing.save(drawing.chart(found), output)
@@ -598,23 +588,12 @@ def _read_data(data: Path, force: str | None, time: str | None, step: float | No
         run = store.load(data)
         if "spring_force" not in run or "time" not in run.coords:
             raise InputError(f"{data}: holds no run: there is no force F_d along a time t in it")
-        return _in_its_units(run)
+        return run
     return measures.read_trace(data, force=_column(force), time=_column(time), step=step)
 
 
 def _column(name: str | None) -> str | int | None:
     return int(name) if name is not None and name.isdigit() else name
-
-
-def _in_its_units(run: xr.Dataset) -> xr.Dataset:
-    """A run in the units of the rig file that it was made from."""
-    from stickslip.io import rig_files as rigs
-
-    if "rig" not in run.attrs:
-        return run
-    import tomllib
-
-    return rigs.from_document(tomllib.loads(run.attrs["rig"]), "the rig in this run").in_its_units(run)
 
 
 def _as_csv(catalogue: xr.Dataset) -> str:
@@ -661,7 +640,7 @@ def _prediction_as_plain(found: Prediction, rig: Rig) -> dict[str, Any]:
         "rig": rig.name,
         "units": "natural, per contact; multiply by the scales for SI; each regime names its own",
         "scales": scales,
-        "velocity": rig.velocity,
+        "velocity": rig.natural.velocity,
         "stiffness": rig.slider.stiffness,
         "stiffness_margin": _plain(found.stiffness_margin),
         "smooth": found.smooth,

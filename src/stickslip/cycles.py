@@ -4,7 +4,7 @@
 live on where smooth sliding is stable. The names keep the two apart: what is *critical* is linear, what is *lasting*
 is nonlinear and belongs to a start, and a cycle that is followed dies at its *fold*.
 
-- `lasts`: does an oscillation last from a start? With the evidence.
+- `is_sustained`: does an oscillation persist from a start? With the evidence.
 - `lasting`, `lasting_velocities`, `lasting_delay` (the paper's ``tau*``): where it does, along a parameter, afresh from
   the same start at each value.
 - `cycle_branch`: the cycle itself, carried from value to value of a parameter up to where it decays (``v1'`` on the way
@@ -31,11 +31,12 @@ from numpy.typing import NDArray
 from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.io import files as store
 from stickslip.measure.verdict import SLIP_VELOCITY, TINY, Kind
-from stickslip.model import FromRest, FromSliding, Interface, MasterEquation, Slider, Start
+from stickslip.model import FromRest, FromSliding, MasterEquation, Slider, Start
 from stickslip.model.distributions import Distribution
+from stickslip.model.parameters import DELAY, VELOCITY, Parameter, check_range, parameter_named
+from stickslip.model.rig import Rig
 from stickslip.simulation import check_method, initial_nodes, survival_table
-from stickslip.stability import DELAY, VELOCITY, Crossings, Parameter, Setting, critical, unstable_modes
-from stickslip.stability.parameters import check_range, parameter_named
+from stickslip.stability import Crossings, count_unstable, critical
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -100,16 +101,23 @@ class Verdict:
     travel: float
     linearly_unstable: bool | None
 
+    def in_units(self, rig: Rig) -> Verdict:
+        """Return a verdict found in natural units in those of a rig."""
+        return replace(
+            self,
+            peak_to_peak=self.peak_to_peak * rig.unit("f_s"),
+            period=self.period * rig.unit("time"),
+            travel=self.travel * rig.unit("x_s"),
+        )
+
     def __str__(self) -> str:
         return f"{self.kind}: {self.reason}"
 
 
-def lasts(
-    interface: Interface,
-    slider: Slider,
-    velocity: float,
-    start: Start = FromRest(),
+def is_sustained(
+    rig: Rig,
     *,
+    start: Start = FromRest(),
     method: MasterEquation = METHOD,
     patience: int = PATIENCE,
 ) -> Verdict:
@@ -140,14 +148,17 @@ def lasts(
     Verdict
         Undecided where the amplitude still drifts after all looks, and its trend does not tell where to.
     """
-    setting = _check(interface, slider, velocity, method)
-    instance("lasts: start", start, FromRest | FromSliding, "FromRest() or FromSliding(...)")
-    return _settle(_Ride.begin(setting, start, method), patience)[0]
+    natural = _check(rig, method)
+    instance("is_sustained: start", start, FromRest | FromSliding, "FromRest() or FromSliding(...)")
+    return _settle(_Ride.begin(natural, start, method), patience)[0].in_units(rig)
 
 
-def _check(interface: Interface, slider: Slider, velocity: float, method: MasterEquation) -> Setting:
-    instance("cycles: interface", interface, Interface, "an Interface")
-    instance("cycles: slider", slider, Slider, "a Slider")
+def _check(rig: Rig, method: MasterEquation) -> Rig:
+    """The rig in natural units, if a cycle can be followed on it."""
+    instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
+    natural = rig.natural
+    interface = natural.interface
+    instance("Rig.slider", natural.slider, Slider, "a Slider")
     instance("cycles: method", method, MasterEquation, "MasterEquation(...)")
     if method.memoryless:
         raise InputError("MasterEquation.memoryless: without memory the oscillation is spurious; leave it False here")
@@ -156,15 +167,24 @@ def _check(interface: Interface, slider: Slider, velocity: float, method: Master
             f"Interface.ageing = {interface.ageing}: cycles are followed for contacts that do not age only"
         )
     check_method(interface, method)
-    if slider.mass == 0:
+    if natural.slider.mass == 0:
         raise InputError("Slider.mass = 0: a cycle needs a mass above 0; the massless limit is for `stability` only")
-    return Setting(interface=interface, rig=slider, velocity=number("velocity", velocity, above=0, hint="x_s per time"))
+    number("velocity", natural.velocity, above=0, hint="x_s per time")
+    return natural
 
 
-def _slider(setting: Setting) -> Slider:
-    instance("cycles: slider", setting.rig, Slider, "a Slider")
-    assert isinstance(setting.rig, Slider)
-    return setting.rig
+def _range(
+    rig: Rig, parameter: Parameter | str, between: tuple[float, float], method: MasterEquation
+) -> tuple[Parameter, Rig, float, float]:
+    """The parameter, the rig and the range, in natural units."""
+    natural, varied = _check(rig, method), parameter_named(parameter)
+    low, high = check_range(varied, between)
+    size = rig.unit(varied.unit)
+    return varied, natural, low / size, high / size
+
+
+def _scaled(values: tuple[float, float], size: float) -> tuple[float, float]:
+    return values[0] * size, values[1] * size
 
 
 class _Look(NamedTuple):
@@ -181,7 +201,7 @@ class _Look(NamedTuple):
 class _Ride:
     """A rig on its way: where it is, and all that moves it on. Immutable, so that one can go back and try again."""
 
-    setting: Setting
+    rig: Rig
     cells: int
     table: kernel.Table
     rebirth: kernel.Rebirth
@@ -191,10 +211,10 @@ class _Ride:
     cycle: float  # expected travel of the drive in one
 
     @classmethod
-    def begin(cls, setting: Setting, start: Start, method: MasterEquation) -> _Ride:
+    def begin(cls, rig: Rig, start: Start, method: MasterEquation) -> _Ride:
         from stickslip.kernels import cohorts as kernel
 
-        interface, slider, velocity = setting.interface, _slider(setting), setting.velocity
+        interface, slider, velocity = rig.interface, rig.slider, rig.velocity
         table, rebirth = _table(interface.threshold_distribution), kernel.Rebirth(*interface.delay.quadrature(), False)
         if isinstance(start, FromRest):
             x, share = initial_nodes(interface)
@@ -212,21 +232,21 @@ class _Ride:
             drag = slider.mass * slider.damping * velocity
             balance = (float(state.scalar[kernel.CONTACT_FORCE]) + drag) / slider.stiffness
         return cls(
-            setting=setting,
+            rig=rig,
             cells=method.cells,
             table=table,
             rebirth=rebirth,
             mechanics=kernel.Mechanics(slider.stiffness, slider.mass, slider.damping, False),
             pull=kernel.Pull(0.0, balance, velocity, 0.0),
             state=state,
-            cycle=_cycle(setting),
+            cycle=_cycle(rig),
         )
 
     def on(self, travel: float) -> tuple[_Ride, Array]:
         """Go on by a travel of the drive; with times, spring force and slider velocity of fine samples, as rows."""
         from stickslip.kernels import cohorts as kernel
 
-        slider, velocity = _slider(self.setting), self.setting.velocity
+        slider, velocity = self.rig.slider, self.rig.velocity
         begin, duration = float(self.state.scalar[kernel.TIME]), travel / velocity
         each = self.cycle / velocity
         # A slip lasts about half a period of the slider on its spring; a cap keeps very quick slips affordable.
@@ -249,9 +269,9 @@ class _Ride:
         """Go on for a few cycles and say what they show; stretches of the drive too short for that are doubled."""
         travel = LOOK * self.cycle
         ride, rows = self.on(travel)
-        cycles = _cycles(rows, ride.mechanics.stiffness, ride.setting.velocity)
+        cycles = _cycles(rows, ride.mechanics.stiffness, ride.rig.velocity)
         _, force, speed = rows
-        fastest = float(speed.max()) / ride.setting.velocity
+        fastest = float(speed.max()) / ride.rig.velocity
         if cycles.shape[1] == 0:
             oscillation = float(np.ptp(force))
             if oscillation > TINY:  # cycles longer than expected
@@ -260,7 +280,7 @@ class _Ride:
         oscillation, period, mean = np.median(cycles[0]), np.mean(cycles[1]), np.average(cycles[2], weights=cycles[1])
         return ride, _Look(float(oscillation), float(period), fastest, float(mean), travel)
 
-    def turn(self, setting: Setting) -> _Ride:
+    def turn(self, rig: Rig) -> _Ride:
         """Change the rig or the drive under way: forces, positions and masses stay, the drive goes on from where it is.
 
         Contacts that are detached stay so for the same fraction of the new delay. Cohorts keep what is attached of
@@ -268,18 +288,18 @@ class _Ride:
         """
         from stickslip.kernels import cohorts as kernel
 
-        slider = _slider(setting)
+        slider = rig.slider
         table, rebirth = self.table, self.rebirth
         scalar, cohort, broken = self.state.scalar.copy(), self.state.cohort.copy(), self.state.broken.copy()
         cursor, used = self.state.cursor.copy(), self.state.used.copy()
-        if setting.interface.delay != self.setting.interface.delay:
-            rebirth = kernel.Rebirth(*setting.interface.delay.quadrature(), False)
+        if rig.interface.delay != self.rig.interface.delay:
+            rebirth = kernel.Rebirth(*rig.interface.delay.quadrature(), False)
             ratio = _stretched(self.rebirth, rebirth)
             n = used[1]
             broken[0, :n] = scalar[kernel.TIME] - ratio * (scalar[kernel.TIME] - broken[0, :n])
             cursor[:] = 0
-        if setting.interface.thresholds != self.setting.interface.thresholds:
-            table = _table(setting.interface.threshold_distribution)
+        if rig.interface.thresholds != self.rig.interface.thresholds:
+            table = _table(rig.interface.threshold_distribution)
             n = used[0]
             share = np.array([kernel.survival(table, reach) for reach in cohort[kernel.REACH, :n]])
             held = share > kernel.EXTINCT  # the others break as soon as they are stretched further
@@ -287,13 +307,13 @@ class _Ride:
         at = float(scalar[kernel.POSITION] + scalar[kernel.DRIVE_FORCE] / slider.stiffness)
         return replace(
             self,
-            setting=setting,
+            rig=rig,
             table=table,
             rebirth=rebirth,
             mechanics=kernel.Mechanics(slider.stiffness, slider.mass, slider.damping, False),
-            pull=kernel.Pull(float(scalar[kernel.TIME]), at, setting.velocity, 0.0),
+            pull=kernel.Pull(float(scalar[kernel.TIME]), at, rig.velocity, 0.0),
             state=kernel.State(scalar, cohort, broken, cursor, used),
-            cycle=self.cycle / _cycle(self.setting) * _cycle(setting),
+            cycle=self.cycle / _cycle(self.rig) * _cycle(rig),
         )
 
 
@@ -303,11 +323,11 @@ def _table(distribution: Distribution) -> kernel.Table:
     return kernel.tabulate(*survival_table(distribution))
 
 
-def _cycle(setting: Setting) -> float:
+def _cycle(rig: Rig) -> float:
     """Expected travel of the drive in a cycle: loading by a threshold, or an oscillation of the slider on its spring."""
-    slider = _slider(setting)
-    stretch = setting.interface.threshold_distribution.moment(1)
-    return max(stretch * (1.0 + 1.0 / slider.stiffness), setting.velocity * 2.0 * math.pi / slider.frequency)
+    slider = rig.slider
+    stretch = rig.interface.threshold_distribution.moment(1)
+    return max(stretch * (1.0 + 1.0 / slider.stiffness), rig.velocity * 2.0 * math.pi / slider.frequency)
 
 
 def _stretched(old: kernel.Rebirth, new: kernel.Rebirth) -> float:
@@ -318,7 +338,7 @@ def _stretched(old: kernel.Rebirth, new: kernel.Rebirth) -> float:
             return ratio
     raise InputError(
         "Interface.delay: a cycle can be carried over only to a delay that is the old one scaled (the parameter DELAY does "
-        "that); use lasts() afresh at each value"
+        "that); use is_sustained() afresh at each value"
     )
 
 
@@ -358,8 +378,8 @@ def _extreme(t: Array, force: Array, slope: Array, i: int) -> float:
 
 def _settle(ride: _Ride, patience: int = PATIENCE) -> tuple[Verdict, _Ride, _Look]:
     """Go on until it is clear whether the oscillation persists."""
-    setting, travel, growing = ride.setting, 0.0, _linearly_unstable(ride.setting)
-    floor = TINY * _friction(setting)
+    rig, travel, growing = ride.rig, 0.0, _linearly_unstable(ride.rig)
+    floor = TINY * _friction(rig)
     looks: list[_Look] = []
     fate: tuple[bool | None, str] | None = None
     while fate is None:
@@ -389,17 +409,17 @@ def _settle(ride: _Ride, patience: int = PATIENCE) -> tuple[Verdict, _Ride, _Loo
     return verdict, ride, last
 
 
-def _linearly_unstable(setting: Setting) -> bool | None:
+def _linearly_unstable(rig: Rig) -> bool | None:
     try:
-        return unstable_modes(setting.interface, setting.rig, setting.velocity) > 0
+        return count_unstable(rig) > 0
     except (InputError, UndecidedError):  # no steady sliding; on the boundary itself
         return None
 
 
-def _friction(setting: Setting) -> float:
+def _friction(rig: Rig) -> float:
     """Kinetic friction ``<x_s^2>/(2 (<x_s> + v <tau>))``; that without delay if contacts never re-attach."""
-    distribution, delay = setting.interface.threshold_distribution, setting.interface.delay.moment(1)
-    detached = setting.velocity * delay if math.isfinite(delay) else 0.0
+    distribution, delay = rig.interface.threshold_distribution, rig.interface.delay.moment(1)
+    detached = rig.velocity * delay if math.isfinite(delay) else 0.0
     return distribution.moment(2) / (2.0 * (distribution.moment(1) + detached))
 
 
@@ -479,6 +499,10 @@ class Edge:
     lasts_at: float
     end_of_range: bool = False
 
+    def scaled(self, size: float) -> Edge:
+        """Return the edge in a unit that is smaller by a factor."""
+        return replace(self, value=self.value * size, dies_at=self.dies_at * size, lasts_at=self.lasts_at * size)
+
     def __float__(self) -> float:
         return self.value
 
@@ -500,7 +524,7 @@ class Window:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lasting:
+class Sustained:
     """Where an oscillation persists along a parameter, afresh from the same start at each value; nowhere is an answer too.
 
     Attributes
@@ -524,6 +548,20 @@ class Lasting:
     grid: tuple[tuple[float, Verdict], ...]
     undecided: tuple[float, ...] = ()
 
+    def in_units(self, rig: Rig) -> Sustained:
+        """Return what was found in natural units in those of a rig."""
+        if rig.scales is None:
+            return self
+        size = rig.unit(self.unit)
+        return replace(
+            self,
+            unit=rig.scales.si_name(self.unit),
+            searched=_scaled(self.searched, size),
+            windows=tuple(Window(low=w.low.scaled(size), high=w.high.scaled(size)) for w in self.windows),
+            grid=tuple((value * size, verdict.in_units(rig)) for value, verdict in self.grid),
+            undecided=tuple(value * size for value in self.undecided),
+        )
+
     def __iter__(self) -> Iterator[Window]:
         return iter(self.windows)
 
@@ -539,28 +577,30 @@ class Lasting:
         return f"{where}, an oscillation persists {' and '.join(map(str, self.windows))}{doubt}"
 
 
-def lasting(
+def sustained(
+    rig: Rig,
     parameter: Parameter | str,
-    interface: Interface,
-    slider: Slider,
-    velocity: float,
     *,
     between: tuple[float, float],
     start: Start = FromRest(),
     points: int = 8,
     tolerance: float = 2e-3,
     method: MasterEquation = METHOD,
-) -> Lasting:
+) -> Sustained:
     """Find where an oscillation persists along a parameter, afresh from the same start at each value (nonlinear).
+
+    From a narrow start the lower edge along the velocity is where stick-slip decays on the way down, the paper's ``v1'``,
+    and the upper edge where it decays on the way up, ``v2``; the velocities at which smooth sliding loses stability
+    (``v1``, and ``v2'`` on the way down) are linear: `stickslip.stability.critical`.
 
     Parameters
     ----------
     parameter : Parameter or str
         As in `stickslip.stability.critical`.
-    interface, slider, velocity
-        The setting; the parameter's own value in it does not matter.
+    rig : Rig
+        The parameter's own value in it does not matter.
     between : (float, float)
-        Range searched, in the parameter's natural unit, both above 0.
+        Range searched, in the rig's own units, both above 0.
     start : Relaxed or Sliding
     points : int
         Runs per factor of 10, on a logarithmic grid; edges between two of them are found by halving.
@@ -568,10 +608,9 @@ def lasting(
         Relative width of the bracket about an edge.
     method : MasterEquation
     """
-    turned, setting = parameter_named(parameter), _check(interface, slider, velocity, method)
-    low, high = check_range(turned, between)
+    turned, natural, low, high = _range(rig, parameter, between, method)
     tolerance = number("tolerance", tolerance, above=0, below=1)
-    probe = _Probe(turned, setting, start, method)
+    probe = _Probe(turned, natural, start, method)
     count = max(2, math.ceil(points * math.log10(high / low)) + 1)
     values = np.geomspace(low, high, count).tolist()
     values[0], values[-1] = low, high
@@ -588,7 +627,7 @@ def lasting(
             opened = None
     if opened is not None:
         windows.append(Window(low=opened, high=_end(decided[-1][0])))
-    return Lasting(
+    found = Sustained(
         parameter=turned.name,
         unit=turned.unit,
         searched=(low, high),
@@ -597,56 +636,30 @@ def lasting(
         grid=tuple(grid),
         undecided=tuple(sorted(probe.undecided)),
     )
-
-
-def lasting_velocities(
-    interface: Interface,
-    slider: Slider,
-    *,
-    between: tuple[float, float],
-    start: Start = FromRest(),
-    points: int = 8,
-    tolerance: float = 2e-3,
-    method: MasterEquation = METHOD,
-) -> Lasting:
-    """Find the velocities at which stick-slip persists from a start (nonlinear; see `lasting`).
-
-    From a narrow start the lower edge is where stick-slip decays on the way down, the paper's ``v1'``, and the upper
-    edge where it decays on the way up, ``v2``; the velocities at which smooth sliding loses stability (``v1``, and
-    ``v2'`` on the way down) are linear: `stickslip.stability.critical_velocities`.
-    """
-    return lasting(
-        VELOCITY,
-        interface,
-        slider,
-        between[0],
-        between=between,
-        start=start,
-        points=points,
-        tolerance=tolerance,
-        method=method,
-    )
+    return found.in_units(rig)
 
 
 @dataclass(frozen=True, kw_only=True)
-class LastingDelay:
-    """The shortest delay with which an oscillation persists from a start: the paper's ``tau*`` (nonlinear).
+class SustainedOnset:
+    """The smallest value of a parameter with which an oscillation is sustained from a start (nonlinear).
 
     Attributes
     ----------
+    parameter : str
     value : float
-        Middle of the bracket, in the unit of time.
+        Middle of the bracket, in the rig's own units.
     dies_at, lasts_at : float
         The bracket.
     start : Relaxed or Sliding
     linear : float or None
-        The linear critical delay beside it: where smooth sliding itself becomes unstable; None if it does not in the
+        The linear onset beside it: where smooth sliding itself becomes unstable; None if it does not in the
         range.
     searched : (float, float)
     verdict : Verdict
         Of the run at `lasts_at`.
     """
 
+    parameter: str
     value: float
     dies_at: float
     lasts_at: float
@@ -655,44 +668,54 @@ class LastingDelay:
     searched: tuple[float, float]
     verdict: Verdict
 
+    def in_units(self, rig: Rig) -> SustainedOnset:
+        """Return what was found in natural units in those of a rig."""
+        size = rig.unit(parameter_named(self.parameter).unit)
+        return replace(
+            self,
+            value=self.value * size,
+            dies_at=self.dies_at * size,
+            lasts_at=self.lasts_at * size,
+            linear=None if self.linear is None else self.linear * size,
+            searched=_scaled(self.searched, size),
+            verdict=self.verdict.in_units(rig),
+        )
+
     def __float__(self) -> float:
         return self.value
 
     def __str__(self) -> str:
         linear = "none in the range" if self.linear is None else f"{self.linear:.6g}"
         return (
-            f"lasting delay {self.value:.4g} (nonlinear: from {self.start} an oscillation decays at {self.dies_at:.4g} "
-            f"and lasts at {self.lasts_at:.4g}); linear critical delay: {linear}"
+            f"{self.parameter} {self.value:.4g} (nonlinear: from {self.start} an oscillation decays at {self.dies_at:.4g} "
+            f"and lasts at {self.lasts_at:.4g}); linear onset: {linear}"
         )
 
 
-def lasting_delay(
-    interface: Interface,
-    slider: Slider,
-    velocity: float,
+def sustained_onset(
+    rig: Rig,
+    parameter: Parameter | str = DELAY,
     *,
+    between: tuple[float, float],
     start: Start = FromRest(),
-    between: tuple[float, float] | None = None,
     tolerance: float = 2e-3,
     method: MasterEquation = METHOD,
-) -> LastingDelay:
-    """Return the paper's critical delay ``tau*``: the shortest with which stick-slip persists from a given start.
+) -> SustainedOnset:
+    """Return the smallest value of a parameter with which stick-slip is sustained from a given start (nonlinear).
 
-    Not the linear critical delay of `stickslip.stability.critical_delay`, at which smooth sliding itself becomes
-    unstable; that is given beside it. Delays are tried upwards in steps of 1.4, then the edge is halved.
+    Along the delay this is the paper's critical delay ``tau*``. Not the linear one of `stickslip.stability.onset`, at
+    which smooth sliding itself becomes unstable; that is given beside it. Values are tried upwards in steps of 1.4, then
+    the edge is halved.
 
     Parameters
     ----------
-    interface : Interface
-        A `RandomDelay` is scaled as a whole, and the answer is its mean; the present delay does not matter otherwise.
-    slider : Slider
-    velocity : float
-        Of the drive, in ``x_s`` per time.
-    start : Relaxed or Sliding
+    rig : Rig
+        A `RandomDelay` is scaled as a whole, and the answer is its mean; the present value does not matter otherwise.
+    parameter : Parameter or str
+    between : (float, float)
+        Range searched, in the rig's own units.
+    start : FromRest or FromSliding
         The paper's is `FromRest`, with a narrow distribution of initial stretchings.
-    between : (float, float), optional
-        Range searched; by default from .01 ``<x_s>/v`` to the linear critical delay, or to 100 ``<x_s>/v`` if there
-        is none.
     tolerance : float
         Relative width of the bracket.
     method : MasterEquation
@@ -700,18 +723,16 @@ def lasting_delay(
     Raises
     ------
     UndecidedError
-        If no oscillation persists in the range, or one lasts at its lower end already, or the runs cannot tell; the
+        If no oscillation persists in the range, or one persists at its lower end already, or the runs cannot tell; the
         message gives the range and the evidence.
     """
-    setting = _check(interface, slider, velocity, method)
-    unit = interface.threshold_distribution.moment(1) / setting.velocity
-    low, high = check_range(DELAY, between or (0.01 * unit, 100 * unit))
+    varied, natural, low, high = _range(rig, parameter, between, method)
     tolerance = number("tolerance", tolerance, above=0, below=1)
-    crossings = critical(DELAY, interface, slider, setting.velocity, between=(low, high))
+    crossings = critical(natural, varied, between=(low, high))
     linear = next((c.value for c in crossings.edges if c.loses_stability), None)
-    if between is None and linear is not None:
+    if linear is not None:
         high = min(high, 1.01 * linear)
-    probe = _Probe(DELAY, setting, start, method)
+    probe = _Probe(varied, natural, start, method)
     dead: float | None = None
     value, verdict = low, probe(low)
     while not verdict.lasts:
@@ -720,18 +741,19 @@ def lasting_delay(
         if value >= high:
             doubt = f"; undecided at {', '.join(f'{v:.4g}' for v in probe.undecided)}" if probe.undecided else ""
             raise UndecidedError(
-                f"no lasting delay: from {start} no oscillation persists with delays from {low:g} to {high:g} "
+                f"no sustained onset: from {start} no oscillation persists for {varied.name} from {low:g} to {high:g} "
                 f"(at the last: {verdict}){doubt}"
             )
         value = min(1.4 * value, high)
         verdict = probe(value)
     if dead is None:
         raise UndecidedError(
-            f"no lasting delay: at {value:g}, the low end of the range searched ({low:g} to {high:g}), an oscillation "
+            f"no sustained onset: at {value:g}, the low end of the range searched ({low:g} to {high:g}), an oscillation "
             f"lasts ({verdict}); lower it"
         )
     edge = _edge(probe, dead, value, tolerance)
-    return LastingDelay(
+    found = SustainedOnset(
+        parameter=varied.name,
         value=edge.value,
         dies_at=edge.dies_at,
         lasts_at=edge.lasts_at,
@@ -740,18 +762,19 @@ def lasting_delay(
         searched=(low, high),
         verdict=probe.known[edge.lasts_at],
     )
+    return found.in_units(rig)
 
 
 class _Probe:
     """Runs along a parameter, each afresh from the start, remembered."""
 
-    def __init__(self, parameter: Parameter, setting: Setting, start: Start, method: MasterEquation) -> None:
-        self.parameter, self.setting, self.start, self.method = parameter, setting, start, method
+    def __init__(self, parameter: Parameter, rig: Rig, start: Start, method: MasterEquation) -> None:
+        self.parameter, self.rig, self.start, self.method = parameter, rig, start, method
         self.known: dict[float, Verdict] = {}
 
     def __call__(self, value: float) -> Verdict:
         if value not in self.known:
-            there = self.parameter.set(self.setting, value)
+            there = self.parameter.set(self.rig, value)
             self.known[value] = _settle(_Ride.begin(there, self.start, self.method))[0]
         return self.known[value]
 
@@ -799,12 +822,10 @@ class _Point(NamedTuple):
 
 
 def cycle_branch(
-    interface: Interface,
-    slider: Slider,
-    velocity: float,
+    rig: Rig,
     parameter: Parameter | str = VELOCITY,
     *,
-    within: tuple[float, float],
+    between: tuple[float, float],
     begin: float | None = None,
     start: Start = FromRest(),
     step: float = 0.05,
@@ -820,13 +841,12 @@ def cycle_branch(
 
     Parameters
     ----------
-    interface, slider, velocity
-        The setting.
+    rig : Rig
     parameter : Parameter or str
-    within : (float, float)
-        Range of the parameter, both ends above 0.
+    between : (float, float)
+        Range of the parameter, in the rig's own units, both ends above 0.
     begin : float, optional
-        Value at which to look for the cycle first, from `start`; by default that of the setting, or, if no
+        Value at which to look for the cycle first, from `start`; by default that of the rig, or, if no
         oscillation persists there, the first at which one does of 17 over the range.
     start : Relaxed or Sliding
     step : float
@@ -850,28 +870,27 @@ def cycle_branch(
     """
     import xarray as xr
 
-    turned, setting = parameter_named(parameter), _check(interface, slider, velocity, method)
-    low, high = check_range(turned, within)
-    first = _first_point(turned, setting, low, high, begin, start, method)
+    turned, natural, low, high = _range(rig, parameter, between, method)
+    size = rig.unit(turned.unit)
+    begin = None if begin is None else number("begin", begin, above=0, hint=turned.unit) / size
+    first = _first_point(turned, natural, low, high, begin, start, method)
     down, low_edge, low_end = _follow(turned, first, low, step, tolerance)
     up, high_edge, high_end = _follow(turned, first, high, step, tolerance)
     points = [*reversed(down), first, *up]
-    speeds = np.array([point.ride.setting.velocity for point in points])
+    speeds = np.array([point.ride.rig.velocity for point in points])
 
     def along(values: list[float] | Array, units: str, name: str) -> tuple[str, Array, dict[str, str]]:
         return turned.name, np.asarray(values), {"units": units, "long_name": name}
 
     unstable = [math.nan if p.verdict.linearly_unstable is None else float(p.verdict.linearly_unstable) for p in points]
     arguments = {
-        "interface": interface,
-        "slider": slider,
-        "velocity": setting.velocity,
+        "rig": natural,
         "parameter": turned.name,
-        "within": [low, high],
+        "between": [low, high],
         "start": start,
         "method": method,
     }
-    return xr.Dataset(
+    branch = xr.Dataset(
         {
             "amplitude": along(
                 [p.look.amplitude for p in points], "f_s", "peak to peak of the spring force, per contact"
@@ -886,19 +905,20 @@ def cycle_branch(
         coords={turned.name: along([p.value for p in points], turned.unit, turned.name)},
         attrs={
             "low_end": low_end,
-            "low_dies_at": low_edge.dies_at,
-            "low_lasts_at": low_edge.lasts_at,
+            "low_dies_at": low_edge.dies_at * size,
+            "low_lasts_at": low_edge.lasts_at * size,
             "high_end": high_end,
-            "high_dies_at": high_edge.dies_at,
-            "high_lasts_at": high_edge.lasts_at,
+            "high_dies_at": high_edge.dies_at * size,
+            "high_lasts_at": high_edge.lasts_at * size,
             "provenance": store.provenance("cycle_branch", arguments),
         },
     )
+    return rig.in_its_units(branch)
 
 
 def _first_point(
     parameter: Parameter,
-    setting: Setting,
+    rig: Rig,
     low: float,
     high: float,
     begin: float | None,
@@ -906,9 +926,7 @@ def _first_point(
     method: MasterEquation,
 ) -> _Point:
     own = (
-        parameter.get(setting)
-        if begin is None
-        else number("begin", begin, at_least=low, at_most=high, hint=parameter.unit)
+        parameter.get(rig) if begin is None else number("begin", begin, at_least=low, at_most=high, hint=parameter.unit)
     )
     values = [own] if low <= own <= high else []
     if begin is None:
@@ -916,7 +934,7 @@ def _first_point(
         std[0], std[-1] = low, high
         values += sorted(std, key=lambda value: abs(math.log(value / math.sqrt(low * high))))
     for value in dict.fromkeys(values):
-        verdict, ride, look = _settle(_Ride.begin(parameter.set(setting, value), start, method))
+        verdict, ride, look = _settle(_Ride.begin(parameter.set(rig, value), start, method))
         if verdict.lasts and verdict.kind != "undecided":
             return _Point(value, verdict, look, ride)
     raise UndecidedError(
@@ -938,7 +956,7 @@ def _follow(
         value = here.value * math.exp(way * stride)
         if way * (value - until) > -1e-12 * until:
             value = until
-        verdict, ride, look = _settle(here.ride.turn(parameter.set(here.ride.setting, value)))
+        verdict, ride, look = _settle(here.ride.turn(parameter.set(here.ride.rig, value)))
         if verdict.lasts and verdict.kind != "undecided":
             here = _Point(value, verdict, look, ride)
             points.append(here)
@@ -985,6 +1003,10 @@ class Bound:
     kind: str
     error: float = 0.0
 
+    def scaled(self, size: float) -> Bound:
+        """Return the bound in a unit that is smaller by a factor."""
+        return replace(self, value=self.value * size, error=self.error * size)
+
     def __str__(self) -> str:
         what = {"fold": "stick-slip decays: fold", "linear": "smooth sliding loses stability: linear"}.get(
             self.kind, self.kind
@@ -1007,7 +1029,7 @@ class Band:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Bistability:
+class BistableRange:
     """Where along a parameter both smooth sliding and stick-slip last; nowhere is an answer too.
 
     Attributes
@@ -1029,6 +1051,19 @@ class Bistability:
     crossings: Crossings
     notes: tuple[str, ...] = ()
 
+    def in_units(self, rig: Rig) -> BistableRange:
+        """Return what was found in natural units in those of a rig."""
+        if rig.scales is None:
+            return self
+        size = rig.unit(self.unit)
+        return replace(
+            self,
+            unit=rig.scales.si_name(self.unit),
+            searched=_scaled(self.searched, size),
+            bands=tuple(Band(low=band.low.scaled(size), high=band.high.scaled(size)) for band in self.bands),
+            crossings=self.crossings.in_units(rig),
+        )
+
     def __bool__(self) -> bool:
         return bool(self.bands)
 
@@ -1047,10 +1082,8 @@ class Bistability:
         return "\n".join([f"{where}, both smooth sliding and stick-slip last {found}", *self.notes])
 
 
-def bistable_band(
-    interface: Interface,
-    slider: Slider,
-    velocity: float | None = None,
+def bistable_range(
+    rig: Rig,
     parameter: Parameter | str = VELOCITY,
     *,
     between: tuple[float, float],
@@ -1058,7 +1091,7 @@ def bistable_band(
     step: float = 0.05,
     tolerance: float = 2e-3,
     method: MasterEquation = METHOD,
-) -> Bistability:
+) -> BistableRange:
     """Find where both smooth sliding and stick-slip last: between the cycle's fold and the linear boundary.
 
     At each value where smooth sliding loses stability (linear) the cycle is taken up on the unstable side and
@@ -1067,13 +1100,11 @@ def bistable_band(
 
     Parameters
     ----------
-    interface, slider
-        The rig.
-    velocity : float, optional
-        Of the drive; needed unless it is the parameter.
+    rig : Rig
+        The parameter's own value in it does not matter.
     parameter : Parameter or str
     between : (float, float)
-        Range searched.
+        Range searched, in the rig's own units.
     start : Relaxed or Sliding
         From where the cycle is taken up.
     step, tolerance : float
@@ -1082,16 +1113,12 @@ def bistable_band(
 
     Returns
     -------
-    Bistability
+    BistableRange
         With the range searched. A cycle that lives apart from every linear boundary, beside one that has a boundary,
         is not looked for.
     """
-    turned = parameter_named(parameter)
-    low, high = check_range(turned, between)
-    if velocity is None and turned.name != VELOCITY.name:
-        raise InputError(f"bistable_band: velocity is missing; it is needed with the parameter {turned.name}")
-    setting = _check(interface, slider, low if velocity is None else velocity, method)
-    crossings = critical(turned, interface, slider, setting.velocity, between=(low, high))
+    turned, natural, low, high = _range(rig, parameter, between, method)
+    crossings = critical(natural, turned, between=(low, high))
     bands: list[Band] = []
     notes: list[str] = []
     edges = crossings.edges
@@ -1101,7 +1128,7 @@ def bistable_band(
         furthest = ends[i] if downwards else ends[i + 2]
         beyond = 1.0 + (0.01 if downwards else -0.01)
         value = min(max(edge.value * beyond, low), high)
-        verdict, ride, look = _settle(_Ride.begin(turned.set(setting, value), start, method))
+        verdict, ride, look = _settle(_Ride.begin(turned.set(natural, value), start, method))
         if not verdict.lasts or verdict.kind == "undecided":
             notes.append(f"at {turned.name} = {value:.4g}, next to the linear boundary {edge.value:.5g}: {verdict}")
             continue
@@ -1122,7 +1149,7 @@ def bistable_band(
         notes.append("smooth sliding is unstable all the way: stick-slip alone lasts")
     elif not edges:
         try:
-            first = _first_point(turned, setting, low, high, None, start, method)
+            first = _first_point(turned, natural, low, high, None, start, method)
         except UndecidedError as reason:
             notes.append(str(reason))
         else:
@@ -1131,7 +1158,7 @@ def bistable_band(
                 _, end, kind = _follow(turned, first, until, step, tolerance)
                 folds.append(Bound(value=end.value, kind=kind, error=0.5 * abs(end.dies_at - end.lasts_at)))
             bands.append(Band(low=folds[0], high=folds[1]))
-    return Bistability(
+    found = BistableRange(
         parameter=turned.name,
         unit=turned.unit,
         searched=(low, high),
@@ -1139,12 +1166,11 @@ def bistable_band(
         crossings=crossings,
         notes=tuple(notes),
     )
+    return found.in_units(rig)
 
 
 def bistable_region(
-    interface: Interface,
-    slider: Slider,
-    velocity: float,
+    rig: Rig,
     *,
     over: tuple[str, str],
     edge: xr.Dataset,
@@ -1158,8 +1184,8 @@ def bistable_region(
 
     Parameters
     ----------
-    interface, slider, velocity
-        The setting; the values of the two parameters in it do not matter.
+    rig : Rig
+        The values of the two parameters in it do not matter.
     over : (str, str)
         Names of two parameters: bands lie along the second.
     edge : xarray.Dataset
@@ -1190,11 +1216,9 @@ def bistable_region(
     for i, value in enumerate(values.tolist()):
         if progress is not None:
             progress(i / places)
-        here = across.set(_check(interface, slider, velocity, METHOD), value)
+        here = rig.replace(**{across.name: value})
         try:
-            bands = bistable_band(
-                here.interface, _slider(here), here.velocity, up, between=between, step=step, tolerance=tolerance
-            )
+            bands = bistable_range(here, up, between=between, step=step, tolerance=tolerance)
         except (InputError, UndecidedError):
             continue
         for band in bands:
@@ -1203,9 +1227,25 @@ def bistable_region(
     table = np.array(rows).reshape(-1, 4)
     return xr.Dataset(
         {
-            f"band_{across.name}": ("band", table[:, 0], {"units": across.unit, "long_name": across.name}),
-            f"band_{up.name}_low": ("band", table[:, 1], {"units": up.unit, "long_name": f"{up.name}, lower end"}),
-            f"band_{up.name}_high": ("band", table[:, 2], {"units": up.unit, "long_name": f"{up.name}, upper end"}),
-            f"band_{up.name}_fold": ("band", table[:, 3], {"units": up.unit, "long_name": f"{up.name}, fold"}),
+            f"band_{across.name}": (
+                "band",
+                table[:, 0],
+                {"units": rig.unit_name(across.unit), "long_name": across.name},
+            ),
+            f"band_{up.name}_low": (
+                "band",
+                table[:, 1],
+                {"units": rig.unit_name(up.unit), "long_name": f"{up.name}, lower end"},
+            ),
+            f"band_{up.name}_high": (
+                "band",
+                table[:, 2],
+                {"units": rig.unit_name(up.unit), "long_name": f"{up.name}, upper end"},
+            ),
+            f"band_{up.name}_fold": (
+                "band",
+                table[:, 3],
+                {"units": rig.unit_name(up.unit), "long_name": f"{up.name}, fold"},
+            ),
         }
     )

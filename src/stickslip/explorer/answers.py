@@ -30,7 +30,7 @@ from stickslip.io import rig_files as rigs
 from stickslip.io.rig_files import Rig
 from stickslip.model import Delay, Interface
 from stickslip.simulation import simulate
-from stickslip.stability import PARAMETERS, Setting
+from stickslip.stability import PARAMETERS
 
 Array = NDArray[np.float64]
 Plain = dict[str, Any]
@@ -54,7 +54,7 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
     rig = documents.rig_of(request.get("document"))
     at = _look(request, rig)
     made = _run(rig, watch, snapshots=(at,))
-    shown = rig.in_its_units(made)
+    shown = made
     watch(1.0)
     yield {
         **_trace(shown, _width(request)),
@@ -70,7 +70,7 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
 def stretchings(request: Plain, watch: Watch) -> Iterator[Plain]:
     """The distribution of stretchings at another time of the same run."""
     rig = documents.rig_of(request.get("document"))
-    yield {"stretchings": _stretchings(rig.in_its_units(_run(rig, watch, snapshots=(_look(request, rig),))))}
+    yield {"stretchings": _stretchings(_run(rig, watch, snapshots=(_look(request, rig),)))}
 
 
 def edit(request: Plain, watch: Watch) -> Iterator[Plain]:
@@ -87,9 +87,9 @@ def edit(request: Plain, watch: Watch) -> Iterator[Plain]:
 
 def _knobs(rig: Rig) -> dict[str, float]:
     """Where each parameter of the map stands, in the unit of its axis."""
-    if rig.velocity <= 0:
+    if rig.natural.velocity <= 0:
         return {}
-    setting = Setting(interface=rig.interface, rig=rig.slider, velocity=rig.velocity)
+    setting = rig.natural
     found = {}
     for parameter in PARAMETERS:
         with suppress(InputError):  # the rig has no such parameter
@@ -106,15 +106,7 @@ def _unit(rig: Rig, parameter: str) -> float:
 
 def _run(rig: Rig, watch: Watch, snapshots: tuple[float, ...] = ()) -> xr.Dataset:
     documents.check_size(rig)
-    return simulate(
-        rig.interface,
-        rig.slider,
-        rig.drive,
-        rig.method,
-        output=replace(rig.output, snapshots=snapshots),
-        start=rig.start,
-        progress=watch,
-    )
+    return simulate(replace(rig, output=replace(rig.output, snapshots=snapshots)), progress=watch)
 
 
 def _trace(data: xr.Dataset, width: int) -> Plain:
@@ -174,9 +166,9 @@ def _friction(rig: Rig) -> Plain:
         static = _static_friction(replace(aged, delay=Delay(0.0)))
         found["static"] = static * unit
         found["words"].append(f"F_s = {rig.in_units(static, 'force')}{when}")
-    if rig.velocity > 0:
+    if rig.natural.velocity > 0:
         with suppress(InputError):
-            kinetic = float(theory.kinetic_friction(rig.interface, rig.velocity))
+            kinetic = float(theory.kinetic_friction(rig.interface, rig.natural.velocity))
             found["kinetic"] = kinetic * unit
             found["words"].append(f"F_k = {rig.in_units(kinetic, 'force')}")
     with suppress(InputError, UndecidedError):
@@ -250,7 +242,7 @@ def band(request: Plain, watch: Watch) -> Iterator[Plain]:
     across, up = (next(parameter for parameter in PARAMETERS if parameter.name == name) for name in over)
     (left, right), (low, high) = ((float(edge) for edge in request[key]) for key in ("x", "y"))
     scale = {name: _unit(rig, name) for name in over}
-    setting = Setting(interface=rig.interface, rig=rig.slider, velocity=rig.velocity)
+    setting = rig.natural
     # From the middle outwards: the rig stands there.
     places = np.geomspace(left, right, _COLUMNS)
     order = sorted(range(_COLUMNS), key=lambda i: abs(i - _COLUMNS // 2))
@@ -259,10 +251,8 @@ def band(request: Plain, watch: Watch) -> Iterator[Plain]:
         bands: list[list[float]] = []
         note = ""
         try:
-            found = cycles.bistable_band(
-                turned.interface,
-                turned.rig,  # type: ignore[arg-type]  # a Slider stays one
-                turned.velocity,
+            found = cycles.bistable_range(
+                turned,
                 up,
                 between=(low / scale[up.name], high / scale[up.name]),
                 step=0.2,
@@ -379,8 +369,7 @@ def download(document: object, form: str) -> bytes:
         if form == "nc":
             store.save(made, file)
         else:
-            shown = rig.in_its_units(made)
-            plot.save(plot.overview(shown, events=measure.events(shown)), file)
+            plot.save(plot.overview(made, events=measure.events(made)), file)
         return file.read_bytes()
 
 

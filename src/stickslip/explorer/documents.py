@@ -275,7 +275,7 @@ def in_units(rig: Rig, units: str) -> Document:
             for piece in rig.drive.pieces
         ]
     else:
-        velocity, duration = rig.velocity, rig.drive.duration
+        velocity, duration = rig.natural.velocity, rig.drive.duration
         drive["velocity"] = _written(velocity, "velocity", scales)
         if "duration" in drive:
             drive["duration"] = _written(duration, "time", scales)

@@ -65,7 +65,7 @@ _SLOW = ("chart", "band", "advice")
 
 def run(rig: Path | None, port: int | None, ready: Callable[[str], None] | None) -> None:
     """Serve until interrupted; see `stickslip.explorer.serve`."""
-    begin = documents.first() if rig is None else dict(rigs.read(rig).document)
+    begin = documents.first() if rig is None else dict(rigs.read_rig(rig).document)
     with _listen(port) as listening:
         number = listening.getsockname()[1]
         config = uvicorn.Config(

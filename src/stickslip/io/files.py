@@ -30,7 +30,9 @@ Plain = Any
 
 def records() -> dict[str, type]:
     """Return the records of `stickslip.model` by name, for `decode`."""
-    return {name: kind for name, kind in vars(model).items() if isinstance(kind, type) and is_dataclass(kind)}
+    kinds = {name: kind for name, kind in vars(model).items() if isinstance(kind, type) and is_dataclass(kind)}
+    del kinds["Parameter"]  # it holds functions
+    return kinds
 
 
 def encode(value: object) -> Plain:
@@ -40,7 +42,9 @@ def encode(value: object) -> Plain:
     argument; infinities become strings.
     """
     if is_dataclass(value) and not isinstance(value, type):
-        content = {field.name: encode(getattr(value, field.name)) for field in fields(value) if field.init}
+        content = {
+            field.name: encode(getattr(value, field.name)) for field in fields(value) if field.init and field.compare
+        }
         return {"class": type(value).__name__, **content}
     if isinstance(value, Mapping):
         return {str(key): encode(item) for key, item in value.items()}
@@ -63,7 +67,7 @@ def decode(plain: Plain, kinds: Mapping[str, type]) -> Any:
         kind = kinds.get(name) if isinstance(name, str) else None
         if kind is None:
             raise InputError(f"provenance names the record {name!r}, which this version does not have")
-        known = {field.name for field in fields(kind) if field.init}
+        known = {field.name for field in fields(kind) if field.init and field.compare}
         if strange := sorted(set(content) - known):
             raise InputError(f"provenance of {name} has the field {strange[0]!r}, unknown to this version")
         try:

@@ -1,8 +1,8 @@
 """The door for rigs: a TOML file in SI units (or natural ones) in, records of the model out, and back.
 
->>> from stickslip.io.rig_files import read
->>> rig = read(example("pmma_slider"))
->>> rig.interface.delay, rig.velocity  # natural units
+>>> from stickslip.io.rig_files import read_rig
+>>> rig = read_rig("pmma_slider")
+>>> rig.interface.delay, rig.natural.velocity  # natural units
 (Delay(time=0.4), 1.0)
 >>> round(rig.scales.si(rig.slider.stiffness, "stiffness"))  # N/m
 4000000
@@ -16,7 +16,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
@@ -25,81 +24,13 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from stickslip import model
 from stickslip.errors import InputError
 from stickslip.io.validation import Force, Lag, Length, Mass, Part, Rate, Stiffness, Time, Velocity, read_toml, validate
-from stickslip.model import Contacts, FromRest, FromSliding, MasterEquation, Method, Output, Start
+from stickslip.model import Contacts, FromRest, FromSliding, MasterEquation, Output, Rig
 from stickslip.model import distributions as thresholds
 from stickslip.model.drive import Drive, constant, ramp
-from stickslip.model.units import SI, Quantity, Scales, in_si
+from stickslip.model.units import Quantity, Scales
 
 if TYPE_CHECKING:
-    import xarray as xr
-
-
-@dataclass(frozen=True, kw_only=True)
-class Rig:
-    """A rig as a file describes it, in natural units, with the scales that lead back to SI.
-
-    Attributes
-    ----------
-    scales : Scales or None
-        None for a file in natural units.
-    velocity : float
-        Velocity at which the rig is judged: the first of its drive.
-    assumed : mapping of str to str
-        Keys of the file whose value was chosen and not measured, with a sentence on how to measure it.
-    document : mapping
-        The content of the file, from which `to_toml` writes it again.
-    """
-
-    name: str
-    interface: model.Interface
-    slider: model.Slider
-    drive: Drive
-    method: Method
-    start: Start
-    output: Output
-    scales: Scales | None
-    assumed: Mapping[str, str] = field(compare=False)
-    document: Mapping[str, Any] = field(compare=False)
-
-    @property
-    def velocity(self) -> float:
-        """Velocity at which the rig is judged, in natural units."""
-        return self.drive.pieces[0].start
-
-    def in_units(self, value: float, quantity: Quantity) -> str:
-        """A natural value in words: in SI units with a prefix, or in natural units."""
-        if self.scales is None:
-            return f"{value:.4g} {_NATURAL[quantity]}".rstrip()
-        return engineering(self.scales.si(value, quantity), SI[quantity])
-
-    def in_its_units(self, result: xr.Dataset) -> xr.Dataset:
-        """A result in natural units as the rig's file counts: in SI units if it has scales."""
-        return result if self.scales is None else in_si(result, self.scales)
-
-
-_NATURAL: dict[Quantity, str] = {
-    "force": "f_s",
-    "length": "x_s",
-    "time": "(time)",
-    "velocity": "x_s/time",
-    "stiffness": "k",
-    "mass": "",
-    "rate": "1/time",
-    "energy": "f_s x_s",
-}
-
-
-def engineering(value: float, unit: str) -> str:
-    """Four digits, a prefix and a unit: ``"4 MN/m"``."""
-    if unit in ("1/s",) or value == 0 or not math.isfinite(value):
-        return f"{value:.4g} {unit}"
-    if unit == "kg":
-        value, unit = value * 1e3, "g"
-        if value >= 1e3:
-            return f"{value / 1e3:.4g} kg"
-    power = min(max(math.floor(math.log10(abs(value)) / 3 + 1e-12), -5), 4)
-    prefix = {-5: "f", -4: "p", -3: "n", -2: "u", -1: "m", 0: "", 1: "k", 2: "M", 3: "G", 4: "T"}[power]
-    return f"{value / 1000.0**power:.4g} {prefix}{unit}"
+    pass
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -117,7 +48,7 @@ def examples() -> tuple[str, ...]:
     return tuple(sorted(f.stem for f in EXAMPLES.glob("*.toml") if "[slider]" in f.read_text(encoding="utf-8")))
 
 
-def example(name: str) -> Path:
+def example_file(name: str) -> Path:
     """Return the file of a rig or sweep that comes with the package, such as ``"pmma_slider"``.
 
     Raises
@@ -132,7 +63,18 @@ def example(name: str) -> Path:
     return file
 
 
-def read(path: str | os.PathLike[str]) -> Rig:
+def example(name: str) -> Rig:
+    """Return a rig that comes with the package, such as ``"brake_pad"``.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name; the message lists them.
+    """
+    return read_rig(example_file(name))
+
+
+def read_rig(path: str | os.PathLike[str]) -> Rig:
     """Read a rig from a TOML file.
 
     The bare name of an example that comes with the package, such as ``"brake_pad"``, is read too where no file is
@@ -146,7 +88,7 @@ def read(path: str | os.PathLike[str]) -> Rig:
     """
     source = Path(path)
     if not source.exists() and source.name == str(path) and source.name in examples():
-        source = example(source.name)
+        source = example_file(source.name)
     return from_document(read_toml(source, "rig file", "`stickslip new pmma_slider`"), source.name)
 
 

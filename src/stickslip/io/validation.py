@@ -17,9 +17,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 from pydantic import BaseModel, BeforeValidator, ConfigDict, TypeAdapter, ValidationError, ValidationInfo
 
 from stickslip.errors import InputError
+from stickslip.model.quantities import read_quantity
 
 if TYPE_CHECKING:
-    import pint
+    pass
 
 LARGEST_FILE = 1_000_000
 """Bytes beyond which a file is no description of anything."""
@@ -104,13 +105,6 @@ def validate(kind: type[Document], content: Mapping[str, Any], place: str, *, na
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-@lru_cache(maxsize=1)
-def _registry() -> pint.UnitRegistry[Any]:
-    import pint
-
-    return pint.UnitRegistry()
-
-
 def quantity(unit: str, example: str, sign: Literal["above 0", "at least 0", ""] = "above 0") -> BeforeValidator:
     """How a quantity is read: a string with a unit in SI files, a plain number in natural ones."""
 
@@ -131,29 +125,9 @@ def quantity(unit: str, example: str, sign: Literal["above 0", "at least 0", ""]
             raise ValueError(f"must be a quantity, such as {example!r}")
         if natural:
             raise ValueError("must be a plain number, as the file says units = 'natural'")
-        return _parse(value, unit, example)
+        return read_quantity(value, unit, example)
 
     return BeforeValidator(to_si)
-
-
-def _parse(text: str, unit: str, example: str) -> float:
-    import pint
-    from pint.errors import PintError
-
-    try:
-        found: Any = _registry().Quantity(text)
-        if found.dimensionless and unit:
-            raise ValueError(f"has no unit; write it as in {example!r}")
-        result = float(found.to(unit).magnitude)
-    except pint.DimensionalityError:
-        raise ValueError(f"is not in a unit of {unit!r}; write it as in {example!r}") from None
-    except (PintError, AttributeError, TypeError, ValueError, ArithmeticError, AssertionError, SyntaxError) as error:
-        if "unit" in str(error) and "write" in str(error):
-            raise
-        raise ValueError(f"cannot be read as a quantity; write it as in {example!r}") from None
-    except Exception:  # pint lets errors of the tokenizer through
-        raise ValueError(f"cannot be read as a quantity; write it as in {example!r}") from None
-    return result
 
 
 Mass = Annotated[float, quantity("kg", "75.6 g", "at least 0")]

@@ -29,10 +29,13 @@ from stickslip.model.methods import (
     PaperClosure,
     Start,
 )
+from stickslip.model.parameters import PARAMETERS, Parameter, parameter_named
+from stickslip.model.rig import Rig
 from stickslip.model.slider import Slider
 from stickslip.model.units import Scales
 
 __all__ = [
+    "PARAMETERS",
     "Contacts",
     "Delay",
     "DelayModel",
@@ -56,8 +59,10 @@ __all__ = [
     "NegativeDelay",
     "Output",
     "PaperClosure",
+    "Parameter",
     "Piece",
     "RandomDelay",
+    "Rig",
     "Scales",
     "Slider",
     "Start",
@@ -67,5 +72,6 @@ __all__ = [
     "Uniform",
     "Weibull",
     "constant",
+    "parameter_named",
     "ramp",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from stickslip.errors import number
 
@@ -28,6 +28,15 @@ class Langevin:
     def __post_init__(self) -> None:
         object.__setattr__(self, "rate", number("Langevin.rate", self.rate, above=0, hint="beta"))
         object.__setattr__(self, "newborn", number("Langevin.newborn", self.newborn, at_least=0))
+
+    @property
+    def time(self) -> float:
+        """Time in which thresholds reach their stationary distribution, ``rate**-2``."""
+        return self.rate**-2
+
+    def with_time(self, value: float) -> Langevin:
+        """Return the ageing with another time."""
+        return replace(self, rate=value**-0.5)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
@@ -50,6 +50,15 @@ class Delay(DelayModel):
         checked = number("Delay.time", self.time, at_least=0, infinite=True, hint="the delay time tau_d")
         object.__setattr__(self, "time", checked)
 
+    @property
+    def mean(self) -> float:
+        """The delay time."""
+        return self.time
+
+    def with_mean(self, value: float) -> Delay:
+        """Return a delay of another time."""
+        return Delay(value)
+
     def moment(self, order: int) -> float:
         """Mean of ``tau**order``."""
         return self.time**order
@@ -93,6 +102,12 @@ class RandomDelay(DelayModel):
         if self.negative not in get_args(NegativeDelay):
             allowed = ", ".join(get_args(NegativeDelay))
             raise InputError(f"RandomDelay.negative = {self.negative!r}: must be one of {allowed}")
+
+    def with_mean(self, value: float) -> RandomDelay:
+        """Return the delays scaled to another mean, the standard deviation in proportion."""
+        if self.mean == 0:
+            raise InputError(f"{self!r}: cannot be scaled; use Delay(time), or a mean above 0")
+        return replace(self, mean=value, std=self.std * value / self.mean)
 
     def _parts(self) -> tuple[float, list[tuple[float, float]]]:
         """Weight of the atom at zero, and (weight, mean) of each Gaussian cut off below zero."""

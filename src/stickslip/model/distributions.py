@@ -145,6 +145,15 @@ class Gaussian(Distribution):
             return float(self.mean > self.lower)
         return float(special.ndtr(-self._z(self.lower)))
 
+    @property
+    def own_std(self) -> float:
+        """The parameter ``std``, which `with_std` sets."""
+        return self.std
+
+    def with_std(self, value: float) -> Gaussian:
+        """Return the distribution with another standard deviation, at the same mean."""
+        return replace(self, std=value)
+
     def density(self, x: ArrayLike) -> Array:
         """Probability density at `x`."""
         if self.std == 0:
@@ -234,6 +243,16 @@ class Uniform(Distribution):
     def __post_init__(self) -> None:
         _set(self, "low", number("Uniform.low", self.low))
         _set(self, "high", number("Uniform.high", self.high, above=self.low))
+
+    @property
+    def own_std(self) -> float:
+        """The standard deviation, which `with_std` sets."""
+        return self.standard_deviation()
+
+    def with_std(self, value: float) -> Uniform:
+        """Return the distribution with another standard deviation, at the same mean."""
+        middle = 0.5 * (self.low + self.high)
+        return Uniform(low=middle - math.sqrt(3) * value, high=middle + math.sqrt(3) * value)
 
     def density(self, x: ArrayLike) -> Array:
         """Probability density at `x`."""
@@ -335,6 +354,15 @@ class Gamma(Distribution):
         """Scale parameter ``std**2/mean``."""
         return self.std**2 / self.mean
 
+    @property
+    def own_std(self) -> float:
+        """The parameter ``std``, which `with_std` sets."""
+        return self.std
+
+    def with_std(self, value: float) -> Gamma:
+        """Return the distribution with another standard deviation, at the same mean."""
+        return replace(self, std=value)
+
     def density(self, x: ArrayLike) -> Array:
         """Probability density at `x`."""
         u = np.asarray(x, dtype=float) / self.scale
@@ -395,6 +423,15 @@ class LogNormal(Distribution):
     def _z(self, x: ArrayLike) -> Array:
         logarithm = np.log(np.maximum(np.asarray(x, dtype=float), np.finfo(float).tiny))
         return np.asarray((logarithm - self.log_mean) / self.log_spread)
+
+    @property
+    def own_std(self) -> float:
+        """The parameter ``std``, which `with_std` sets."""
+        return self.std
+
+    def with_std(self, value: float) -> LogNormal:
+        """Return the distribution with another standard deviation, at the same mean."""
+        return replace(self, std=value)
 
     def density(self, x: ArrayLike) -> Array:
         """Probability density at `x`."""
@@ -552,6 +589,16 @@ class Empirical(Distribution):
             bins = whole("Empirical.from_samples: bins", bins, at_least=1, at_most=10_000_000)
         counts, edges = np.histogram(values, bins="auto" if bins is None else bins)
         return cls(edges=tuple(edges.tolist()), weights=tuple(counts.astype(float).tolist()))
+
+    @property
+    def own_std(self) -> float:
+        """The standard deviation, which `with_std` sets."""
+        return self.standard_deviation()
+
+    def with_std(self, value: float) -> Empirical:
+        """Return the distribution stretched about its mean to another standard deviation."""
+        mean, ratio = self.moment(1), value / self.standard_deviation()
+        return replace(self, edges=tuple(mean + ratio * (edge - mean) for edge in self.edges))
 
     def density(self, x: ArrayLike) -> Array:
         """Probability density at `x`."""

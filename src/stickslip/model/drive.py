@@ -12,11 +12,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import accumulate
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError, instance, number
+
+if TYPE_CHECKING:
+    from stickslip.model.units import Scales
 
 
 @dataclass(frozen=True)
@@ -105,6 +109,37 @@ class Drive:
         """Return the drive with its last piece ended early, at the first sample where the condition holds."""
         return Drive((*self.pieces[:-1], replace(self.pieces[-1], until=condition)))
 
+    def faster(self, factor: float) -> Drive:
+        """Return the same path at velocities that are larger by a factor, in as much less time."""
+        return self._with_units(velocity=factor, time=1.0 / factor, force=1.0, length=1.0)
+
+    def scaled(self, scales: Scales) -> Drive:
+        """Return a drive in SI units as one in natural units."""
+        return self._with_units(
+            velocity=1.0 / scales.size("x_s/time"),
+            time=1.0 / scales.size("time"),
+            force=1.0 / scales.size("f_s"),
+            length=1.0 / scales.size("x_s"),
+        )
+
+    def _with_units(self, *, velocity: float, time: float, force: float, length: float) -> Drive:
+        def end(condition: Condition | None) -> Condition | None:
+            if isinstance(condition, Travel):
+                return Travel(condition.distance * length)
+            return None if condition is None else type(condition)(condition.force * force)
+
+        return Drive(
+            tuple(
+                Piece(
+                    start=piece.start * velocity,
+                    end=piece.end * velocity,
+                    duration=piece.duration * time,
+                    until=end(piece.until),
+                )
+                for piece in self.pieces
+            )
+        )
+
     def velocity(self, t: ArrayLike) -> NDArray[np.float64]:
         """Velocity of the drive at times `t`, conditions aside; constant beyond both ends."""
         times, values = [], []
@@ -116,8 +151,23 @@ class Drive:
         return np.asarray(np.interp(np.asarray(t, dtype=float), times, values))
 
 
-def constant(velocity: float, duration: float) -> Drive:
-    """Pull at a constant velocity (in ``x_s`` per time) for a time."""
+USUAL_DISTANCE = 120.0
+"""How far a drive goes at a constant velocity if nothing is said, in ``x_s``: most transients are over by then."""
+
+
+def constant(velocity: float, duration: float | None = None) -> Drive:
+    """Pull at a constant velocity (in ``x_s`` per time) for a time.
+
+    By default until the drive has gone 120 ``x_s``. Zero velocity for a time is a *hold*, as in slide-hold-slide.
+
+    >>> constant(2.0).duration
+    60.0
+    """
+    if duration is None:
+        speed = abs(number("drive velocity", velocity))
+        if speed == 0:
+            raise InputError("constant: velocity = 0 needs a duration")
+        duration = USUAL_DISTANCE / speed
     return Drive((Piece(start=velocity, end=velocity, duration=duration),))
 
 

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from stickslip.errors import number, whole
+
+if TYPE_CHECKING:
+    from stickslip.model.units import Scales
 
 
 @dataclass(frozen=True)
@@ -104,6 +108,12 @@ class Output:
         times = tuple(number(f"Output.snapshots[{i}]", t, at_least=0) for i, t in enumerate(self.snapshots))
         object.__setattr__(self, "snapshots", tuple(sorted(times)))
         object.__setattr__(self, "bins", whole("Output.bins", self.bins, at_least=1, at_most=100_000))
+
+    def scaled(self, scales: Scales) -> Output:
+        """Return an output whose times are in SI units as one in natural units."""
+        time = scales.size("time")
+        interval = None if self.interval is None else self.interval / time
+        return Output(interval=interval, snapshots=tuple(t / time for t in self.snapshots), bins=self.bins)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, get_args
 
@@ -66,6 +67,14 @@ class Scales:
                 return self.force * self.stretching
             case _:
                 raise InputError(f"quantity = {quantity!r}: must be one of {', '.join(get_args(Quantity))}")
+
+    def size(self, natural: str) -> float:
+        """Size of a natural unit as results carry it, such as ``"x_s/time"``, in SI units; 1 for a pure number."""
+        return (si_unit(natural, self) or (1.0, natural))[0]
+
+    def si_name(self, natural: str) -> str:
+        """Name of the SI unit in which a natural unit is measured: ``"m/s"``."""
+        return (si_unit(natural, self) or (1.0, natural))[1]
 
     def natural(self, value: float, quantity: Quantity) -> float:
         """Turn a value in SI units into natural units."""
@@ -140,3 +149,35 @@ def in_si(data: xr.Dataset, scales: Scales) -> xr.Dataset:
         converted[name] = (variable.dims, values, {"units": unit, "long_name": title})
     coords = {name: value for name, value in converted.items() if name in data.coords}
     return data.assign({name: v for name, v in converted.items() if name not in coords}).assign_coords(coords)
+
+
+_NATURAL: dict[Quantity, str] = {
+    "force": "f_s",
+    "length": "x_s",
+    "time": "(time)",
+    "velocity": "x_s/time",
+    "stiffness": "k",
+    "mass": "",
+    "rate": "1/time",
+    "energy": "f_s x_s",
+}
+
+
+def engineering(value: float, unit: str) -> str:
+    """Four digits, a prefix and a unit: ``"4 MN/m"``."""
+    if unit in ("1/s",) or value == 0 or not math.isfinite(value):
+        return f"{value:.4g} {unit}"
+    if unit == "kg":
+        value, unit = value * 1e3, "g"
+        if value >= 1e3:
+            return f"{value / 1e3:.4g} kg"
+    power = min(max(math.floor(math.log10(abs(value)) / 3 + 1e-12), -5), 4)
+    prefix = {-5: "f", -4: "p", -3: "n", -2: "u", -1: "m", 0: "", 1: "k", 2: "M", 3: "G", 4: "T"}[power]
+    return f"{value / 1000.0**power:.4g} {prefix}{unit}"
+
+
+def in_words(value: float, quantity: Quantity, scales: Scales | None) -> str:
+    """Say a natural value in words: in SI units with a prefix, or in natural units where there are no scales."""
+    if scales is None:
+        return f"{value:.4g} {_NATURAL[quantity]}".rstrip()
+    return engineering(scales.si(value, quantity), SI[quantity])

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from stickslip import plot
 from stickslip.measure import transitions
-from stickslip.model import Contacts, FromSliding, Interface, Langevin, Output
+from stickslip.model import Contacts, FromSliding, Interface, Langevin, Output, Rig, constant
 from stickslip.model.drive import ramp
 from stickslip.paper.cases import FIG10
 from stickslip.paper.figure import Claim, Figure, Progress, between, near, portions, verdict
 from stickslip.simulation import simulate
-from stickslip.stability import critical_velocities
+from stickslip.stability import critical
 
 Array = NDArray[np.float64]
 
@@ -43,7 +43,9 @@ def _ramped(rate: float, seed: int, progress: Progress, *, quick: bool) -> tuple
     drive = ramp(0.25 * unit, 0.6 * unit, 500.0 * time).then(ramp(0.6 * unit, 1.7 * unit, 250.0 * time))
     method = Contacts(1_000 if quick else FIG10.contacts, seed=seed)
     output = Output(interval=0.02 / unit)
-    run = simulate(_aged(rate), FIG10.slider, drive, method, output=output, start=FromSliding(), progress=progress)
+    run = simulate(
+        Rig(_aged(rate), FIG10.slider, drive), method=method, output=output, start=FromSliding(), progress=progress
+    )
     seen = transitions(run, level=_LEVEL)
     return tuple(np.nan if v is None else v / unit for v in (seen.v1, seen.v2))  # type: ignore[return-value]
 
@@ -55,7 +57,9 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     seen = np.array([[_ramped(rate, seed, next(parts), quick=quick) for seed in seeds] for rate in rates.tolist()])
     onset = np.full(rates.size, np.nan)
     for i, rate in enumerate(rates.tolist()):
-        edges = critical_velocities(_aged(rate), FIG10.slider, (0.25 * rate**2, 0.6 * rate**2))
+        edges = critical(
+            Rig(_aged(rate), FIG10.slider, constant(1.0)), "velocity", between=(0.25 * rate**2, 0.6 * rate**2)
+        )
         losses = [edge.value for edge in edges if edge.loses_stability]
         onset[i] = losses[0] if losses else np.nan
     square = (rates**2)[:, None]

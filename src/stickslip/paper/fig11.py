@@ -18,12 +18,12 @@ from scipy import optimize
 from stickslip import plot
 from stickslip.kernels.ageing import advance_contacts, pull_newborns
 from stickslip.measure import transitions
-from stickslip.model import Contacts, FromSliding, Output
+from stickslip.model import Contacts, FromSliding, Output, Rig, constant
 from stickslip.model.drive import ramp
 from stickslip.paper.cases import FIG11
 from stickslip.paper.figure import Claim, Figure, Progress, at_most, between, near, portions, verdict
 from stickslip.simulation import LABELS, simulate
-from stickslip.stability import critical_velocities
+from stickslip.stability import critical
 from stickslip.theory import gaussian_ageing
 
 Array = NDArray[np.float64]
@@ -89,16 +89,17 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         checked.append(_pulled_contacts(v, count, X[coarse]))
         first((i + 1) / len(_KNOWN))
     run = simulate(
-        FIG11.interface,
-        FIG11.slider,
-        ramp(_SLOW, _FAST, _EACH_WAY),
-        Contacts(FIG11.contacts, seed=11),
+        Rig(FIG11.interface, FIG11.slider, ramp(_SLOW, _FAST, _EACH_WAY)),
+        method=Contacts(FIG11.contacts, seed=11),
         output=Output(interval=0.02),
         start=FromSliding(),
         progress=second,
     )
     seen = transitions(run, level=_LEVEL)
-    linear = [edge.value for edge in critical_velocities(FIG11.interface, FIG11.slider, (0.25, 2.0)).edges]
+    linear = [
+        edge.value
+        for edge in critical(Rig(FIG11.interface, FIG11.slider, constant(1.0)), "velocity", between=(0.25, 2.0)).edges
+    ]
     forces = {"units": "f_s", "long_name": "force of newborn contacts, per contact"}
     speed = {"units": "x_s/time", "long_name": "velocity"}
     return xr.Dataset(

@@ -14,7 +14,7 @@ import xarray as xr
 
 from stickslip import plot
 from stickslip.measure import regime
-from stickslip.model import Delay, FromRest, FromSliding, Interface, MasterEquation, Start
+from stickslip.model import Delay, FromRest, FromSliding, Interface, MasterEquation, Rig, Start
 from stickslip.model.distributions import Gaussian, SteadyState
 from stickslip.model.drive import constant
 from stickslip.paper.cases import FIG3, FIG4
@@ -32,7 +32,7 @@ from stickslip.paper.figure import (
 )
 from stickslip.rigid import critical_stiffness
 from stickslip.simulation import simulate
-from stickslip.stability import critical_delay
+from stickslip.stability import onset
 from stickslip.theory import critical_stiffness_estimate
 
 _INITIAL = (0.0, 0.01, 0.05, 0.1, 0.2, 0.3)
@@ -84,12 +84,22 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         interface = replace(_interface(0.01, std), delay=Delay(delay))
         method = MasterEquation(cells=100 if quick else 400)
         run = simulate(
-            interface, FIG4.slider, constant(FIG4.velocity, duration), method, start=start, progress=next(parts)
+            Rig(interface, FIG4.slider, constant(FIG4.velocity, duration)),
+            method=method,
+            start=start,
+            progress=next(parts),
         )
         seen = regime(run, after=duration - _JUDGED)
         kinds.append(seen.kind)
         oscillations.append(seen.peak_to_peak)
-    delays = [critical_delay(_interface(0.01, s), FIG4.slider, FIG4.velocity) for s in (0.1, 0.3)]
+    delays = [
+        onset(
+            Rig(_interface(0.01, s), FIG4.slider, constant(FIG4.velocity)),
+            "delay",
+            between=(1e-3 / FIG4.velocity, 1e2 / FIG4.velocity),
+        )
+        for s in (0.1, 0.3)
+    ]
     stiffness = {"units": "k"}
     return xr.Dataset(
         {

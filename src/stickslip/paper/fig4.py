@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from stickslip import plot
 from stickslip.measure import regime
-from stickslip.model import Contacts, Delay, MasterEquation, Method, Output
+from stickslip.model import Contacts, Delay, MasterEquation, Method, Output, Rig
 from stickslip.model.drive import constant
 from stickslip.paper.cases import FIG4
 from stickslip.paper.figure import Claim, Figure, Measured, Progress, at_least, at_most, near, portions, verdict
@@ -114,7 +114,7 @@ def _run(stiffness: float, delay: float, method: Method, duration: float, progre
     interface = replace(FIG4.interface, delay=Delay(delay))
     slider = replace(FIG4.slider, stiffness=stiffness)
     drive = constant(FIG4.velocity, duration)
-    return simulate(interface, slider, drive, method, output=Output(interval=_INTERVAL), progress=progress)
+    return simulate(Rig(interface, slider, drive), method=method, output=Output(interval=_INTERVAL), progress=progress)
 
 
 def _mean_force(stiffness: float, delay: float) -> float:

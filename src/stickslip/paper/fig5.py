@@ -13,7 +13,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from stickslip import plot
-from stickslip.model import Contacts, MasterEquation, Method, Output, Slider
+from stickslip.model import Contacts, MasterEquation, Method, Output, Rig, Slider
 from stickslip.model.drive import constant
 from stickslip.paper.cases import FIG5
 from stickslip.paper.fig2 import first_instability
@@ -109,7 +109,9 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
 
 def _run(slider: Slider, method: Method, interval: float, progress: Progress) -> xr.Dataset:
     drive = constant(FIG5.velocity, _DURATION)
-    return simulate(FIG5.interface, slider, drive, method, output=Output(interval=interval), progress=progress)
+    return simulate(
+        Rig(FIG5.interface, slider, drive), method=method, output=Output(interval=interval), progress=progress
+    )
 
 
 def _passes(run: xr.Dataset, X: float) -> float:

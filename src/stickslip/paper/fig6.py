@@ -17,8 +17,8 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from stickslip import plot
-from stickslip.cycles import lasting_delay
-from stickslip.model import Slider
+from stickslip.cycles import sustained_onset
+from stickslip.model import Rig, Slider, constant
 from stickslip.paper.cases import FIG4, FIG6
 from stickslip.paper.figure import (
     Claim,
@@ -32,7 +32,7 @@ from stickslip.paper.figure import (
     portions,
     verdict,
 )
-from stickslip.stability import critical_delay
+from stickslip.stability import onset
 
 Array = NDArray[np.float64]
 
@@ -54,8 +54,12 @@ def _delays(slider: Slider, velocity: float, tolerance: float) -> tuple[float, f
     """Lasting and linear critical delay."""
     guess = (_EXPECTED[0] + _EXPECTED[1] * math.cbrt(slider.mass * velocity**2)) / velocity
     interface = FIG6.interface
-    lasting = lasting_delay(interface, slider, velocity, between=(0.7 * guess, 4 * guess), tolerance=tolerance)
-    return lasting.value, critical_delay(interface, slider, velocity)
+    lasting = sustained_onset(
+        Rig(interface, slider, constant(velocity)), "delay", between=(0.7 * guess, 4 * guess), tolerance=tolerance
+    )
+    return lasting.value, onset(
+        Rig(interface, slider, constant(velocity)), "delay", between=(1e-3 / velocity, 1e2 / velocity)
+    )
 
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:

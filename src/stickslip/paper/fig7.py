@@ -20,9 +20,9 @@ from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from stickslip import plot
-from stickslip.cycles import bistable_band, cycle_branch, lasting_velocities, lasts
+from stickslip.cycles import bistable_range, cycle_branch, is_sustained, sustained
 from stickslip.measure import hysteresis, transitions
-from stickslip.model import Contacts, Interface, NegativeDelay, Output, RandomDelay
+from stickslip.model import Contacts, Interface, NegativeDelay, Output, RandomDelay, Rig, constant
 from stickslip.model.drive import ramp
 from stickslip.paper.cases import FIG7
 from stickslip.paper.figure import (
@@ -38,7 +38,7 @@ from stickslip.paper.figure import (
     verdict,
 )
 from stickslip.simulation import simulate
-from stickslip.stability import critical_velocities
+from stickslip.stability import critical
 
 Array = NDArray[np.float64]
 
@@ -74,7 +74,9 @@ def _name(case: _Case) -> str:
 
 def _sweep(interface: Interface, top: float, method: Contacts, progress: Progress) -> xr.Dataset:
     drive = ramp(_SLOW, top, _EACH_WAY).then(ramp(top, _SLOW, _EACH_WAY))
-    return simulate(interface, FIG7.slider, drive, method, output=Output(interval=_INTERVAL), progress=progress)
+    return simulate(
+        Rig(interface, FIG7.slider, drive), method=method, output=Output(interval=_INTERVAL), progress=progress
+    )
 
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
@@ -88,9 +90,11 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     loop = hysteresis(runs[0])
     sweeps = [runs[0]] + [_sweep(_random(case), _TOP, Contacts(count, seed=1), next(parts)) for case in _SWEPT]
 
-    (band,) = bistable_band(FIG7.interface, FIG7.slider, between=(0.3, _FAST))
+    (band,) = bistable_range(Rig(FIG7.interface, FIG7.slider, constant(1.0)), "velocity", between=(0.3, _FAST))
     next(parts)(1.0)
-    branch = cycle_branch(FIG7.interface, FIG7.slider, 1.5, within=(0.3, _FAST), step=0.2 if quick else 0.05)
+    branch = cycle_branch(
+        Rig(FIG7.interface, FIG7.slider, constant(1.5)), "velocity", step=0.2 if quick else 0.05, between=(0.3, _FAST)
+    )
     next(parts)(1.0)
 
     velocities = sorted({v for looked in (_ON, _OFF) for there in looked.values() for v in there})
@@ -99,16 +103,21 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         interface = _random(case)
         # With redrawn delays the window is narrow: .7 to .9.
         points = 5 if quick else 16
-        answer = lasting_velocities(interface, FIG7.slider, between=(0.2, _TOP), points=points, tolerance=0.01)
+        answer = sustained(
+            Rig(interface, FIG7.slider, constant(1.0)), "velocity", between=(0.2, _TOP), points=points, tolerance=0.01
+        )
         if answer.windows:
             lasting[i] = answer.windows[0].low.value, answer.windows[-1].high.value
         next(parts)(1.0)
-        edges = [c.value for c in critical_velocities(interface, FIG7.slider, (0.05, 100.0)).edges]
+        edges = [
+            c.value
+            for c in critical(Rig(interface, FIG7.slider, constant(1.0)), "velocity", between=(0.05, 100.0)).edges
+        ]
         if edges:
             unstable[i] = edges[0], edges[-1]
         for j, v in enumerate(velocities):
             if v in _ON.get(case[0], ()) + _OFF.get(case[0], ()):
-                oscillation[i, j] = lasts(interface, FIG7.slider, v).peak_to_peak
+                oscillation[i, j] = is_sustained(Rig(interface, FIG7.slider, constant(v))).peak_to_peak
         next(parts)(1.0)
 
     force = {"units": "f_s", "long_name": "spring force, per contact"}

@@ -16,7 +16,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from stickslip import plot
-from stickslip.model import Contacts, FromRest, FromSliding, Langevin, MasterEquation, Method, Output, Start
+from stickslip.model import Contacts, FromRest, FromSliding, Langevin, MasterEquation, Method, Output, Rig, Start
 from stickslip.model.distributions import Gaussian
 from stickslip.model.drive import constant
 from stickslip.paper.cases import FIG8
@@ -50,16 +50,14 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
             interface = replace(FIG8.interface, ageing=Langevin(rate=rate))
             for k, start in enumerate(_STARTS.values()):
                 run = simulate(
-                    interface,
-                    FIG8.slider,
-                    constant(FIG8.velocity, duration[name]),
-                    method,
+                    Rig(interface, FIG8.slider, constant(FIG8.velocity, duration[name])),
+                    method=method,
                     output=Output(interval=_INTERVAL),
                     start=start,
                     progress=next(parts),
                 )
                 force[i, j, k, : run.sizes["time"]] = run["spring_force"]
-    times = critical(AGEING, FIG8.interface, FIG8.slider, FIG8.velocity, between=(0.2, 3.0))
+    times = critical(FIG8, AGEING, between=(0.2, 3.0))
     edges = [edge.value**-0.5 for edge in times.edges]
     distribution, seen = _at_rest()
     late = np.where(t >= 0.5 * min(duration.values()), force, np.nan)

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from stickslip import plot
 from stickslip.measure import hysteresis, transitions
-from stickslip.model import Contacts, FromSliding, Output
+from stickslip.model import Contacts, FromSliding, Output, Rig, constant
 from stickslip.model.drive import Drive, ramp
 from stickslip.paper.cases import FIG9
 from stickslip.paper.figure import Claim, Figure, Progress, at_least, between, portions, verdict
 from stickslip.simulation import LABELS, simulate
-from stickslip.stability import critical_velocities
+from stickslip.stability import critical
 
 Array = NDArray[np.float64]
 
@@ -43,10 +43,8 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     count = 1_000 if quick else FIG9.contacts
     runs = [
         simulate(
-            FIG9.interface,
-            FIG9.slider,
-            _loop(),
-            Contacts(count, seed=seed),
+            Rig(FIG9.interface, FIG9.slider, _loop()),
+            method=Contacts(count, seed=seed),
             output=Output(interval=_INTERVAL),
             start=FromSliding(),
             progress=part,
@@ -55,7 +53,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     ]
     found = [transitions(run, level=_LEVEL) for run in runs]
     loop = hysteresis(runs[0])
-    edges = critical_velocities(FIG9.interface, FIG9.slider, (0.3, 4.0))
+    edges = critical(Rig(FIG9.interface, FIG9.slider, constant(1.0)), "velocity", between=(0.3, 4.0))
     onset = [edge.value for edge in edges if edge.loses_stability]
     oscillations = {"units": "f_s", "long_name": "peak to peak of $F_d$"}
     speed = {"units": "x_s/time", "long_name": "velocity of the drive"}

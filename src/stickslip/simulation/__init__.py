@@ -3,11 +3,11 @@
 from stickslip.simulation.run import (
     LABELS,
     Progress,
-    case_of,
     check_method,
     initial_nodes,
     pull_rigidly,
     rerun,
+    rig_of,
     simulate,
     survival_table,
 )
@@ -15,11 +15,11 @@ from stickslip.simulation.run import (
 __all__ = [
     "LABELS",
     "Progress",
-    "case_of",
     "check_method",
     "initial_nodes",
     "pull_rigidly",
     "rerun",
+    "rig_of",
     "simulate",
     "survival_table",
 ]

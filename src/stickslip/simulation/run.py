@@ -1,11 +1,12 @@
-"""One door to all solvers: an interface, a slider, a drive and a method in, a labelled Dataset out.
+"""One function for all solvers: a rig in, a labelled Dataset out.
 
 >>> import stickslip as ss
 >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
 >>> slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0)
->>> run = ss.simulate(interface, slider, ss.constant(1.0, duration=20), method=ss.Contacts(10_000, seed=1))
+>>> rig = ss.Rig(interface, slider, ss.constant(1.0, duration=20), method=ss.Contacts(10_000, seed=1))
+>>> run = ss.simulate(rig)
 >>> print(*run.sizes, *list(run.data_vars)[:4])
-t displacement velocity spring_force friction_force
+time displacement velocity spring_force friction_force
 
 The method is a value: `Contacts` (N contacts, event by event) or `MasterEquation` (N to infinity, on cohorts).
 Thresholds that age have solvers of their own behind the same two names: N contacts in small steps, with exact moments
@@ -44,6 +45,7 @@ from stickslip.model import (
 )
 from stickslip.model.distributions import Distribution, SteadyState, panels
 from stickslip.model.drive import Drive, ForceAbove, ForceBelow, Piece, Travel, constant
+from stickslip.model.rig import Rig
 from stickslip.theory import gaussian_ageing, growth_model, lives
 
 if TYPE_CHECKING:
@@ -60,43 +62,44 @@ Progress = Callable[[float], None]
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# The door
+# Runs
 # ---------------------------------------------------------------------------------------------------------------------
 
 
 def simulate(
-    interface: Interface,
-    slider: Slider,
-    drive: Drive,
-    method: Method = MasterEquation(),
+    rig: Rig,
     *,
-    output: Output = Output(),
-    start: Start = FromRest(),
+    method: Method | None = None,
+    start: Start | None = None,
+    output: Output | None = None,
     progress: Progress | None = None,
 ) -> xr.Dataset:
     """Pull a slider on an interface by a spring, Eq. (11).
 
     Parameters
     ----------
-    interface, slider, drive
-        The rig, in natural units.
-    method : Contacts or MasterEquation
-        Or, to compare with for `Langevin` ageing, `PaperClosure`.
-    output : Output
-        Sampling and snapshots; it never changes the motion.
-    start : Relaxed or Sliding
+    rig : Rig
+        Interface, slider and drive.
+    method : Contacts or MasterEquation, optional
+        By default the rig's own. Or, to compare with for `Langevin` ageing, `PaperClosure`.
+    start : FromRest or FromSliding, optional
+        By default the rig's own.
+    output : Output, optional
+        Sampling and snapshots, in the rig's own units; by default the rig's own. It never changes the motion of contacts
+        that do not age; those that age are followed in steps, which end at the samples.
     progress : callable, optional
         Called with the fraction of the drive that is done.
 
     Returns
     -------
     xarray.Dataset
-        On ``t``: ``X`` and ``velocity`` of the slider, ``spring_force`` and ``friction_force`` (spring force and
-        friction force, per contact, in ``f_s``), ``attached`` (fraction), ``drive_velocity``, and the energies
-        ``work``, ``kinetic_energy``, ``spring_energy``, ``contact_energy``, ``damped_energy``, ``broken_energy`` (per
-        contact, in ``f_s x_s``); with snapshots, ``Q`` on ``(snapshot, x)``. The attribute ``provenance`` tells how to
-        make it again; see `rerun`. With thresholds that age ``work`` and the energies of contacts, damping and breaks
-        are left out: breaks cannot be counted there (their rate diverges for newborns without strength).
+        In the rig's own units, on ``time``: ``displacement`` and ``velocity`` of the slider, ``spring_force`` and
+        ``friction_force``, ``attached`` (fraction), ``drive_velocity``, and the energies ``work``, ``kinetic_energy``,
+        ``spring_energy``, ``contact_energy``, ``damped_energy``, ``broken_energy``; with snapshots,
+        ``stretching_density`` on ``(snapshot, stretching)``. In natural units forces and energies are per contact, in
+        ``f_s`` and ``f_s x_s``. The attribute ``provenance`` tells how to make it again; see `rerun`. With thresholds
+        that age ``work`` and the energies of contacts, damping and breaks are left out: breaks cannot be counted there
+        (their rate diverges for newborns without strength).
 
     Raises
     ------
@@ -104,21 +107,24 @@ def simulate(
         If the rig cannot be simulated: no mass, thresholds without a density for the master equation, a snapshot
         beyond the end; `Langevin` ageing of thresholds that are no Gaussian; ageing for which the method has no
         solver.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> run = ss.simulate(ss.example("precision_stage"))
+    >>> run.spring_force.units
+    'N'
     """
-    _check(interface, slider, drive, method, output, start)
+    instance("simulate: rig", rig, Rig, "a Rig(interface, slider, drive)")
+    changes = {"method": method, "start": start, "output": output}
+    told = rig.replace(**{name: value for name, value in changes.items() if value is not None})
+    case = told.natural
+    _check(case)
     # Ageing contacts are followed in steps; samples finer than these show no more.
-    times = _sample_times(slider, drive, output, angle=0.1 if interface.ageing is None else 0.35)
-    motion = _Motion(interface, slider, drive, start, output, times)
-    _follow(motion, method, progress)
-    arguments = {
-        "interface": interface,
-        "slider": slider,
-        "drive": drive,
-        "method": method,
-        "output": output,
-        "start": start,
-    }
-    return _dataset(motion, slider, store.provenance("simulate", arguments))
+    times = _sample_times(case.slider, case.drive, case.output, angle=0.1 if case.interface.ageing is None else 0.35)
+    motion = _Motion(case.interface, case.slider, case.drive, case.start, case.output, times)
+    _follow(motion, case.method, progress)
+    return rig.in_its_units(_dataset(motion, case.slider, store.provenance("simulate", {"rig": told})))
 
 
 def pull_rigidly(
@@ -158,27 +164,29 @@ def rerun(run: xr.Dataset, progress: Progress | None = None) -> xr.Dataset:
     InputError
         If the Dataset carries no provenance of `simulate`.
     """
-    return simulate(**case_of(run), progress=progress)
+    return simulate(rig_of(run), progress=progress)
 
 
-def case_of(run: xr.Dataset) -> dict[str, Any]:
-    """Return the arguments of `simulate` that made a run."""
+def rig_of(run: xr.Dataset) -> Rig:
+    """Return the rig that a run was made of, with its method, start and output.
+
+    Raises
+    ------
+    InputError
+        If the Dataset carries no provenance of `simulate`.
+    """
     content = store.read_provenance(run)
     if content["call"] != "simulate":
         raise InputError(f"this file was made by {content['call']!r}, not by `simulate`")
-    decoded: dict[str, Any] = store.decode(content["arguments"], store.records())
-    return decoded
+    rig = store.decode(content["arguments"], store.records()).get("rig")
+    instance("the provenance in this file", rig, Rig, "that of a rig; make the run again")
+    return rig
 
 
-def _check(interface: Interface, slider: Slider, drive: Drive, method: Method, output: Output, start: Start) -> None:
-    instance("simulate: interface", interface, Interface, "an Interface")
-    instance("simulate: slider", slider, Slider, "a Slider")
-    instance("simulate: drive", drive, Drive, "a drive, made with constant() or ramp()")
-    known = (Contacts, MasterEquation, PaperClosure)
-    instance("simulate: method", method, known, "Contacts(...) or MasterEquation(...)")
-    instance("simulate: output", output, Output, "an Output")
-    instance("simulate: start", start, (FromRest, FromSliding), "FromRest() or FromSliding()")
-    check_method(interface, method)
+def _check(rig: Rig) -> None:
+    interface, slider, drive, start, output = rig.interface, rig.slider, rig.drive, rig.start, rig.output
+    instance("simulate: Rig.slider", slider, Slider, "a Slider; other impedances are for `stability`")
+    check_method(interface, rig.method)
     if slider.mass == 0:
         raise InputError("Slider.mass = 0: a simulation needs a mass above 0; the massless limit is for stability only")
     if output.snapshots and output.snapshots[-1] > drive.duration:

@@ -9,30 +9,11 @@ sliding is stable; that is for simulation to say.
 Natural units per contact. A rig is a `Slider` or any mechanical impedance (`Impedance`).
 """
 
-from stickslip.stability.impedances import Impedance, Modes, RadiationDamping, Rig, SpringMassDamper
+from stickslip.model.parameters import AGEING, DAMPING, DELAY, MASS, PARAMETERS, STD, STIFFNESS, VELOCITY, Parameter
+from stickslip.stability.critical import Crossing, Crossings, critical, critical_spring, onset
+from stickslip.stability.impedances import Impedance, Modes, RadiationDamping, SpringMassDamper
 from stickslip.stability.maps import boundary, stability_map
-from stickslip.stability.modes import growth_rate, unstable_modes
-from stickslip.stability.parameters import (
-    AGEING,
-    DAMPING,
-    DELAY,
-    MASS,
-    PARAMETERS,
-    STD,
-    STIFFNESS,
-    VELOCITY,
-    Crossing,
-    Crossings,
-    Parameter,
-    Setting,
-    critical,
-    critical_damping,
-    critical_delay,
-    critical_mass,
-    critical_spring,
-    critical_std,
-    critical_velocities,
-)
+from stickslip.stability.modes import count_unstable, growth_rate
 from stickslip.stability.response import dynamic_stiffness
 
 __all__ = [
@@ -50,19 +31,13 @@ __all__ = [
     "Modes",
     "Parameter",
     "RadiationDamping",
-    "Rig",
-    "Setting",
     "SpringMassDamper",
     "boundary",
+    "count_unstable",
     "critical",
-    "critical_damping",
-    "critical_delay",
-    "critical_mass",
     "critical_spring",
-    "critical_std",
-    "critical_velocities",
     "dynamic_stiffness",
     "growth_rate",
+    "onset",
     "stability_map",
-    "unstable_modes",
 ]

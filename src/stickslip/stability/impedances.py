@@ -37,8 +37,8 @@ class Impedance(Protocol):
         ...
 
 
-Rig = Slider | Impedance
-"""What the functions of this package take as a rig."""
+Body = Slider | Impedance
+"""What the functions of this package take as a body."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,7 +157,7 @@ class Modes:
             return self.stiffness + product / total
 
 
-def impedance(rig: Rig) -> Impedance:
+def impedance(body: Body) -> Impedance:
     """Return the rig's impedance; a `Slider` becomes a `SpringMassDamper`.
 
     Raises
@@ -165,29 +165,29 @@ def impedance(rig: Rig) -> Impedance:
     InputError
         If it is neither, or ``Z(0)`` is not above 0.
     """
-    if isinstance(rig, Slider):
-        return SpringMassDamper(stiffness=rig.stiffness, mass=rig.mass, damping=rig.damping)
-    if isinstance(rig, SpringMassDamper | RadiationDamping | Modes):
-        return rig
-    if not callable(rig):
-        raise InputError(f"rig = {rig!r}: must be a Slider or an impedance, such as Modes(...) or a function of s")
-    held = complex(np.asarray(rig(np.zeros(1, dtype=complex))).ravel()[0])
+    if isinstance(body, Slider):
+        return SpringMassDamper(stiffness=body.stiffness, mass=body.mass, damping=body.damping)
+    if isinstance(body, SpringMassDamper | RadiationDamping | Modes):
+        return body
+    if not callable(body):
+        raise InputError(f"body = {body!r}: must be a Slider or an impedance, such as Modes(...) or a function of s")
+    held = complex(np.asarray(body(np.zeros(1, dtype=complex))).ravel()[0])
     if not (held.real > 0 and abs(held.imag) <= 1e-12 * abs(held.real)):
-        raise InputError(f"rig: Z(0) = {held:g}: must be real and above 0: a spring has to hold the slider")
-    return rig
+        raise InputError(f"body: Z(0) = {held:g}: must be real and above 0: a spring has to hold the slider")
+    return body
 
 
-def is_plain(rig: Impedance) -> bool:
+def is_plain(body: Impedance) -> bool:
     """Whether ``Z = K + r s + M s^2``, whose real part falls and whose loss rises with frequency."""
-    return isinstance(rig, SpringMassDamper | RadiationDamping)
+    return isinstance(body, SpringMassDamper | RadiationDamping)
 
 
-def resonances(rig: Impedance) -> Array:
+def resonances(body: Impedance) -> Array:
     """Frequencies about which the impedance may change quickly: its peaks and dips, with their widths."""
-    if not isinstance(rig, Modes):
+    if not isinstance(body, Modes):
         return np.empty(0)
     near = []
-    with_spring = np.concatenate([_zeros_of_impedance(rig), poles(rig)])
+    with_spring = np.concatenate([_zeros_of_impedance(body), poles(body)])
     for root in with_spring[with_spring.imag > 0]:
         width = max(abs(root.real), 1e-9 * root.imag)
         near.append(root.imag + width * np.sinh(np.linspace(-5, 5, 81)))
@@ -195,44 +195,44 @@ def resonances(rig: Impedance) -> Array:
     return np.sort(found[found > 0])
 
 
-def poles(rig: Impedance) -> ComplexArray:
+def poles(body: Impedance) -> ComplexArray:
     """Poles of the impedance, all with ``Re s < 0``: the modes of the slider with its sliding surface held still."""
-    if not isinstance(rig, Modes) or len(rig.masses) == 1:
+    if not isinstance(body, Modes) or len(body.masses) == 1:
         return np.empty(0, dtype=complex)
-    return _free_or_held(rig, held=True)
+    return _free_or_held(body, held=True)
 
 
-def _zeros_of_impedance(rig: Modes) -> ComplexArray:
-    return _free_or_held(rig, held=False)
+def _zeros_of_impedance(body: Modes) -> ComplexArray:
+    return _free_or_held(body, held=False)
 
 
-def _free_or_held(rig: Modes, *, held: bool) -> ComplexArray:
+def _free_or_held(body: Modes, *, held: bool) -> ComplexArray:
     """Eigenvalues of the modal equations, coupled by the driving spring or by ``sum of displacements = 0``."""
-    n = len(rig.masses)
-    m, k, eta = np.array(rig.masses), np.array(rig.stiffnesses), np.array(rig.dampings)
+    n = len(body.masses)
+    m, k, eta = np.array(body.masses), np.array(body.stiffnesses), np.array(body.dampings)
     if held:
         # Coordinates in the plane sum(x) = 0.
         basis = linalg.null_space(np.ones((1, n)))
         mass, drag, stiff = (basis.T @ np.diag(a) @ basis for a in (m, m * eta, k))
     else:
-        mass, drag, stiff = np.diag(m), np.diag(m * eta), np.diag(k) + rig.stiffness
+        mass, drag, stiff = np.diag(m), np.diag(m * eta), np.diag(k) + body.stiffness
     size = mass.shape[0]
     inverse = np.linalg.inv(mass)
     first_order = np.block([[np.zeros((size, size)), np.eye(size)], [-inverse @ stiff, -inverse @ drag]])
     return np.asarray(np.linalg.eigvals(first_order), dtype=complex)
 
 
-def natural_frequencies(rig: Impedance) -> ComplexArray:
+def natural_frequencies(body: Impedance) -> ComplexArray:
     """Zeros of the impedance, where known: the modes of the rig without the interface."""
-    match rig:
-        case SpringMassDamper() if rig.mass > 0:
-            return _quadratic(rig.mass, rig.mass * rig.damping, rig.stiffness)
-        case RadiationDamping() if rig.mass > 0:
-            return _quadratic(rig.mass, rig.radiation, rig.stiffness)
-        case RadiationDamping() if rig.radiation > 0:
-            return np.array([-rig.stiffness / rig.radiation + 0j])
+    match body:
+        case SpringMassDamper() if body.mass > 0:
+            return _quadratic(body.mass, body.mass * body.damping, body.stiffness)
+        case RadiationDamping() if body.mass > 0:
+            return _quadratic(body.mass, body.radiation, body.stiffness)
+        case RadiationDamping() if body.radiation > 0:
+            return np.array([-body.stiffness / body.radiation + 0j])
         case Modes():
-            return _zeros_of_impedance(rig)
+            return _zeros_of_impedance(body)
     return np.empty(0, dtype=complex)
 
 

@@ -10,22 +10,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stickslip.errors import InputError, UndecidedError, number
+from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.io import files as store
-from stickslip.model import Interface
-from stickslip.stability.impedances import Rig, impedance
-from stickslip.stability.modes import growth_rate, track_roots
-from stickslip.stability.parameters import (
-    STIFFNESS,
-    VELOCITY,
-    Parameter,
-    Setting,
-    check_range,
-    neutral_along,
-    parameter_named,
-    residual_and_slopes,
-    search,
-)
+from stickslip.model.parameters import STIFFNESS, VELOCITY, Parameter, check_range, parameter_named
+from stickslip.model.rig import Rig
+from stickslip.stability.critical import neutral_along, residual_and_slopes, search
+from stickslip.stability.impedances import impedance
+from stickslip.stability.modes import rightmost_root, track_roots
 from stickslip.stability.response import respond
 
 if TYPE_CHECKING:
@@ -41,12 +32,10 @@ FEW_LINES = 7
 
 
 def boundary(
-    interface: Interface,
     rig: Rig,
-    velocity: float,
     *,
     over: tuple[Parameter | str, Parameter | str] = (STIFFNESS, VELOCITY),
-    within: Window,
+    between: Window,
 ) -> xarray.Dataset:
     """Follow every neutral curve of smooth sliding in a window of two parameters.
 
@@ -57,12 +46,12 @@ def boundary(
 
     Parameters
     ----------
-    interface, rig, velocity
-        The setting; the values of the two parameters in it do not matter.
+    rig : Rig
+        The values of the two parameters in it do not matter.
     over : (Parameter or str, Parameter or str)
         The two parameters, see `critical`.
-    within : ((float, float), (float, float))
-        Range of each, in its natural unit.
+    between : ((float, float), (float, float))
+        Range of each, in the rig's own units.
 
     Returns
     -------
@@ -77,21 +66,21 @@ def boundary(
     InputError
         If a range is empty, both parameters are the same, or there is no steady sliding in the window.
     """
-    parameters, window = _window(over, within)
-    setting = Setting(interface=interface, rig=rig, velocity=velocity)
+    instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
+    parameters, window = _window(over, between)
+    natural = rig.natural
+    window = window / np.array([[rig.unit(parameter.unit)] for parameter in parameters])
     curves: list[_Curve] = []
-    for start in _starts(parameters, setting, window):
-        if not any(_lies_on(parameters, setting, curve, start) for curve in curves):
-            curve = _follow(parameters, setting, np.log(window), start)
+    for start in _starts(parameters, natural, window):
+        if not any(_lies_on(parameters, natural, curve, start) for curve in curves):
+            curve = _follow(parameters, natural, np.log(window), start)
             if curve is not None:
                 curves.append(curve)
-    return _boundary_dataset(parameters, setting, window, curves)
+    return rig.in_its_units(_boundary_dataset(parameters, natural, window, curves))
 
 
 def stability_map(
-    interface: Interface,
     rig: Rig,
-    velocity: float,
     *,
     over: tuple[Parameter | str, Parameter | str] = (STIFFNESS, VELOCITY),
     values: tuple[ArrayLike, ArrayLike],
@@ -104,12 +93,12 @@ def stability_map(
 
     Parameters
     ----------
-    interface, rig, velocity
-        The setting; the values of the two parameters in it do not matter.
+    rig : Rig
+        The values of the two parameters in it do not matter.
     over : (Parameter or str, Parameter or str)
         The two parameters, see `critical`.
     values : (array_like, array_like)
-        Values of each, all above 0, in its natural unit.
+        Values of each, all above 0, in the rig's own units.
     growth : bool
         Whether to give the growth rate and frequency of the fastest mode as well, which takes some
         milliseconds a point.
@@ -125,66 +114,66 @@ def stability_map(
     InputError
         If a value is not above 0, both parameters are the same, or there is no steady sliding.
     """
-    first, second = parameter_named(over[0]), parameter_named(over[1])
-    if first.name == second.name:
-        raise InputError(f"over = ({first.name!r}, {second.name!r}): must be two different parameters")
+    instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
+    first, second = _two_parameters(over)
     grids = [np.atleast_1d(np.asarray(value, dtype=float)) for value in values]
     for parameter, grid in zip((first, second), grids, strict=True):
         for value in (np.min(grid), np.max(grid)):
             number(f"values of {parameter.name}", float(value), above=0, hint=parameter.unit)
-    setting = Setting(interface=interface, rig=rig, velocity=velocity)
+    grids = [grid / rig.unit(parameter.unit) for parameter, grid in zip((first, second), grids, strict=True)]
+    natural = rig.natural
     if second is STIFFNESS or first is VELOCITY:
-        counts = _counts(second, first, setting, grids[1], grids[0]).T
+        counts = _counts(second, first, natural, grids[1], grids[0]).T
     else:
-        counts = _counts(first, second, setting, grids[0], grids[1])
-    roots = _roots_on_grid((first, second), setting, grids, counts) if growth else None
-    return _map_dataset((first, second), setting, grids, counts, roots)
+        counts = _counts(first, second, natural, grids[0], grids[1])
+    roots = _roots_on_grid((first, second), natural, grids, counts) if growth else None
+    return rig.in_its_units(_map_dataset((first, second), natural, grids, counts, roots))
 
 
 # ---------------------------------------------------------------- maps
 
 
-def _counts(inner: Parameter, outer: Parameter, setting: Setting, a: Array, b: Array) -> NDArray[np.int64]:
+def _counts(inner: Parameter, outer: Parameter, rig: Rig, a: Array, b: Array) -> NDArray[np.int64]:
     """Number of growing modes at each ``(a, b)``."""
     counts = np.empty((a.size, b.size), dtype=np.int64)
-    if _is_free(inner, setting):
+    if _is_free(inner, rig):
         softest = float(np.min(a))
-        columns = neutral_along(outer, inner.set(setting, softest), b.tolist(), softest=softest)
+        columns = neutral_along(outer, inner.set(rig, softest), b.tolist(), softest=softest)
         for j, neutral in enumerate(columns):
             counts[:, j] = (neutral.extra > a[:, None] - softest) @ neutral.modes
         return counts
     for i, value in enumerate(a.tolist()):
-        counts[i] = [neutral.unstable() for neutral in neutral_along(outer, inner.set(setting, value), b.tolist())]
+        counts[i] = [neutral.unstable() for neutral in neutral_along(outer, inner.set(rig, value), b.tolist())]
     return counts
 
 
-def _is_free(parameter: Parameter, setting: Setting) -> bool:
+def _is_free(parameter: Parameter, rig: Rig) -> bool:
     """Whether the parameter adds the same to ``Z`` at every frequency: one set of neutral frequencies for all values."""
-    return parameter is STIFFNESS and hasattr(setting.rig, "stiffness")
+    return parameter is STIFFNESS and hasattr(rig.slider, "stiffness")
 
 
 def _roots_on_grid(
-    parameters: tuple[Parameter, Parameter], setting: Setting, grids: Sequence[Array], counts: NDArray[np.int64]
+    parameters: tuple[Parameter, Parameter], rig: Rig, grids: Sequence[Array], counts: NDArray[np.int64]
 ) -> NDArray[np.complex128]:
     """Root furthest right at each point, carried from neighbour to neighbour and checked against the count."""
     roots = np.full(counts.shape, complex(math.nan, math.nan))
     for j, b in enumerate(grids[1].tolist()):
-        column = parameters[1].set(setting, b)
+        column = parameters[1].set(rig, b)
         known = np.empty(0, dtype=complex)
         for i, a in enumerate(grids[0].tolist()):
             here = parameters[0].set(column, a)
-            response, rig = respond(here.interface), impedance(here.rig)
+            response, body = respond(here.interface), impedance(here.slider)
             # Every few points the search starts afresh, for a root that overtakes from outside the ones carried along.
             starts = known[:8] if i % 16 else known[:0]
             for attempt in (starts, known[:0]):
-                known = track_roots(response, rig, here.velocity, attempt)
+                known = track_roots(response, body, here.velocity, attempt)
                 growing = sum(2 if root.imag > 0 else 1 for root in known if root.real > 0)
                 if growing == counts[i, j] and known.size:
                     roots[i, j] = known[0]
                     break
             else:
                 try:
-                    roots[i, j] = growth_rate(here.interface, here.rig, here.velocity)
+                    roots[i, j] = rightmost_root(here)
                 except UndecidedError:
                     known = known[:0]
     return roots
@@ -192,7 +181,7 @@ def _roots_on_grid(
 
 def _map_dataset(
     parameters: tuple[Parameter, Parameter],
-    setting: Setting,
+    rig: Rig,
     grids: Sequence[Array],
     counts: NDArray[np.int64],
     roots: NDArray[np.complex128] | None,
@@ -212,16 +201,16 @@ def _map_dataset(
         for parameter, grid in zip(parameters, grids, strict=True)
     }
     values = [grid.tolist() for grid in grids]
-    made = _provenance("stability_map", parameters, setting, values=values, growth=roots is not None)
+    made = _provenance("stability_map", parameters, rig, values=values, growth=roots is not None)
     return xarray.Dataset(data, coords=coords, attrs={"provenance": made})
 
 
-def _provenance(call: str, parameters: Sequence[Parameter], setting: Setting, **more: object) -> str:
+def _provenance(call: str, parameters: Sequence[Parameter], rig: Rig, **more: object) -> str:
     """What made the result; a rig that is a function is named, but cannot be made again from its name."""
     arguments = {
-        "interface": setting.interface,
-        "rig": setting.rig if is_dataclass(setting.rig) else repr(setting.rig),
-        "velocity": setting.velocity,
+        "interface": rig.interface,
+        "slider": rig.slider if is_dataclass(rig.slider) else repr(rig.slider),
+        "drive": rig.drive,
         "over": [parameter.name for parameter in parameters],
         **more,
     }
@@ -231,35 +220,40 @@ def _provenance(call: str, parameters: Sequence[Parameter], setting: Setting, **
 # ---------------------------------------------------------------- starts of curves
 
 
-def _window(over: tuple[Parameter | str, Parameter | str], within: Window) -> tuple[tuple[Parameter, Parameter], Array]:
+def _two_parameters(over: tuple[Parameter | str, Parameter | str]) -> tuple[Parameter, Parameter]:
     first, second = parameter_named(over[0]), parameter_named(over[1])
     if first.name == second.name:
         raise InputError(f"over = ({first.name!r}, {second.name!r}): must be two different parameters")
-    ranges = [check_range(parameter, span) for parameter, span in zip((first, second), within, strict=True)]
-    return (first, second), np.array(ranges)
+    return first, second
 
 
-def _starts(parameters: tuple[Parameter, Parameter], setting: Setting, window: Array) -> list[Array]:
+def _window(over: tuple[Parameter | str, Parameter | str], within: Window) -> tuple[tuple[Parameter, Parameter], Array]:
+    parameters = _two_parameters(over)
+    ranges = [check_range(parameter, span) for parameter, span in zip(parameters, within, strict=True)]
+    return parameters, np.array(ranges)
+
+
+def _starts(parameters: tuple[Parameter, Parameter], rig: Rig, window: Array) -> list[Array]:
     """Points ``(log a, log b, log omega)`` where neutral curves cross lines over the window."""
     starts = []
     for k, parameter in enumerate(parameters):
         other, span = parameters[1 - k], window[1 - k]
-        free, other_free = _is_free(parameter, setting), _is_free(other, setting)
+        free, other_free = _is_free(parameter, rig), _is_free(other, rig)
         lines = np.geomspace(span[0], span[1], LINES if free else 2 if other_free else FEW_LINES).tolist()
         lines[0], lines[-1] = span
-        for line, value, omega in _on_lines(parameter, other, setting, window[k], lines):
+        for line, value, omega in _on_lines(parameter, other, rig, window[k], lines):
             point = np.log([value, line, omega])
             starts.append(point if k == 0 else point[[1, 0, 2]])
     return starts
 
 
 def _on_lines(
-    parameter: Parameter, other: Parameter, setting: Setting, span: Array, lines: list[float]
+    parameter: Parameter, other: Parameter, rig: Rig, span: Array, lines: list[float]
 ) -> list[tuple[float, float, float]]:
     """Crossings ``(line, value, omega)`` along the parameter, on lines of constant value of the other one."""
     low, high = float(span[0]), float(span[1])
-    if _is_free(parameter, setting):
-        along = neutral_along(other, parameter.set(setting, low), lines, softest=low)
+    if _is_free(parameter, rig):
+        along = neutral_along(other, parameter.set(rig, low), lines, softest=low)
         return [
             (line, low + extra, omega)
             for line, neutral in zip(lines, along, strict=True)
@@ -269,9 +263,7 @@ def _on_lines(
     return [
         (line, crossing.value, crossing.frequency)
         for line in lines
-        for crossing in search(
-            parameter, other.set(setting, line), low, high, density=16 if parameter is VELOCITY else 8
-        )
+        for crossing in search(parameter, other.set(rig, line), low, high, density=16 if parameter is VELOCITY else 8)
         if math.isfinite(crossing.frequency)
     ]
 
@@ -279,9 +271,9 @@ def _on_lines(
 # ---------------------------------------------------------------- continuation
 
 
-def _linearised(parameters: Sequence[Parameter], setting: Setting, z: Array) -> tuple[Array, Array]:
+def _linearised(parameters: Sequence[Parameter], rig: Rig, z: Array) -> tuple[Array, Array]:
     """Residual, shape (2,), and its Jacobian in the three logarithms, shape (2, 3)."""
-    value, slopes = residual_and_slopes(parameters, setting, z[:2].tolist(), float(z[2]))
+    value, slopes = residual_and_slopes(parameters, rig, z[:2].tolist(), float(z[2]))
     return np.array([value.real, value.imag]), np.array(
         [[slope.real for slope in slopes], [slope.imag for slope in slopes]]
     )
@@ -293,13 +285,13 @@ def _tangent(jacobian: Array) -> Array:
 
 
 def _correct(
-    parameters: Sequence[Parameter], setting: Setting, guess: Array, normal: Array, through: Array | None = None
+    parameters: Sequence[Parameter], rig: Rig, guess: Array, normal: Array, through: Array | None = None
 ) -> tuple[Array, Array] | None:
     """Newton's method within a plane across `normal`; the point and the curve's direction there."""
     anchor = guess if through is None else through
     z, last = guess.copy(), math.inf
     for _ in range(8):
-        residual, jacobian = _linearised(parameters, setting, z)
+        residual, jacobian = _linearised(parameters, rig, z)
         system = np.vstack([jacobian, normal])
         if not np.all(np.isfinite(system)) or abs(np.linalg.det(system)) == 0:
             return None
@@ -308,7 +300,7 @@ def _correct(
         if size > 0.5:
             return None
         z = z + step
-        enough = 1e-13 if setting.interface.ageing is None else 1e-10
+        enough = 1e-13 if rig.interface.ageing is None else 1e-10
         if size < 1e-12 or (size < 1e-9 and size > 0.1 * last) or size**2 < enough:
             return z, _tangent(jacobian)
         last = size
@@ -322,24 +314,24 @@ class _Curve(NamedTuple):
     directions: Array
 
 
-def _follow(parameters: tuple[Parameter, Parameter], setting: Setting, window: Array, start: Array) -> _Curve | None:
+def _follow(parameters: tuple[Parameter, Parameter], rig: Rig, window: Array, start: Array) -> _Curve | None:
     """The curve through `start`, from one end in the window to the other, or all the way round."""
-    begun = _correct(parameters, setting, start, np.array([0.0, 0.0, 1.0])) or _correct(
-        parameters, setting, start, np.array([1.0, 0.0, 0.0])
+    begun = _correct(parameters, rig, start, np.array([0.0, 0.0, 1.0])) or _correct(
+        parameters, rig, start, np.array([1.0, 0.0, 0.0])
     )
     if begun is None:
         return None
     origin, direction = begun
-    ahead, closed = _one_way(parameters, setting, window, origin, direction)
+    ahead, closed = _one_way(parameters, rig, window, origin, direction)
     if closed:
         return _Curve(*(np.array(a) for a in zip(begun, *ahead, begun, strict=True)))
-    behind, _ = _one_way(parameters, setting, window, origin, -direction)
+    behind, _ = _one_way(parameters, rig, window, origin, -direction)
     back = [(point, -tangent) for point, tangent in behind[::-1]]
     return _Curve(*(np.array(a) for a in zip(*back, begun, *ahead, strict=True)))
 
 
 def _one_way(
-    parameters: tuple[Parameter, Parameter], setting: Setting, window: Array, origin: Array, direction: Array
+    parameters: tuple[Parameter, Parameter], rig: Rig, window: Array, origin: Array, direction: Array
 ) -> tuple[list[tuple[Array, Array]], bool]:
     """Points and directions from the origin on, and whether the curve came back to it."""
     span = window[:, 1] - window[:, 0]
@@ -347,7 +339,7 @@ def _one_way(
     points: list[tuple[Array, Array]] = []
     z, tangent, bend, h = origin, direction, np.zeros(3), 0.25 * longest
     while len(points) < 5000:
-        stepped = _correct(parameters, setting, z + h * (tangent + 0.5 * h * bend), tangent)
+        stepped = _correct(parameters, rig, z + h * (tangent + 0.5 * h * bend), tangent)
         if stepped is None or abs(stepped[1] @ tangent) < math.cos(0.35):
             h *= 0.5
             bend = np.zeros(3)
@@ -359,7 +351,7 @@ def _one_way(
             continue
         new, new_tangent = stepped[0], stepped[1] * math.copysign(1.0, stepped[1] @ tangent)
         if np.any((new[:2] < window[:, 0]) | (new[:2] > window[:, 1])) or new[2] < -40:
-            edge = _at_edge(parameters, setting, window, z, new, new_tangent)
+            edge = _at_edge(parameters, rig, window, z, new, new_tangent)
             return ([*points, edge] if edge is not None else points), False
         if len(points) > 2 and _passes(z, new, origin, direction, new_tangent):
             return points, True
@@ -380,7 +372,7 @@ def _passes(z: Array, new: Array, origin: Array, direction: Array, tangent: Arra
 
 
 def _at_edge(
-    parameters: Sequence[Parameter], setting: Setting, window: Array, z: Array, new: Array, tangent: Array
+    parameters: Sequence[Parameter], rig: Rig, window: Array, z: Array, new: Array, tangent: Array
 ) -> tuple[Array, Array] | None:
     """Where the curve leaves the window between `z` and `new`."""
     found: tuple[float, tuple[Array, Array]] | None = None
@@ -390,13 +382,13 @@ def _at_edge(
                 t = (edge - z[k]) / (new[k] - z[k])
                 guess = z + t * (new - z)
                 guess[k] = edge
-                landed = _correct(parameters, setting, guess, np.eye(3)[k])
+                landed = _correct(parameters, rig, guess, np.eye(3)[k])
                 if landed is not None and (found is None or t < found[0]):
                     found = t, (landed[0], landed[1] * math.copysign(1.0, landed[1] @ tangent))
     return None if found is None else found[1]
 
 
-def _lies_on(parameters: tuple[Parameter, Parameter], setting: Setting, curve: _Curve, point: Array) -> bool:
+def _lies_on(parameters: tuple[Parameter, Parameter], rig: Rig, curve: _Curve, point: Array) -> bool:
     """Whether a point of some neutral curve is on this one."""
     begin, chord = curve.points[:-1], np.diff(curve.points, axis=0)
     length = np.maximum(np.linalg.norm(chord, axis=1), 1e-300)
@@ -413,12 +405,12 @@ def _lies_on(parameters: tuple[Parameter, Parameter], setting: Setting, curve: _
     )
     if float(np.linalg.norm(foot - point)) < 2e-3 * length[k]:
         return True
-    landed = _correct(parameters, setting, foot, chord[k] / length[k], through=point)
+    landed = _correct(parameters, rig, foot, chord[k] / length[k], through=point)
     return landed is not None and float(np.linalg.norm(landed[0] - point)) < 1e-6
 
 
 def _boundary_dataset(
-    parameters: tuple[Parameter, Parameter], setting: Setting, window: Array, curves: list[_Curve]
+    parameters: tuple[Parameter, Parameter], rig: Rig, window: Array, curves: list[_Curve]
 ) -> xarray.Dataset:
     import xarray
 
@@ -437,25 +429,25 @@ def _boundary_dataset(
     data["curve"] = ("point", which, {"units": "1", "long_name": "number of the curve"})
     data["other_unstable"] = (
         "point",
-        _others(parameters, setting, values),
+        _others(parameters, rig, values),
         {"units": "1", "long_name": "growing modes beside the neutral one"},
     )
-    made = _provenance("boundary", parameters, setting, within=window.tolist())
+    made = _provenance("boundary", parameters, rig, within=window.tolist())
     return xarray.Dataset(data, attrs={"provenance": made})
 
 
-def _others(parameters: tuple[Parameter, Parameter], setting: Setting, values: Array) -> NDArray[np.int64]:
+def _others(parameters: tuple[Parameter, Parameter], rig: Rig, values: Array) -> NDArray[np.int64]:
     """Growing modes at each point of a curve, the neutral one left out."""
     if values.shape[0] == 0:
         return np.empty(0, dtype=np.int64)
-    free = next((k for k, parameter in enumerate(parameters) if _is_free(parameter, setting)), None)
+    free = next((k for k, parameter in enumerate(parameters) if _is_free(parameter, rig)), None)
     if free is not None:
         softest = float(np.min(values[:, free]))
-        soft = parameters[free].set(setting, softest)
+        soft = parameters[free].set(rig, softest)
         neutrals = neutral_along(parameters[1 - free], soft, values[:, 1 - free].tolist(), softest=softest)
         added = values[:, free] - softest
     else:
-        there = [parameters[1].set(parameters[0].set(setting, a), b) for a, b in values[:, :2].tolist()]
+        there = [parameters[1].set(parameters[0].set(rig, a), b) for a, b in values[:, :2].tolist()]
         neutrals = [n for here in there for n in neutral_along(VELOCITY, here, [here.velocity])]
         added = np.zeros(len(there))
     counts = np.empty(len(neutrals), dtype=np.int64)

@@ -14,14 +14,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.errors import InputError, UndecidedError, number
-from stickslip.model import Interface
+from stickslip.errors import InputError, UndecidedError, instance, number
+from stickslip.model.rig import Rig
 from stickslip.stability.aged import ACCURACY, AgedResponse
 from stickslip.stability.impedances import (
     Impedance,
     Modes,
     RadiationDamping,
-    Rig,
     SpringMassDamper,
     impedance,
     is_plain,
@@ -35,7 +34,7 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
 
 
-def unstable_modes(interface: Interface, rig: Rig, velocity: float) -> int:
+def count_unstable(rig: Rig) -> int:
     """Count the growing modes of smooth sliding: roots of ``Z(s) + kappa(s) = 0`` with ``Re s > 0``.
 
     The argument principle along the imaginary axis. Between two neighbouring frequencies the curve stays
@@ -45,12 +44,8 @@ def unstable_modes(interface: Interface, rig: Rig, velocity: float) -> int:
 
     Parameters
     ----------
-    interface : Interface
-        The contacts.
-    rig : Slider or Impedance
-        What holds the slider.
-    velocity : float
-        Speed of smooth sliding, in ``x_s`` per time.
+    rig : Rig
+        Interface, slider (or any impedance) and velocity.
 
     Returns
     -------
@@ -65,8 +60,7 @@ def unstable_modes(interface: Interface, rig: Rig, velocity: float) -> int:
         If a root lies on the imaginary axis to within rounding; with thresholds that age, to within the accuracy of
         their response, 5e-4 of the stiffness of the contacts.
     """
-    speed = number("velocity", velocity, above=0, hint="in x_s per time")
-    response, z = respond(interface), impedance(rig)
+    speed, response, z = _parts(rig)
     if isinstance(response, AgedResponse):
         return _count_aged(response, z, speed)
     if response.inert:
@@ -108,7 +102,7 @@ def unstable_modes(interface: Interface, rig: Rig, velocity: float) -> int:
     return -2 * round(float(loops))
 
 
-def growth_rate(interface: Interface, rig: Rig, velocity: float) -> complex:
+def growth_rate(rig: Rig) -> complex:
     """Return the root of ``Z(s) + kappa(s) = 0`` with the largest real part: growth rate plus ``i`` angular frequency.
 
     Newton's method from starts all along the axis finds candidates; the argument principle on a line just
@@ -116,17 +110,13 @@ def growth_rate(interface: Interface, rig: Rig, velocity: float) -> complex:
 
     Parameters
     ----------
-    interface : Interface
-        The contacts.
-    rig : Slider or Impedance
-        What holds the slider.
-    velocity : float
-        Speed of smooth sliding, in ``x_s`` per time.
+    rig : Rig
+        Interface, slider (or any impedance) and velocity.
 
     Returns
     -------
     complex
-        In 1/time, with an imaginary part of 0 or above. A negative real part is the slowest decay, of the
+        In 1/time of the rig's own units, with an imaginary part of 0 or above. A negative real part is the slowest decay, of the
         slider or of the contacts' own ringing.
 
     Raises
@@ -142,8 +132,12 @@ def growth_rate(interface: Interface, rig: Rig, velocity: float) -> complex:
     With thresholds that age growing modes are confirmed by their count; a negative real part is that of the mode
     nearest to the axis among those found.
     """
-    speed = number("velocity", velocity, above=0, hint="in x_s per time")
-    response, z = respond(interface), impedance(rig)
+    return rightmost_root(rig.natural) * rig.unit("1/time")
+
+
+def rightmost_root(rig: Rig) -> complex:
+    """Return the `growth_rate` of a rig in natural units."""
+    speed, response, z = _parts(rig)
     if isinstance(response, AgedResponse):
         return _rightmost_aged(response, z, speed)
     limit = -math.inf if response.inert else response.leftmost * speed
@@ -173,12 +167,20 @@ def growth_rate(interface: Interface, rig: Rig, velocity: float) -> complex:
     if math.isfinite(limit) and growing == 0:
         raise UndecidedError(
             f"smooth sliding at velocity {speed:g} is stable, but no mode decays more slowly than the tail of the "
-            f"distribution of thresholds (Re s = {limit:g}): there is no slowest mode to give; unstable_modes() says 0"
+            f"distribution of thresholds (Re s = {limit:g}): there is no slowest mode to give; count_unstable() says 0"
         )
     raise UndecidedError(
         f"smooth sliding at velocity {speed:g}: no root of Z(s) + kappa(s) could be confirmed as the one furthest "
         f"right; {growing} of them grow"
     )
+
+
+def _parts(rig: Rig) -> tuple[float, Response | AgedResponse, Impedance]:
+    """Speed of smooth sliding, response of the contacts and impedance of the body, in natural units."""
+    instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
+    natural = rig.natural
+    speed = number("velocity", natural.velocity, above=0, hint="in x_s per time")
+    return speed, respond(natural.interface), impedance(natural.slider)
 
 
 # ---------------------------------------------------------------- neutral frequencies
@@ -203,32 +205,32 @@ NOTHING = Neutral(np.empty(0), np.empty(0), np.empty(0, dtype=np.int64))
 
 
 def neutral_frequencies(
-    response: Response | AgedResponse, rig: Impedance, velocities: Sequence[float], *, softest: float | None = None
+    response: Response | AgedResponse, body: Impedance, velocities: Sequence[float], *, softest: float | None = None
 ) -> list[Neutral]:
-    """Return per velocity all zeros of ``Im(Z + kappa)`` on the axis that bear on the rig, or on all stiffer ones too.
+    """Return per velocity all zeros of ``Im(Z + kappa)`` on the axis that bear on the body, or on all stiffer ones too.
 
     With `softest` given the answer holds for every rig that has the same losses and masses and a total static
     stiffness of at least `softest`, else for the rig itself only.
     """
     if response.inert:
         return [NOTHING for _ in velocities]
-    scans = [_scan(response, rig, velocity, softest) for velocity in velocities]
-    brackets = [_brackets(response, rig, velocity, scan) for velocity, scan in zip(velocities, scans, strict=True)]
+    scans = [_scan(response, body, velocity, softest) for velocity in velocities]
+    brackets = [_brackets(response, body, velocity, scan) for velocity, scan in zip(velocities, scans, strict=True)]
     # All velocities at once: a call costs the same for one frequency and for a hundred.
     counts = [left.size for left, _, _ in brackets]
     speed = np.repeat(np.asarray(velocities, dtype=float), counts)
     left, right = (np.concatenate([b[k] for b in brackets]) for k in (0, 1))
     omega = extra = left
     if left.size:
-        omega = _bracketed_zeros(lambda w: _loss(response, rig, speed, w), left, right)
+        omega = _bracketed_zeros(lambda w: _loss(response, body, speed, w), left, right)
         s = 1j * omega
-        extra = -(rig(s) + response.stiffness(speed, s)).real
+        extra = -(body(s) + response.stiffness(speed, s)).real
     answers = []
     ends = np.cumsum([0, *counts])
     for k, (scan, (_, _, rising)) in enumerate(zip(scans, brackets, strict=True)):
         w, e, modes = omega[ends[k] : ends[k + 1]], extra[ends[k] : ends[k + 1]], np.where(rising, 2, -2)
         # Where a scan was cut off for |kappa| < |Z| just past half a turn, the turn is never completed.
-        if softest is None and scan.omega.size and _past_half_a_turn(response, rig, velocities[k], scan):
+        if softest is None and scan.omega.size and _past_half_a_turn(response, body, velocities[k], scan):
             w, e, modes = np.append(w, np.inf), np.append(e, np.inf), np.append(modes, 2)
         order = np.argsort(w)
         answers.append(Neutral(w[order], e[order], modes[order]))
@@ -236,7 +238,7 @@ def neutral_frequencies(
 
 
 def _brackets(
-    response: Response | AgedResponse, rig: Impedance, velocity: float, scan: _Scan
+    response: Response | AgedResponse, body: Impedance, velocity: float, scan: _Scan
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Intervals of frequency in which ``Im(Z + kappa)`` changes sign, and whether it rises there."""
     omega, value = scan
@@ -250,7 +252,7 @@ def _brackets(
             break
         # A pair of zeros may be much closer than two frequencies of the scan: close in on the dip until it is decided.
         fine = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, 17)
-        dip = _loss(response, rig, velocity, fine) * side[:, None]
+        dip = _loss(response, body, velocity, fine) * side[:, None]
         row, column = np.nonzero((dip[:, 1:] < 0) != (dip[:, :-1] < 0))
         left = np.concatenate([left, fine[row, column]])
         right = np.concatenate([right, fine[row, column + 1]])
@@ -263,12 +265,12 @@ def _brackets(
     return left, right, rising
 
 
-def _past_half_a_turn(response: Response | AgedResponse, rig: Impedance, velocity: float, scan: _Scan) -> bool:
+def _past_half_a_turn(response: Response | AgedResponse, body: Impedance, velocity: float, scan: _Scan) -> bool:
     """Whether ``Z + kappa`` is through the negative real axis at the end of the scan, while ``Z`` never gets there."""
     if scan.value[-1] >= 0:
         return False
     s = 1j * scan.omega[-1:]
-    z = complex(rig(s)[0])
+    z = complex(body(s)[0])
     total = z + complex(response.stiffness(velocity, s)[0])
     return math.atan2(total.imag, total.real) - math.atan2(max(z.imag, 0.0), z.real) < -math.pi
 
@@ -278,36 +280,36 @@ class _Scan(NamedTuple):
     value: Array
 
 
-def _scan(response: Response | AgedResponse, rig: Impedance, velocity: float, softest: float | None = None) -> _Scan:
+def _scan(response: Response | AgedResponse, body: Impedance, velocity: float, softest: float | None = None) -> _Scan:
     """Sample ``Im(Z + kappa) |denominator|^2`` up to where nothing can happen any more."""
     if isinstance(response, AgedResponse):
         omega = response.frequencies(velocity)
-        if not is_plain(rig):
-            omega = np.union1d(omega, _features(rig, omega, rig(1j * omega)))
-        return _Scan(omega, _loss(response, rig, velocity, omega))
-    top = _doubtful_below(response, rig, velocity, softest)
+        if not is_plain(body):
+            omega = np.union1d(omega, _features(body, omega, body(1j * omega)))
+        return _Scan(omega, _loss(response, body, velocity, omega))
+    top = _doubtful_below(response, body, velocity, softest)
     if top == 0:
         return _Scan(np.empty(0), np.empty(0))
     axis = response.axis(velocity, top)
     stop = int(np.searchsorted(velocity * axis.y, top)) + 2
     part = Axis(y=axis.y[:stop], complement=axis.complement[:stop], shape=axis.shape[:stop], centre=axis.centre[:stop])
     omega = velocity * part.y
-    z = rig(1j * omega)
+    z = body(1j * omega)
     numerator, denominator = response.axis_parts(velocity, part)
     value = z.imag * np.abs(denominator) ** 2 + (numerator * np.conj(denominator)).imag
-    if not is_plain(rig):
-        more = _features(rig, omega, z)
+    if not is_plain(body):
+        more = _features(body, omega, z)
         order = np.argsort(np.concatenate([omega, more]), kind="stable")
-        value = np.concatenate([value, _loss(response, rig, velocity, more)])[order]
+        value = np.concatenate([value, _loss(response, body, velocity, more)])[order]
         omega = np.concatenate([omega, more])[order]
     return _Scan(omega, value)
 
 
-def _doubtful_below(response: Response, rig: Impedance, velocity: float, softest: float | None) -> float:
+def _doubtful_below(response: Response, body: Impedance, velocity: float, softest: float | None) -> float:
     """Frequency above which the disc that holds kappa, whatever the delay, rules out neutral modes; 0 for all."""
     scale = float(response.scale(velocity))
-    held = None if softest is None else softest - float(rig(np.zeros(1, dtype=complex))[0].real)
-    special = np.concatenate([resonances(rig), np.abs(natural_frequencies(rig))]) / velocity
+    held = None if softest is None else softest - float(body(np.zeros(1, dtype=complex))[0].real)
+    special = np.concatenate([resonances(body), np.abs(natural_frequencies(body))]) / velocity
     top = 8.0 / response.std
     while True:
         axis = response.coarse_axis(top)
@@ -318,15 +320,15 @@ def _doubtful_below(response: Response, rig: Impedance, velocity: float, softest
         order = np.argsort(y, kind="stable")
         y = y[order]
         centre = np.concatenate([axis.centre, np.interp(own, axis.y, axis.centre)])[order]
-        z = rig(1j * velocity * y)
+        z = body(1j * velocity * y)
         if np.any(z.imag < -1e-9 * np.abs(z)):
             at = float(velocity * y[np.argmin(z.imag / np.abs(z))])
             raise InputError(
-                f"rig: Im Z(i w) < 0 at w = {at:.4g}: the rig puts energy in; "
+                f"body: Im Z(i w) < 0 at w = {at:.4g}: the rig puts energy in; "
                 "give one that only takes it out (damping of 0 or above)"
             )
         clear = _clear(z, centre, scale, held)
-        if clear[y > axis.y[-last]].all() and _clear_beyond(rig, velocity, end, special, tail, scale, held):
+        if clear[y > axis.y[-last]].all() and _clear_beyond(body, velocity, end, special, tail, scale, held):
             break
         top *= 2
     doubtful = np.flatnonzero(~clear)
@@ -334,14 +336,14 @@ def _doubtful_below(response: Response, rig: Impedance, velocity: float, softest
 
 
 def _clear_beyond(
-    rig: Impedance, velocity: float, end: float, special: Array, tail: ComplexArray, scale: float, held: float | None
+    body: Impedance, velocity: float, end: float, special: Array, tail: ComplexArray, scale: float, held: float | None
 ) -> bool:
     """Whether it stays so beyond the table: the response only shrinks there, but the rig may have features."""
     worst = float(np.max(np.abs(tail)))
     deficit = float(np.max(np.abs(tail) * (1 - 1e-14) - tail.imag))
-    if is_plain(rig) and rig(np.array([1j * velocity * end]))[0].imag * scale >= deficit:
+    if is_plain(body) and body(np.array([1j * velocity * end]))[0].imag * scale >= deficit:
         return True
-    z = rig(1j * velocity * np.sort(np.concatenate([end * np.geomspace(1, 1e6, 200), special[special >= end]])))
+    z = body(1j * velocity * np.sort(np.concatenate([end * np.geomspace(1, 1e6, 200), special[special >= end]])))
     # A disc as large as any in the tail, and as far below the upper axis
     disc = complex(math.sqrt(max(deficit * (2 * worst - deficit), 0.0)), worst - deficit)
     return bool(_clear(z, np.full(z.shape, disc), scale, held).all())
@@ -361,13 +363,13 @@ def _clear(z: ComplexArray, centre: ComplexArray, scale: float, held: float | No
     return np.asarray(lossy | strong)
 
 
-def _features(rig: Impedance, omega: Array, z: ComplexArray) -> Array:
+def _features(body: Impedance, omega: Array, z: ComplexArray) -> Array:
     """Frequencies to add to a scan where the impedance turns quickly."""
-    known = resonances(rig)
+    known = resonances(body)
     added = known[(known > omega[0]) & (known < omega[-1])]
     for _ in range(40):
         grid = np.union1d(omega, added)
-        z = rig(1j * grid)
+        z = body(1j * grid)
         turn = np.abs(np.angle(z[1:] * np.conj(z[:-1])))
         coarse = (turn > 0.3) & (np.diff(grid) > 1e-9 * grid[1:])
         if not coarse.any() or grid.size > SCAN_LIMIT:
@@ -376,13 +378,13 @@ def _features(rig: Impedance, omega: Array, z: ComplexArray) -> Array:
     return np.setdiff1d(added, omega)
 
 
-def _loss(response: Response | AgedResponse, rig: Impedance, velocity: float | Array, omega: Array) -> Array:
+def _loss(response: Response | AgedResponse, body: Impedance, velocity: float | Array, omega: Array) -> Array:
     """``Im(Z + kappa) |denominator|^2``: the same zeros as ``Im(Z + kappa)``, without its sharp peaks."""
     s = 1j * omega
     if isinstance(response, AgedResponse):
-        return np.asarray((rig(s) + response.stiffness(velocity, s)).imag)
+        return np.asarray((body(s) + response.stiffness(velocity, s)).imag)
     numerator, denominator = response.parts(velocity, s)
-    return np.asarray(rig(s).imag * np.abs(denominator) ** 2 + (numerator * np.conj(denominator)).imag)
+    return np.asarray(body(s).imag * np.abs(denominator) ** 2 + (numerator * np.conj(denominator)).imag)
 
 
 def _nearly_touching(value: Array) -> NDArray[np.intp]:
@@ -435,38 +437,40 @@ def _bracketed_zeros(function: Callable[[Array], Array], left: Array, right: Arr
 # ---------------------------------------------------------------- the argument principle
 
 
-def _product(response: Response, rig: Impedance, velocity: float, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+def _product(
+    response: Response, body: Impedance, velocity: float, s: ComplexArray
+) -> tuple[ComplexArray, ComplexArray]:
     """``(Z + kappa)`` times the denominator of kappa, and that denominator."""
     if response.inert:
-        return rig(s), np.ones_like(s)
+        return body(s), np.ones_like(s)
     numerator, denominator = response.parts(velocity, s)
-    return rig(s) * denominator + numerator, denominator
+    return body(s) * denominator + numerator, denominator
 
 
-def _quiet_below(response: Response, rig: Impedance, velocity: float) -> float:
+def _quiet_below(response: Response, body: Impedance, velocity: float) -> float:
     """Frequency below which ``|kappa| < Z(0)/2`` and ``|Z - Z(0)| < Z(0)/4``: no root there."""
     m1, m2 = response.distribution.moment(1), response.distribution.moment(2)
     tau1, tau2 = response.delay.moment(1), response.delay.moment(2)
     cycle, square = m1 / velocity + tau1, m2 / velocity**2 + 2 * m1 * tau1 / velocity + tau2
-    held = float(rig(np.zeros(1, dtype=complex))[0].real)
+    held = float(body(np.zeros(1, dtype=complex))[0].real)
     omega = min(cycle / square, held * (velocity * cycle) ** 2 / (2 * m2 * tau1))
-    while abs(complex(rig(np.array([1j * omega]))[0]) - held) > 0.25 * held:
+    while abs(complex(body(np.array([1j * omega]))[0]) - held) > 0.25 * held:
         omega *= 0.5
     return omega
 
 
-def _slope_bound(response: Response, rig: Impedance, velocity: float, omega: Array) -> Array:
+def _slope_bound(response: Response, body: Impedance, velocity: float, omega: Array) -> Array:
     """Bound of ``|d product / d omega|`` on each interval, from ``|E|, |P^| <= 1`` and the moments."""
     m1, m2, tau1 = response.distribution.moment(1), response.distribution.moment(2), response.delay.moment(1)
-    z = rig(1j * omega)
+    z = body(1j * omega)
     left, right = omega[:-1], omega[1:]
-    match rig:
+    match body:
         case SpringMassDamper(mass=mass):
-            drag = mass * rig.damping
+            drag = mass * body.damping
         case RadiationDamping(mass=mass):
-            drag = rig.radiation
+            drag = body.radiation
         case _:
-            middle = rig(0.5j * (left + right))
+            middle = body(0.5j * (left + right))
             z_slope = 3 * np.maximum(np.abs(middle - z[:-1]), np.abs(z[1:] - middle)) / (0.5 * (right - left))
             z_size = 1.5 * np.maximum(np.maximum(np.abs(z[:-1]), np.abs(z[1:])), np.abs(middle))
             return np.asarray(
@@ -481,7 +485,7 @@ def _slope_bound(response: Response, rig: Impedance, velocity: float, omega: Arr
     )
 
 
-def _is_rightmost(response: Response, rig: Impedance, velocity: float, roots: ComplexArray, limit: float) -> bool:
+def _is_rightmost(response: Response, body: Impedance, velocity: float, roots: ComplexArray, limit: float) -> bool:
     """Whether no root lies to the right of the first one, from a count to the right of a line just left of it."""
     cycle = float(response.scale(velocity)) / velocity
     best = float(roots[0].real)
@@ -489,27 +493,27 @@ def _is_rightmost(response: Response, rig: Impedance, velocity: float, roots: Co
     gap = best - max(float(after[0]) if after.size else -math.inf, limit, best - 0.2 / cycle)
     line = best - 0.5 * gap
     found = int(np.sum(np.where(roots.imag > 0, 2, 1)[roots.real > line]))
-    return _count_right_of(response, rig, velocity, line) == found
+    return _count_right_of(response, body, velocity, line) == found
 
 
-def _count_right_of(response: Response, rig: Impedance, velocity: float, line: float) -> int | None:
+def _count_right_of(response: Response, body: Impedance, velocity: float, line: float) -> int | None:
     """Number of roots with ``Re s > line``, by the argument principle; None where phases cannot be followed."""
     reach = response.reach(velocity) / velocity
-    own = natural_frequencies(rig)
-    held = poles(rig)
+    own = natural_frequencies(body)
+    held = poles(body)
     fine_top = 10 / reach if response.inert else 8.0 * velocity / response.std
     top = max(fine_top, 2.0 * float(np.max(np.abs(np.concatenate([own, held])), initial=0.0)), 10 / reach)
     near = [root.imag + max(abs(root.real - line), 1e-9 * abs(root)) * np.sinh(np.linspace(-6, 6, 121)) for root in own]
     for _ in range(30):
         fine = np.arange(0.0, min(top, fine_top), STEP / reach)
         omega = np.union1d(
-            np.concatenate([fine, np.zeros(1), resonances(rig), *near]), np.geomspace(1e-6 / reach, top, 400)
+            np.concatenate([fine, np.zeros(1), resonances(body), *near]), np.geomspace(1e-6 / reach, top, 400)
         )
         omega = omega[(omega >= 0) & (omega <= top)]
         with np.errstate(all="ignore"):
             s = line + 1j * omega
-            product, _ = _product(response, rig, velocity, s)
-            ratio = product / rig(s)
+            product, _ = _product(response, body, velocity, s)
+            ratio = product / body(s)
         if not np.all(np.isfinite(product)):
             return None
         if np.all(np.abs(ratio[omega >= 0.7 * top] - 1) < 0.7):
@@ -527,12 +531,12 @@ def _count_right_of(response: Response, rig: Impedance, velocity: float, line: f
             break
         new = 0.5 * (omega[1:] + omega[:-1])[coarse]
         order = np.argsort(np.concatenate([omega, new]), kind="stable")
-        product = np.concatenate([product, _product(response, rig, velocity, line + 1j * new)[0]])[order]
+        product = np.concatenate([product, _product(response, body, velocity, line + 1j * new)[0]])[order]
         omega = np.concatenate([omega, new])[order]
     along = float(np.sum(np.angle(product[1:] / product[:-1])))
     end = line + 1j * omega[-1]
     arc = abs(end) * np.exp(1j * np.linspace(0.0, np.angle(end), 2001))
-    z = rig(arc)
+    z = body(arc)
     around = float(np.sum(np.angle(z[1:] / z[:-1])))
     around += float(np.angle(product[-1] / z[-1]))
     zeros = (around - along) / math.pi
@@ -542,24 +546,24 @@ def _count_right_of(response: Response, rig: Impedance, velocity: float, line: f
     return round(zeros) - brought_in + int(np.sum(held.real > line))
 
 
-def _starts_from_line(response: Response, rig: Impedance, velocity: float, line: float) -> ComplexArray:
+def _starts_from_line(response: Response, body: Impedance, velocity: float, line: float) -> ComplexArray:
     """Where Newton's method would go in one step from points along a line: the roots near it, and some more."""
     cycle = float(response.scale(velocity)) / velocity
     memory = response.reach(velocity) / velocity
     top = 10.0 / cycle
     if not response.inert:
         top += 5.0 * velocity / response.std
-    elif not natural_frequencies(rig).size:
+    elif not natural_frequencies(body).size:
         top = 1e4 * top
     omega = np.arange(0.5, min(top * memory / STEP, 6_000)) * STEP / memory
     if line == 0.0 and not response.inert:
         axis = response.axis(velocity, top)
         omega = velocity * axis.y
         numerator, denominator = response.axis_parts(velocity, axis)
-        value: ComplexArray = rig(1j * omega) * denominator + numerator
+        value: ComplexArray = body(1j * omega) * denominator + numerator
     else:
         with np.errstate(all="ignore"):
-            value = _product(response, rig, velocity, line + 1j * omega)[0]
+            value = _product(response, body, velocity, line + 1j * omega)[0]
     s = line + 1j * omega
     with np.errstate(all="ignore"):
         if not response.inert:
@@ -572,36 +576,36 @@ def _starts_from_line(response: Response, rig: Impedance, velocity: float, line:
     return np.asarray((s + step)[dip])
 
 
-def _starts_on_real_axis(response: Response, rig: Impedance, velocity: float, limit: float) -> ComplexArray:
+def _starts_on_real_axis(response: Response, body: Impedance, velocity: float, limit: float) -> ComplexArray:
     """Where ``Z + kappa`` changes sign on the real axis, from the limit (or as far left as matters) on."""
     cycle = float(response.scale(velocity)) / velocity
     # Far right kappa falls as v/(s (m1 + v <tau>)).
     soft = (
-        0.0 if response.inert else velocity / float(response.scale(velocity) * rig(np.zeros(1, dtype=complex))[0].real)
+        0.0 if response.inert else velocity / float(response.scale(velocity) * body(np.zeros(1, dtype=complex))[0].real)
     )
-    top = 10 * max(1 / cycle, soft, float(np.max(np.abs(natural_frequencies(rig)), initial=0.0)))
+    top = 10 * max(1 / cycle, soft, float(np.max(np.abs(natural_frequencies(body)), initial=0.0)))
     right = np.geomspace(1e-3 / cycle, top, 200)
     left = -np.geomspace(1e-3 / cycle, min(10 / cycle, -0.99 * limit), 60)[::-1] if limit < 0 else np.empty(0)
     starts = []
     for s in (left, right):
         if s.size:
             with np.errstate(all="ignore"):
-                value = (_product(response, rig, velocity, s + 0j)[0] / s).real
+                value = (_product(response, body, velocity, s + 0j)[0] / s).real
             at = np.flatnonzero(value[1:] * value[:-1] < 0)
             starts.append(0.5 * (s[at] + s[at + 1]))
     return np.concatenate(starts) + 0j
 
 
 def _roots_from(
-    response: Response, rig: Impedance, velocity: float, starts: ComplexArray, limit: float
+    response: Response, body: Impedance, velocity: float, starts: ComplexArray, limit: float
 ) -> ComplexArray:
     """Distinct roots to the right of a limit reached by Newton's method; one of each pair, rightmost first."""
     cycle = float(response.scale(velocity)) / velocity
     radius = 1e-3 / cycle
-    if isinstance(rig, Modes):
-        radius = min(radius, 1e-2 * float(np.min(np.abs(natural_frequencies(rig).real))))
+    if isinstance(body, Modes):
+        radius = min(radius, 1e-2 * float(np.min(np.abs(natural_frequencies(body).real))))
     with np.errstate(all="ignore"):
-        s, settled = _newton(response, rig, velocity, starts.astype(complex), radius, 1.0 / cycle)
+        s, settled = _newton(response, body, velocity, starts.astype(complex), radius, 1.0 / cycle)
     return _distinct(s[settled & np.isfinite(s) & (s.real > limit)], cycle)
 
 
@@ -617,31 +621,31 @@ def _distinct(s: ComplexArray, cycle: float) -> ComplexArray:
 
 
 def track_roots(
-    response: Response | AgedResponse, rig: Impedance, velocity: float, starts: ComplexArray
+    response: Response | AgedResponse, body: Impedance, velocity: float, starts: ComplexArray
 ) -> ComplexArray:
-    """Roots reached from those of a neighbouring setting, rightmost first; a search along the axis without any."""
+    """Roots reached from those of a neighbouring rig, rightmost first; a search along the axis without any."""
     if isinstance(response, AgedResponse):
-        return _roots_aged(response, rig, velocity)
+        return _roots_aged(response, body, velocity)
     limit = -math.inf if response.inert else response.leftmost * velocity
     if starts.size == 0:
         starts = np.concatenate(
             [
-                natural_frequencies(rig),
-                _starts_on_real_axis(response, rig, velocity, limit),
-                _starts_from_line(response, rig, velocity, 0.0),
+                natural_frequencies(body),
+                _starts_on_real_axis(response, body, velocity, limit),
+                _starts_from_line(response, body, velocity, 0.0),
             ]
         )
-    return _roots_from(response, rig, velocity, starts, limit)
+    return _roots_from(response, body, velocity, starts, limit)
 
 
 def _newton(
-    response: Response, rig: Impedance, velocity: float, s: ComplexArray, radius: float, longest: float
+    response: Response, body: Impedance, velocity: float, s: ComplexArray, radius: float, longest: float
 ) -> tuple[ComplexArray, NDArray[np.bool_]]:
     """Newton's method on ``product/s`` from many starts; slopes from Cauchy's integral on a small circle."""
     corner = np.append(0.0, np.exp(1j * math.pi * np.array([0.25, 0.75, 1.25, 1.75])))[:, None]
 
     def reduced(points: ComplexArray) -> ComplexArray:
-        value = _product(response, rig, velocity, points)[0]
+        value = _product(response, body, velocity, points)[0]
         return value if response.inert else value / points
 
     settled = np.zeros(s.shape, dtype=bool)
@@ -675,8 +679,8 @@ _LIVES = 4.0
 """How quickly a mode may decays to be looked for, per mean life."""
 
 
-def _count_aged(response: AgedResponse, rig: Impedance, velocity: float) -> int:
-    (neutral,) = neutral_frequencies(response, rig, [velocity])
+def _count_aged(response: AgedResponse, body: Impedance, velocity: float) -> int:
+    (neutral,) = neutral_frequencies(response, body, [velocity])
     near = np.flatnonzero(np.abs(neutral.extra) < ACCURACY)
     if near.size:
         raise UndecidedError(
@@ -687,14 +691,14 @@ def _count_aged(response: AgedResponse, rig: Impedance, velocity: float) -> int:
     return neutral.unstable()
 
 
-def _rightmost_aged(response: AgedResponse, rig: Impedance, velocity: float) -> complex:
-    growing = _count_aged(response, rig, velocity)
+def _rightmost_aged(response: AgedResponse, body: Impedance, velocity: float) -> complex:
+    growing = _count_aged(response, body, velocity)
 
     def value(s: complex) -> complex:
         points = np.array([s])
-        return complex((rig(points) + response.exact(velocity, points))[0])
+        return complex((body(points) + response.exact(velocity, points))[0])
 
-    near = _roots_aged(response, rig, velocity)
+    near = _roots_aged(response, body, velocity)
     polished = [root for root in (_secant(value, s, 1e-9) for s in near[:6].tolist()) if root is not None]
     roots = _distinct(np.array(polished, dtype=complex), 1.0 / velocity)
     found = int(np.sum(np.where(roots.imag > 0, 2, 1)[roots.real > 0]))
@@ -709,16 +713,16 @@ def _rightmost_aged(response: AgedResponse, rig: Impedance, velocity: float) -> 
     )
 
 
-def _roots_aged(response: AgedResponse, rig: Impedance, velocity: float) -> ComplexArray:
+def _roots_aged(response: AgedResponse, body: Impedance, velocity: float) -> ComplexArray:
     """Roots not far from the axis, rightmost first, one of each pair: by secants from the dips along the axis."""
     omega = response.frequencies(velocity)
-    own = natural_frequencies(rig)
-    size = np.abs(rig(1j * omega) + response.stiffness(velocity, 1j * omega))
+    own = natural_frequencies(body)
+    size = np.abs(body(1j * omega) + response.stiffness(velocity, 1j * omega))
     dip = np.flatnonzero((size[1:-1] < size[:-2]) & (size[1:-1] <= size[2:])) + 1
     dip = dip[np.argsort(size[dip])][:5]
 
     def value(points: ComplexArray) -> ComplexArray:
-        return np.asarray(rig(points) + response.exact(velocity, points, cells=_ROUGH))
+        return np.asarray(body(points) + response.exact(velocity, points, cells=_ROUGH))
 
     real = np.geomspace(omega[0], omega[-1], 40)
     turned = np.flatnonzero(np.diff(np.sign(value(real + 0j).real)))

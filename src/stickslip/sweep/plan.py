@@ -25,16 +25,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Discriminator, Field, Tag, create_model
 
-from stickslip.cycles import bistable_band, bistable_region
+from stickslip.cycles import bistable_range, bistable_region
 from stickslip.errors import InputError, UndecidedError, number, whole
 from stickslip.io import rig_files as rigs
 from stickslip.io.files import load, save
 from stickslip.io.validation import Lag, Length, Mass, Part, Rate, Stiffness, Time, quantity, read_toml, validate
-from stickslip.model import Contacts, FromRest, MasterEquation, Method, Slider
+from stickslip.model import Contacts, FromRest, MasterEquation, Method, Rig, Slider, constant
+from stickslip.model.parameters import parameter_named
 from stickslip.model.units import Scales, si_unit
 from stickslip.simulation import check_method
-from stickslip.stability import PARAMETERS, Setting, boundary, critical
-from stickslip.stability.parameters import parameter_named
+from stickslip.stability import PARAMETERS, boundary, critical
 from stickslip.sweep._pools import Processes, Threads
 from stickslip.sweep._refine import Span, refine
 from stickslip.sweep._run import Failure, Progress, Summary, failures, summary, sweep
@@ -312,7 +312,7 @@ def _rig_of(document: Mapping[str, Any], place: str, directory: Path) -> rigs.Ri
     given = document.get("rig")
     if isinstance(given, str):
         try:
-            return rigs.read(directory / given)
+            return rigs.read_rig(directory / given)
         except InputError as error:
             raise InputError(f"{place}: rig: {error}") from None
     if not isinstance(given, dict):
@@ -436,7 +436,7 @@ class _Document(Part):
             raise InputError("rig.slider.mass = 0: a run needs a mass above 0")
         for name in axes:
             if name in _KNOBS:
-                parameter_named(name).get(Setting(interface=rig.interface, rig=rig.slider, velocity=rig.velocity))
+                parameter_named(name).get(rig.natural)
         cold = isinstance(rig.start, FromRest)
         return Study(
             interface=rig.interface,
@@ -606,36 +606,41 @@ def _reach(axis: xr.DataArray, size: float) -> tuple[float, float]:
 
 
 def _theory_in_plane(
-    setting: Setting,
+    setting: Rig,
     parameters: tuple[str, ...],
     ranges: list[tuple[float, float]],
     bistable: bool,
     progress: Callable[[float], None],
 ) -> xr.Dataset:
-    interface, slider, velocity = setting.interface, setting.rig, setting.velocity
+    interface, slider, velocity = setting.interface, setting.slider, setting.velocity
     over = (parameters[0], parameters[1])
-    edge = boundary(interface, slider, velocity, over=over, within=(ranges[0], ranges[1]))
+    edge = boundary(Rig(interface, slider, constant(velocity)), over=over, between=(ranges[0], ranges[1]))
     # Where another mode grows beside the neutral one, nothing changes for smooth sliding.
     edge = edge.isel(point=edge["other_unstable"].to_numpy() == 0)
     found = edge[[*over, "curve"]].rename({name: f"edge_{name}" for name in (*over, "curve")})
     if bistable:
         assert isinstance(slider, Slider)
         bands = bistable_region(
-            interface, slider, velocity, over=over, edge=edge, between=ranges[1], places=17, progress=progress
+            Rig(interface, slider, constant(velocity)),
+            over=over,
+            edge=edge,
+            between=ranges[1],
+            places=17,
+            progress=progress,
         )
         found = found.merge(bands)
     return found.drop_attrs(deep=False)
 
 
-def _theory_on_line(setting: Setting, parameter: str, between: tuple[float, float], bistable: bool) -> xr.Dataset:
+def _theory_on_line(setting: Rig, parameter: str, between: tuple[float, float], bistable: bool) -> xr.Dataset:
     import xarray as xr
 
-    interface, slider, velocity = setting.interface, setting.rig, setting.velocity
-    edges = critical(parameter, interface, slider, velocity, between=between).edges
+    interface, slider, velocity = setting.interface, setting.slider, setting.velocity
+    edges = critical(Rig(interface, slider, constant(velocity)), parameter, between=between).edges
     data = {f"edge_{parameter}": ("point", np.array([edge.value for edge in edges], dtype=float))}
     if bistable:
         assert isinstance(slider, Slider)
-        bands = tuple(bistable_band(interface, slider, velocity, parameter, between=between))
+        bands = tuple(bistable_range(Rig(interface, slider, constant(velocity)), parameter, between=between))
         data[f"band_{parameter}_low"] = ("band", np.array([band.low.value for band in bands], dtype=float))
         data[f"band_{parameter}_high"] = ("band", np.array([band.high.value for band in bands], dtype=float))
     return xr.Dataset(data)

@@ -9,12 +9,11 @@ from typing import Any, get_args
 
 from stickslip.measure import Regime, regime
 from stickslip.measure.verdict import Kind
-from stickslip.model import Contacts, FromRest, FromSliding, Interface, Method, Slider, Start
+from stickslip.model import Contacts, FromRest, FromSliding, Interface, Method, Rig, Slider, Start
 from stickslip.model.drive import constant
+from stickslip.model.parameters import parameter_named
 from stickslip.model.units import Scales, si_unit
 from stickslip.simulation import simulate
-from stickslip.stability import Setting
-from stickslip.stability.parameters import parameter_named
 
 KINDS: tuple[str, ...] = get_args(Kind)
 """What a regime can be; its place here is its code in the results."""
@@ -66,23 +65,25 @@ class Study:
         start, count = values.pop("start", self.start), values.pop("contacts", None)
         seed = seed >> 10 if seed >= 2**53 else seed
         setting = self.at(values)
-        assert isinstance(setting.rig, Slider)
+        assert isinstance(setting.slider, Slider)
         method = self.method
         if isinstance(method, Contacts):
             method = Contacts(method.count if count is None else count, seed)
-        distance = max(self.distance, self.cycles * (1.0 + 1.0 / setting.rig.stiffness))
+        distance = max(self.distance, self.cycles * (1.0 + 1.0 / setting.slider.stiffness))
         duration = max(distance / setting.velocity, self.duration)
         for extension in range(self.extensions + 1):
             drive = constant(setting.velocity, duration * 2.0**extension)
-            run = simulate(setting.interface, setting.rig, drive, method, start=_beginning(start, method))
+            run = simulate(
+                Rig(setting.interface, setting.slider, drive), method=method, start=_beginning(start, method)
+            )
             seen = regime(run)
             if seen.kind != "undecided":
                 break
         return self._measured(seen) | {"travel": self._in_units(drive.duration * setting.velocity, "x_s"), "seed": seed}
 
-    def at(self, values: Mapping[str, float]) -> Setting:
+    def at(self, values: Mapping[str, float]) -> Rig:
         """Return the rig with its parameters varied to the values of the axes, in natural units."""
-        setting = Setting(interface=self.interface, rig=self.slider, velocity=self.velocity)
+        setting = self
         for name, value in values.items():
             setting = parameter_named(name).set(setting, value / unit_of(name, self.scales)[0])
         return setting

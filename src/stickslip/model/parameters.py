@@ -1,0 +1,138 @@
+"""The parameters of a rig: what can be read, set and varied by name, one at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from stickslip.errors import InputError, number
+from stickslip.model.drive import constant
+
+if TYPE_CHECKING:
+    from stickslip.model.rig import Rig
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """One positive parameter of a `Rig` that can be read and set.
+
+    Parameters
+    ----------
+    name : str
+        What it is called.
+    unit : str
+        Its natural unit: ``"x_s/time"``.
+    title : str
+        What it is, in words.
+    get : callable
+        The value in a rig in natural units.
+    set : callable
+        The same rig with another value.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> rig = ss.read_rig("brake_pad")
+    >>> round(rig.value("stiffness"))
+    30000000
+    """
+
+    name: str
+    unit: str
+    title: str = ""
+    get: Callable[[Rig], float] = field(repr=False)
+    set: Callable[[Rig, float], Rig] = field(repr=False)
+
+
+def _of_slider(attribute: str, unit: str, title: str) -> Parameter:
+    def get(rig: Rig) -> float:
+        if not hasattr(rig.slider, attribute):
+            raise InputError(
+                f"Rig.slider = {rig.slider!r}: has no {attribute} to vary; use a Slider, or a Parameter of your own"
+            )
+        return float(getattr(rig.slider, attribute))
+
+    def set_(rig: Rig, value: float) -> Rig:
+        get(rig)
+        return replace(rig, slider=replace(rig.slider, **{attribute: value}))
+
+    return Parameter(name=attribute, unit=unit, title=title, get=get, set=set_)
+
+
+def _of_interface(name: str, unit: str, title: str, part: str, read: str, write: str) -> Parameter:
+    """Parameter of a part of the interface, which itself knows how to read and set it."""
+
+    def value(rig: Rig) -> Any:
+        held = getattr(rig.interface, part)
+        if not hasattr(held, write):
+            raise InputError(f"Interface.{part} = {held!r}: has no {name} to vary; give a Parameter of your own")
+        return held
+
+    def get(rig: Rig) -> float:
+        held = getattr(value(rig), read)
+        return float(held() if callable(held) else held)
+
+    def set_(rig: Rig, new: float) -> Rig:
+        changed = getattr(value(rig), write)(new)
+        return replace(rig, interface=replace(rig.interface, **{part: changed}))
+
+    return Parameter(name=name, unit=unit, title=title, get=get, set=set_)
+
+
+def _get_velocity(rig: Rig) -> float:
+    return rig.drive.pieces[0].start
+
+
+def _set_velocity(rig: Rig, value: float) -> Rig:
+    """The same path of the drive at another speed; from rest a constant velocity, for as long."""
+    before, duration = _get_velocity(rig), rig.drive.duration
+    if before == 0:
+        return replace(rig, drive=constant(value, duration))
+    if rig.drive.pieces == constant(before, duration).pieces:
+        return replace(rig, drive=constant(value, duration * before / value if value else duration))
+    return replace(rig, drive=rig.drive.faster(value / before))
+
+
+STIFFNESS = _of_slider("stiffness", "k", "stiffness of the driving spring")
+"""Stiffness of the driving spring ``K/N``."""
+MASS = _of_slider("mass", "f_s time^2/x_s", "mass of the slider")
+"""Mass ``M/N``, at constant ``eta``."""
+DAMPING = _of_slider("damping", "1/time", "damping eta")
+"""``eta`` of Eq. (11)."""
+VELOCITY = Parameter(name="velocity", unit="x_s/time", title="speed", get=_get_velocity, set=_set_velocity)
+"""Velocity of the drive at its beginning; the path of the drive stays."""
+DELAY = _of_interface("delay", "time", "delay of re-attachment", "delay", "mean", "with_mean")
+"""Delay time; for a `RandomDelay` its mean, the standard deviation kept in proportion."""
+STD = _of_interface("std", "1", "standard deviation of the thresholds", "thresholds", "own_std", "with_std")
+"""Standard deviation of the thresholds at constant mean: the distribution's own ``std``, else its standard deviation."""
+AGEING = _of_interface("ageing", "time", "time of ageing of the thresholds", "ageing", "time", "with_time")
+"""Time in which thresholds age: ``rate**-2`` for `Langevin`."""
+
+PARAMETERS: tuple[Parameter, ...] = (STIFFNESS, VELOCITY, MASS, DAMPING, DELAY, STD, AGEING)
+
+
+def parameter_named(parameter: Parameter | str, place: str = "parameter") -> Parameter:
+    """Return the parameter itself, or the one of this module with that name.
+
+    Raises
+    ------
+    InputError
+        If there is none; `place` begins the message.
+    """
+    if isinstance(parameter, Parameter):
+        return parameter
+    for known in PARAMETERS:
+        if known.name == parameter:
+            return known
+    raise InputError(f"{place} = {parameter!r}: must be one of {', '.join(p.name for p in PARAMETERS)}, or a Parameter")
+
+
+def check_range(parameter: Parameter, between: tuple[float, float]) -> tuple[float, float]:
+    """Return the range of a parameter, in its natural unit, or raise `InputError`."""
+    try:
+        low, high = between
+    except (TypeError, ValueError):
+        raise InputError(f"between = {between!r}: must be two values of {parameter.name}, low and high") from None
+    low = number("between[0]", low, above=0, hint=parameter.unit)
+    return low, number("between[1]", high, above=low, hint=parameter.unit)

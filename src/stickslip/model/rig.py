@@ -1,0 +1,164 @@
+"""The rig: an interface, the slider on it, and what pulls, with the units that its numbers are in."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from stickslip.errors import InputError, instance, number
+from stickslip.model.drive import Drive
+from stickslip.model.interface import Interface
+from stickslip.model.methods import Contacts, FromRest, FromSliding, MasterEquation, Method, Output, PaperClosure, Start
+from stickslip.model.parameters import Parameter, parameter_named
+from stickslip.model.quantities import read_quantity
+from stickslip.model.units import Quantity, Scales, in_si, in_words
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+@dataclass(frozen=True)
+class Rig:
+    """A slider on an interface, pulled by a drive through a spring: the noun of this package, which verbs take first.
+
+    Its records are in natural units. What goes into and comes out of the functions that take a rig is in the rig's own
+    units: SI if it has `scales`, as a rig from a file has, else natural.
+
+    Parameters
+    ----------
+    interface : Interface
+        The contacts.
+    slider : Slider or impedance
+        What the contacts hold, on its driving spring. For the linear stability of smooth sliding any mechanical impedance
+        of `stickslip.stability` will do.
+    drive : Drive
+        How the far end of the spring moves.
+    method : Contacts, MasterEquation or PaperClosure
+        How the rig is simulated, unless `simulate` is told otherwise; so with `start` and `output`.
+    start : FromRest or FromSliding
+        The state that a run starts from.
+    output : Output
+        What a run records.
+    scales : Scales, optional
+        The rig's force, length and time in SI units; none for a rig in natural units.
+    name : str
+        What to call it.
+    assumed : mapping
+        Keys of the rig's file that were not measured, each with how to measure it.
+    document : mapping
+        What the rig's file holds.
+
+    Raises
+    ------
+    InputError
+        If a part is of the wrong kind; the message names it.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
+    >>> rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.constant(velocity=1.0))
+    >>> rig.replace(stiffness=5.0).slider.stiffness
+    5.0
+    """
+
+    interface: Interface
+    slider: Any
+    drive: Drive
+    _: KW_ONLY
+    method: Method = MasterEquation()
+    start: Start = FromRest()
+    output: Output = Output()
+    scales: Scales | None = None
+    name: str = "rig"
+    assumed: Mapping[str, str] = field(default_factory=dict, compare=False)
+    document: Mapping[str, Any] = field(default_factory=dict, compare=False)
+
+    def __post_init__(self) -> None:
+        instance("Rig.interface", self.interface, Interface, "an Interface")
+        if isinstance(self.slider, type) or not (hasattr(self.slider, "stiffness") or callable(self.slider)):
+            raise InputError(f"Rig.slider = {self.slider!r}: must be a Slider, or an impedance: a function of s")
+        instance("Rig.drive", self.drive, Drive, "a drive, made with constant() or ramp()")
+        methods = (Contacts, MasterEquation, PaperClosure)
+        instance("Rig.method", self.method, methods, "Contacts(...) or MasterEquation(...)")
+        instance("Rig.start", self.start, (FromRest, FromSliding), "FromRest() or FromSliding()")
+        instance("Rig.output", self.output, Output, "an Output")
+        if self.scales is not None:
+            instance("Rig.scales", self.scales, Scales, "Scales(...), or None for natural units")
+
+    @property
+    def natural(self) -> Rig:
+        """The same rig in natural units, as every solver takes it."""
+        return self if self.scales is None else replace(self, scales=None)
+
+    @property
+    def velocity(self) -> float:
+        """Velocity of the drive at its beginning, in the rig's own units."""
+        return self.value("velocity")
+
+    def value(self, parameter: Parameter | str) -> float:
+        """Return the value of a parameter, such as ``"stiffness"``, in the rig's own units."""
+        known = parameter_named(parameter)
+        return known.get(self) * self.unit(known.unit)
+
+    def unit(self, natural: str) -> float:
+        """Size of a natural unit, such as ``"x_s/time"``, in the rig's own units."""
+        return 1.0 if self.scales is None else self.scales.size(natural)
+
+    def unit_name(self, natural: str) -> str:
+        """Name of a natural unit, such as ``"x_s/time"``, in the rig's own units: ``"m/s"``."""
+        return natural if self.scales is None else self.scales.si_name(natural)
+
+    def replace(self, **changes: Any) -> Rig:
+        """Return the rig with some of its parts or parameters changed.
+
+        Parameters
+        ----------
+        **changes
+            A field of this record (`drive` and `output` in the rig's own units), or a parameter by name, in the rig's own
+            units: ``velocity``, ``stiffness``, ``mass``, ``damping``, ``delay``, ``std``, ``ageing``.
+
+        Raises
+        ------
+        InputError
+            If there is no such part or parameter, or the value cannot be.
+
+        Examples
+        --------
+        >>> import stickslip as ss
+        >>> rig = ss.read_rig("brake_pad")
+        >>> round(rig.replace(velocity="50 mm/s").velocity, 3)
+        0.05
+        """
+        fields = {name: value for name, value in changes.items() if name in self.__dataclass_fields__}
+        for name, convert in (("drive", self._natural_drive), ("output", self._natural_output)):
+            if name in fields:
+                fields[name] = convert(fields[name])
+        changed = replace(self, **fields)
+        for name, value in changes.items():
+            if name not in fields:
+                changed = changed._with(name, value)
+        return changed
+
+    def _with(self, name: str, value: object) -> Rig:
+        known = parameter_named(name, place="replace")
+        if isinstance(value, str):
+            if self.scales is None:
+                raise InputError(f"{name} = {value!r}: must be a plain number, as the rig is in natural units")
+            value = read_quantity(value, self.scales.si_name(known.unit), name)
+        return known.set(self, number(name, value, at_least=0) / self.unit(known.unit))
+
+    def _natural_drive(self, drive: Drive) -> Drive:
+        return drive if self.scales is None or not isinstance(drive, Drive) else drive.scaled(self.scales)
+
+    def _natural_output(self, output: Output) -> Output:
+        return output if self.scales is None or not isinstance(output, Output) else output.scaled(self.scales)
+
+    def in_its_units(self, result: xr.Dataset) -> xr.Dataset:
+        """Return a result in natural units in the rig's own."""
+        return result if self.scales is None else in_si(result, self.scales)
+
+    def in_units(self, value: float, quantity: Quantity) -> str:
+        """Say a natural value in words: in SI units with a prefix, or in natural units."""
+        return in_words(value, quantity, self.scales)

@@ -1,0 +1,424 @@
+"""Critical values: where smooth sliding loses or regains stability as one parameter is turned.
+
+`critical` finds every crossing along a parameter of a rig. All is linear: it says where smooth sliding is unstable to the
+smallest disturbance, not where stick-slip, once started, decays.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby, pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip.errors import UndecidedError, instance, number
+from stickslip.model.parameters import Parameter, check_range, parameter_named
+from stickslip.model.rig import Rig
+from stickslip.stability.aged import AgedResponse
+from stickslip.stability.impedances import impedance
+from stickslip.stability.modes import Neutral, neutral_frequencies
+from stickslip.stability.response import respond
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Crossing:
+    """A value of a parameter at which a pair of modes of smooth sliding is neutral.
+
+    Parameters
+    ----------
+    value : float
+        Of the parameter, in its natural unit.
+    frequency : float
+        Angular frequency of the neutral mode, in 1/time.
+    unstable_below, unstable_above : int
+        Number of growing modes just below and just above the value.
+    """
+
+    value: float
+    frequency: float
+    unstable_below: int
+    unstable_above: int
+
+    @property
+    def loses_stability(self) -> bool:
+        """Whether smooth sliding is stable just below the value and unstable just above it."""
+        return self.unstable_below == 0 < self.unstable_above
+
+    @property
+    def regains_stability(self) -> bool:
+        """Whether smooth sliding is unstable just below the value and stable just above it."""
+        return self.unstable_below > 0 == self.unstable_above
+
+
+@dataclass(frozen=True, kw_only=True)
+class Crossings:
+    """All crossings along a parameter, rising, and the range in which they were looked for; empty is an answer too.
+
+    Parameters
+    ----------
+    parameter, unit : str
+        What was varied, and its natural unit.
+    searched : (float, float)
+        Range of the parameter.
+    unstable_at_ends : (int, int)
+        Number of growing modes at its two ends.
+    found : tuple of Crossing
+        Every crossing of any mode; `edges` are those where stability itself changes.
+    """
+
+    parameter: str
+    unit: str
+    searched: tuple[float, float]
+    unstable_at_ends: tuple[int, int]
+    found: tuple[Crossing, ...]
+
+    def __iter__(self) -> Iterator[Crossing]:
+        return iter(self.found)
+
+    def __len__(self) -> int:
+        return len(self.found)
+
+    def __getitem__(self, index: int) -> Crossing:
+        return self.found[index]
+
+    def in_units(self, rig: Rig) -> Crossings:
+        """Return crossings found in natural units in those of a rig."""
+        if rig.scales is None:
+            return self
+        size, rate = rig.unit(self.unit), rig.unit("1/time")
+        low, high = self.searched
+        return replace(
+            self,
+            unit=rig.scales.si_name(self.unit),
+            searched=(low * size, high * size),
+            found=tuple(replace(c, value=c.value * size, frequency=c.frequency * rate) for c in self.found),
+        )
+
+    @property
+    def edges(self) -> tuple[Crossing, ...]:
+        """Crossings where smooth sliding loses or regains stability."""
+        return tuple(c for c in self.found if c.loses_stability or c.regains_stability)
+
+    def __str__(self) -> str:
+        low, high = self.searched
+        where = f"for {self.parameter} from {low:g} to {high:g} {self.unit}"
+        if not self.edges:
+            state = "unstable" if self.unstable_at_ends[0] else "stable"
+            return f"smooth sliding is {state} all the way {where}: no boundary there"
+        words = [
+            f"{'loses' if c.loses_stability else 'regains'} stability at {c.value:.7g} "
+            f"(angular frequency {c.frequency:.7g})"
+            for c in self.edges
+        ]
+        return f"{where}, smooth sliding " + ", ".join(words)
+
+
+def critical(rig: Rig, parameter: Parameter | str, *, between: tuple[float, float]) -> Crossings:
+    """Find every value of a parameter in a range at which a mode of smooth sliding is neutral (linear).
+
+    The number of growing modes is counted along the range, on a logarithmic grid that is refined wherever a
+    pair of crossings may hide between two points; each crossing is then polished by Newton's method in the
+    value and the frequency. There may be several ranges of instability: all are found that are wider than a sixteenth
+    of a decade, and most narrower ones. Along the velocity the crossings are the paper's ``v1``.
+
+    Parameters
+    ----------
+    rig : Rig
+        The parameter's own value in it does not matter.
+    parameter : Parameter or str
+        What to vary: ``"stiffness"``, ``"velocity"``, ``"mass"``, ``"damping"``, ``"delay"``, ``"std"``, ``"ageing"``, or
+        a parameter of your own.
+    between : (float, float)
+        Range searched, in the rig's own units, both above 0.
+
+    Returns
+    -------
+    Crossings
+        Each with the frequency of the neutral mode and its direction, in the rig's own units; none is an answer, too,
+        with the range searched.
+
+    Raises
+    ------
+    InputError
+        If the range is empty, or there is no steady sliding in it.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
+    >>> rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4264), ss.constant(velocity=1.0))
+    >>> print(ss.critical(rig, "velocity", between=(0.5, 2.0)))
+    for velocity from 0.5 to 2 x_s/time, smooth sliding loses stability at 1.388221 (angular frequency 7.265138)
+    """
+    varied, natural, low, high = _range(rig, parameter, between)
+    return search(varied, natural, low, high).in_units(rig)
+
+
+def onset(rig: Rig, parameter: Parameter | str, *, between: tuple[float, float]) -> float:
+    """Return the smallest value of a parameter at which smooth sliding is unstable (linear).
+
+    Along the delay this is the linear critical delay; not the paper's ``tau*``, which is the shortest delay with which
+    stick-slip, started from a narrow distribution, persists.
+
+    Parameters
+    ----------
+    rig, parameter, between
+        As for `critical`; a `RandomDelay` is scaled as a whole, and its mean is what is returned.
+
+    Returns
+    -------
+    float
+        In the rig's own units.
+
+    Raises
+    ------
+    UndecidedError
+        If smooth sliding is stable all through the range, or unstable already at its lower end; the message says which.
+    """
+    varied, natural, low, high = _range(rig, parameter, between)
+    found = search(varied, natural, low, high, first=True).in_units(rig)
+    if found.unstable_at_ends[0] > 0 or not found.edges:
+        raise UndecidedError(f"no onset by {varied.name}: {found}")
+    return found.edges[0].value
+
+
+def critical_spring(rig: Rig) -> float:
+    """Return ``K_c(v)``: smooth sliding is stable on this driving spring and on all stiffer ones.
+
+    The slider keeps its mass and damping. No search: at each frequency with ``Im(Z + kappa) = 0`` the spring
+    that makes it neutral is known. For an impedance without a ``stiffness`` of its own the spring is put in addition
+    at the interface, and the answer counts from its present static stiffness.
+
+    Parameters
+    ----------
+    rig : Rig
+        The stiffness of its spring does not matter.
+
+    Returns
+    -------
+    float
+        In the rig's own units; 0 if smooth sliding is stable on any spring (down to 1e-6 ``k``). Linear: stick-slip once
+        started may live on stiffer ones.
+
+    Raises
+    ------
+    UndecidedError
+        If there is no such spring as far as one can see: a rig without damping.
+    """
+    natural = rig.natural
+    speed = number("velocity", natural.velocity, above=0, hint="in x_s per time")
+    z = impedance(natural.slider)
+    base = float(getattr(natural.slider, "stiffness", 0.0))
+    # The softer the springs considered, the longer the scan of a rig without losses: stop at the first that suffices.
+    for softest in (1e-1, 1e-3, 1e-6):
+        try:
+            (neutral,) = neutral_frequencies(respond(natural.interface), z, [speed], softest=softest)
+        except UndecidedError as error:
+            raise UndecidedError(f"no critical spring above {softest:g} could be decided: {error}") from error
+        spring = base + float(np.max(neutral.extra, initial=-math.inf))
+        if spring >= softest:
+            return spring * rig.unit("k")
+    return max(0.0, spring) * rig.unit("k")
+
+
+def _range(rig: Rig, parameter: Parameter | str, between: tuple[float, float]) -> tuple[Parameter, Rig, float, float]:
+    """The parameter, the rig and the range, in natural units."""
+    instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
+    varied = parameter_named(parameter)
+    low, high = check_range(varied, between)
+    size = rig.unit(varied.unit)
+    return varied, rig.natural, low / size, high / size
+
+
+# ---------------------------------------------------------------- the search
+
+
+class _Point(NamedTuple):
+    """The neutral frequencies at one value of the parameter."""
+
+    value: float
+    neutral: Neutral
+    unstable: int
+
+
+def neutral_along(
+    parameter: Parameter, rig: Rig, values: Sequence[float], *, softest: float | None = None
+) -> list[Neutral]:
+    """Neutral frequencies at each value of the parameter; values that share interface and rig are computed together."""
+    there = [parameter.set(rig, value) for value in values]
+    found: list[Neutral] = []
+    for (interface, body), group in groupby(there, key=lambda here: (here.interface, here.slider)):
+        speeds = [here.velocity for here in group]
+        found += neutral_frequencies(respond(interface), impedance(body), speeds, softest=softest)
+    return found
+
+
+def _look(parameter: Parameter, rig: Rig, values: Sequence[float]) -> list[_Point]:
+    along = neutral_along(parameter, rig, values)
+    return [_Point(value, neutral, neutral.unstable()) for value, neutral in zip(values, along, strict=True)]
+
+
+def search(
+    parameter: Parameter, rig: Rig, low: float, high: float, *, first: bool = False, density: int = 16
+) -> Crossings:
+    """Crossings from `low` to `high`, on `density` points a decade; with `first`, up to the first edge of stability."""
+    count = 1 + max(density - 4, math.ceil(density * math.log10(high / low)))
+    values = np.geomspace(low, high, count).tolist()
+    values[0], values[-1] = low, high
+    points = _look(parameter, rig, values[:1])
+    found: list[Crossing] = []
+    while len(points) < count:
+        ahead = values[len(points) : len(points) + (6 if first else count)]
+        points += _look(parameter, rig, ahead)
+        for k in range(len(points) - len(ahead), len(points)):
+            found += _between(parameter, rig, points[k - 1], points[k])
+            if k >= 2:
+                found += _hidden(parameter, rig, points[k - 2], points[k - 1], points[k], 6)
+        if first and (points[0].unstable > 0 or any(c.unstable_below * c.unstable_above == 0 for c in found)):
+            break
+    return Crossings(
+        parameter=parameter.name,
+        unit=parameter.unit,
+        searched=(low, points[-1].value),
+        unstable_at_ends=(points[0].unstable, points[-1].unstable),
+        found=tuple(sorted(found, key=lambda crossing: crossing.value)),
+    )
+
+
+def _between(parameter: Parameter, rig: Rig, left: _Point, right: _Point) -> list[Crossing]:
+    """Crossings between two points, by quartering until each part holds at most one branch that changes sign."""
+    changing = [branch for branch in _matched(left, right) if (branch[1] > 0) != (branch[3] > 0)]
+    if left.unstable == right.unstable and not changing:
+        return []
+    width = math.log(right.value / left.value)
+    slack = 1e-12 if rig.interface.ageing is None else 1e-3  # counts come from a table, crossings do not
+    if abs(left.unstable - right.unstable) == 2 and len(changing) <= 1:
+        starts = [(e / (e - f), w, u) for w, e, u, f in changing]
+        if width < 1e-3:
+            starts += [(0.5, w, w) for w in _nearest(left.neutral).tolist() + _nearest(right.neutral).tolist()]
+        for t, w, u in starts:
+            at = polish(
+                parameter,
+                rig,
+                math.log(left.value) + t * width,
+                (1 - t) * math.log(w) + t * math.log(u),
+                2 * width,
+            )
+            if at is not None and left.value <= at[0] * (1 + slack) and at[0] <= right.value * (1 + slack):
+                return [_crossing(at, left, right)]
+    if width <= 1e-12:
+        at = left.value, float(next(iter(_nearest(left.neutral)), math.nan))
+        return [] if left.unstable == right.unstable else [_crossing(at, left, right)]
+    inner = (left.value * np.exp(width * np.array([0.25, 0.5, 0.75]))).tolist()
+    points = [left, *_look(parameter, rig, inner), right]
+    return [c for pair in pairwise(points) for c in _between(parameter, rig, *pair)]
+
+
+def _crossing(at: tuple[float, float], left: _Point, right: _Point) -> Crossing:
+    return Crossing(value=at[0], frequency=at[1], unstable_below=left.unstable, unstable_above=right.unstable)
+
+
+def _nearest(neutral: Neutral) -> Array:
+    """Finite neutral frequencies, the one that lacks least spring first."""
+    order = np.argsort(np.abs(neutral.extra))
+    omega = neutral.omega[order]
+    return omega[np.isfinite(omega)][:4]
+
+
+def _matched(one: _Point, two: _Point) -> list[tuple[float, float, float, float]]:
+    """Branches present at both points, each the other's nearest: frequency and lacking spring at one, then at two."""
+    furthest = 0.02 + 2.5 * abs(math.log(two.value / one.value))
+    pairs = []
+    for sign in (2, -2):
+        here, there = (np.flatnonzero((p.neutral.modes == sign) & np.isfinite(p.neutral.omega)) for p in (one, two))
+        if here.size == 0 or there.size == 0:
+            continue
+        apart = np.abs(np.log(one.neutral.omega[here, None] / two.neutral.omega[there]))
+        nearest, back = np.argmin(apart, axis=1), np.argmin(apart, axis=0)
+        for i, j in enumerate(nearest.tolist()):
+            if back[j] == i and apart[i, j] < furthest:
+                k, m = here[i], there[j]
+                w, e = float(one.neutral.omega[k]), float(one.neutral.extra[k])
+                pairs.append((w, e, float(two.neutral.omega[m]), float(two.neutral.extra[m])))
+    return pairs
+
+
+def _hidden(parameter: Parameter, rig: Rig, before: _Point, here: _Point, after: _Point, depth: int) -> list[Crossing]:
+    """Pairs of crossings about a point where a branch comes near to changing sign and turns back."""
+    if not before.unstable == here.unstable == after.unstable or depth == 0:
+        return []
+    earlier = {w: f for w, _, _, f in _matched(here, before)}
+    later = {w: f for w, _, _, f in _matched(here, after)}
+    for w, e in zip(here.neutral.omega.tolist(), here.neutral.extra.tolist(), strict=True):
+        if w not in earlier or w not in later:
+            continue
+        side = 1.0 if e > 0 else -1.0
+        a, b, c = side * earlier[w], side * e, side * later[w]
+        bend = a - 2 * b + c
+        if not (0 < b <= min(a, c) and bend > 0) or b - (c - a) ** 2 / (8 * bend) > 0.3 * b:
+            continue
+        fine = np.geomspace(before.value, after.value, 9)[1:-1].tolist()
+        points = [before, *_look(parameter, rig, fine), after]
+        if any(p.unstable != here.unstable for p in points):
+            return [c for pair in pairwise(points) for c in _between(parameter, rig, *pair)]
+        return [
+            c
+            for triple in zip(points, points[1:], points[2:], strict=False)
+            for c in _hidden(parameter, rig, *triple, depth - 1)
+        ]
+    return []
+
+
+def residual_and_slopes(
+    parameters: Sequence[Parameter], rig: Rig, logs: Sequence[float], log_omega: float
+) -> tuple[complex, list[complex]]:
+    """Return ``Z + kappa`` at ``s = i omega`` and its slopes in the logarithm of each parameter and of omega."""
+    # The response of ageing contacts is computed on grids that vary with the rig.
+    d, here = 1e-6 if rig.interface.ageing is None else 1e-3, rig
+    for parameter, log in zip(parameters, logs, strict=True):
+        here = parameter.set(here, math.exp(log))
+    # The point itself, omega turned both ways, then each parameter varied both ways.
+    there = [here, here, here]
+    for parameter, log in zip(parameters, logs, strict=True):
+        there += [parameter.set(here, math.exp(log + d)), parameter.set(here, math.exp(log - d))]
+    s = 1j * math.exp(log_omega) * np.array([1.0, math.exp(d), math.exp(-d), *[1.0] * (2 * len(parameters))])
+    speed = np.array([each.velocity for each in there])
+    values = np.empty(s.shape, dtype=complex)
+    for body in dict.fromkeys(each.slider for each in there):
+        own = np.array([each.slider == body for each in there])
+        values[own] = impedance(body)(s[own])
+    for interface in dict.fromkeys(each.interface for each in there):
+        own = np.array([each.interface == interface for each in there])
+        response = respond(interface)
+        kappa = response.exact if isinstance(response, AgedResponse) else response.stiffness
+        values[own] += kappa(speed[own], s[own])
+    slopes = ((values[1::2] - values[2::2]) / (2 * d)).tolist()
+    return complex(values[0]), [*slopes[1:], slopes[0]]
+
+
+def polish(
+    parameter: Parameter, rig: Rig, log_value: float, log_omega: float, furthest: float = math.inf
+) -> tuple[float, float] | None:
+    """Newton's method in (log value, log omega) for ``Z + kappa = 0`` at ``i omega``; None if it does not settle."""
+    x, y, last = log_value, log_omega, math.inf
+    aged = rig.interface.ageing is not None
+    for _ in range(12):
+        f, (fx, fy) = residual_and_slopes([parameter], rig, [x], y)
+        det = (fx.conjugate() * fy).imag
+        if det == 0 or not math.isfinite(det):
+            return None
+        dx, dy = -(f.conjugate() * fy).imag / det, -(fx.conjugate() * f).imag / det
+        step = max(abs(dx), abs(dy))
+        x, y = x + dx, y + dy
+        if not (step < 1.0 and abs(x - log_value) < furthest):
+            return None
+        if step < 1e-14 or (step < 1e-10 and step >= 0.5 * last) or (step < 1e-5 and aged):
+            return math.exp(x), math.exp(y)
+        last = step
+    return None
