@@ -16,7 +16,7 @@ import pytest
 from stickslip import cli, model
 from stickslip.errors import InputError
 from stickslip.explorer import answers, documents
-from stickslip.io import files as store
+from stickslip.io import datasets as store
 from stickslip.io import rig_files as rigs
 from stickslip.model import Rig
 from stickslip.simulation import simulate

@@ -12,7 +12,7 @@ import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from stickslip.errors import InputError, UndecidedError
-from stickslip.io import files as store
+from stickslip.io import datasets as store
 from stickslip.model import Slider
 from stickslip.paper import FIGURES, Claim, Figure
 from stickslip.paper.cases import FIG2, FIG5

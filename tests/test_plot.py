@@ -185,7 +185,7 @@ def test_what_is_not_there_is_named(run, trace):
         plot.energy(trace)
     with pytest.raises(InputError, match="no snapshots"):
         plot.stretchings(trace)
-    with pytest.raises(InputError, match="no variable F_d"):
+    with pytest.raises(InputError, match="no variable spring_force"):
         plot.overview(xr.Dataset())
     with pytest.raises(InputError, match="along t alone"):
         plot.force_trace(xr.concat([run, run], "case"))

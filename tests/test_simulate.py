@@ -10,7 +10,7 @@ import xarray as xr
 from scipy.integrate import solve_ivp
 
 from stickslip.errors import InputError
-from stickslip.io import files as store
+from stickslip.io import datasets as store
 from stickslip.model import (
     Contacts,
     Delay,

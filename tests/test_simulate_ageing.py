@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from stickslip.errors import InputError
-from stickslip.io import files as store
+from stickslip.io import datasets as store
 from stickslip.kernels.ageing import steady_friction
 from stickslip.model import (
     Contacts,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stickslip.errors import InputError, UndecidedError
-from stickslip.io.files import read_provenance
+from stickslip.io.datasets import read_provenance
 from stickslip.model import Delay, ExponentialGrowth, Interface, RandomDelay, Rig, Slider, constant
 from stickslip.model.distributions import (
     Empirical,

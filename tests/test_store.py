@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 
 from stickslip import model
 from stickslip.errors import InputError
-from stickslip.io import files as store
-from stickslip.io.files import records
+from stickslip.io import datasets as store
+from stickslip.io.datasets import records
 from stickslip.model import distributions as thresholds
 from stickslip.model import drive, units
 from stickslip.paper import cases
@@ -134,7 +134,7 @@ def test_every_field_counts():
 
 
 def test_the_hash_is_the_same_in_every_process():
-    code = "from stickslip.io import files as store; from stickslip.paper import cases; print(store.content_hash(cases.FIG8.interface))"
+    code = "from stickslip.io import datasets as store; from stickslip.paper import cases; print(store.content_hash(cases.FIG8.interface))"
     answers = {
         subprocess.run(
             [sys.executable, "-c", code],
@@ -232,7 +232,7 @@ def test_a_killed_write_leaves_nothing_under_the_final_name(tmp_path):
 import os, signal
 import xarray as xr
 from pathlib import Path
-from stickslip.io import files as store
+from stickslip.io import datasets as store
 
 def die(self, place, **_):
     Path(place).write_bytes(b"half of it")

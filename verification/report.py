@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import stickslip
-from stickslip.io.files import whole_file
+from stickslip.io.datasets import whole_file
 from stickslip.paper import Claim
 from verification import STUDIES
 

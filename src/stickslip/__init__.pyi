@@ -11,8 +11,8 @@ from .cycles import is_sustained as is_sustained
 from .cycles import sustained as sustained
 from .errors import InputError as InputError
 from .errors import UndecidedError as UndecidedError
-from .io.files import load as load
-from .io.files import save as save
+from .io.datasets import load as load
+from .io.datasets import save as save
 from .io.rig_files import example as example
 from .io.rig_files import read_rig as read_rig
 from .measure import amplitude as amplitude

@@ -127,7 +127,7 @@ def simulate(
         A rig file in TOML, or with --again a run that `simulate` wrote.
     """
     from stickslip import measure
-    from stickslip.io import files as store
+    from stickslip.io import datasets as store
     from stickslip.io import rig_files as rigs
     from stickslip.simulation import rerun
     from stickslip.simulation import simulate as run_case
@@ -179,7 +179,7 @@ def measure(
         A run (NetCDF), or a table in plain text with a column of force.
     """
     from stickslip import measure as measures
-    from stickslip.io import files as store
+    from stickslip.io import datasets as store
 
     _check_target(plot)
     _check_target(events)
@@ -358,7 +358,7 @@ def paper(
         fig1, fig2 ...
     """
     from stickslip import plot as drawing
-    from stickslip.io import files as store
+    from stickslip.io import datasets as store
     from stickslip.paper import FIGURES
 
     if figure not in FIGURES:
@@ -582,7 +582,7 @@ def _check_target(path: Path | None) -> None:
 def _read_data(data: Path, force: str | None, time: str | None, step: float | None) -> xr.Dataset:
     """Read a run, in its units, or a measured trace."""
     from stickslip import measure as measures
-    from stickslip.io import files as store
+    from stickslip.io import datasets as store
 
     if data.is_file() and store.is_netcdf(data):
         run = store.load(data)

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError, UndecidedError, instance, number
-from stickslip.io import files as store
+from stickslip.io import datasets as store
 from stickslip.measure.verdict import SLIP_VELOCITY, TINY, Kind
 from stickslip.model import FromRest, FromSliding, MasterEquation, Slider, Start
 from stickslip.model.distributions import Distribution

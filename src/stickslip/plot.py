@@ -37,7 +37,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
-from stickslip.io.files import whole_file
+from stickslip.io.datasets import whole_file
 from stickslip.measure import events as find_events
 
 Array = NDArray[np.float64]

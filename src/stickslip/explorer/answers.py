@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from stickslip import advise, cycles, measure, plot, rigid, theory
 from stickslip.errors import InputError, UndecidedError
 from stickslip.explorer import documents
-from stickslip.io import files as store
+from stickslip.io import datasets as store
 from stickslip.io import rig_files as rigs
 from stickslip.io.rig_files import Rig
 from stickslip.model import Delay, Interface

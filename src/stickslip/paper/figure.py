@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal, Protocol, get_args
 import xarray as xr
 
 from stickslip.errors import InputError
-from stickslip.io import files as store
+from stickslip.io import datasets as store
 from stickslip.plot import house_style
 
 if TYPE_CHECKING:
@@ -212,7 +212,7 @@ class Figure:
     claims: Callable[[xr.Dataset], tuple[Claim, ...]]
 
     def compute(self, progress: Progress | None = None, quick: bool = False) -> xr.Dataset:
-        """Compute the data of the figure; `stickslip.io.files.save` writes them.
+        """Compute the data of the figure; `stickslip.io.datasets.save` writes them.
 
         Parameters
         ----------

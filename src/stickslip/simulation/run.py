@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError, instance
-from stickslip.io import files as store
+from stickslip.io import datasets as store
 from stickslip.model import (
     Contacts,
     Delay,

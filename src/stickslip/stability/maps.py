@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError, UndecidedError, instance, number
-from stickslip.io import files as store
+from stickslip.io import datasets as store
 from stickslip.model.parameters import STIFFNESS, VELOCITY, Parameter, check_range, parameter_named
 from stickslip.model.rig import Rig
 from stickslip.stability.critical import neutral_along, residual_and_slopes, search

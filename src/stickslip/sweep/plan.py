@@ -28,7 +28,7 @@ from pydantic import Discriminator, Field, Tag, create_model
 from stickslip.cycles import bistable_range, bistable_region
 from stickslip.errors import InputError, UndecidedError, number, whole
 from stickslip.io import rig_files as rigs
-from stickslip.io.files import load, save
+from stickslip.io.datasets import load, save
 from stickslip.io.validation import Lag, Length, Mass, Part, Rate, Stiffness, Time, quantity, read_toml, validate
 from stickslip.model import Contacts, FromRest, MasterEquation, Method, Rig, Slider, constant
 from stickslip.model.parameters import parameter_named
