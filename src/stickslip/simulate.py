@@ -28,11 +28,14 @@ from stickslip import store
 from stickslip.drive import Drive, ForceAbove, ForceBelow, Piece, Travel, hold
 from stickslip.errors import InputError, instance, number, whole
 from stickslip.model import Delay, DelayLaw, ExponentialGrowth, Interface, Langevin, Slider
-from stickslip.theory import gaussian_ageing, growth_law, lives
+from stickslip.theory import ageing_constants, gaussian_ageing, growth_law, lives
 from stickslip.thresholds import Law, SteadyState, panels
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from stickslip.kernels.oscillator import Quadratic
+    from stickslip.kernels.oscillator import Slider as SliderConstants
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -699,7 +702,7 @@ class _Cohorts:
 class _Aged(Protocol):
     """A state of ageing contacts and the slider, and the kernel that advances it."""
 
-    def advance(self, drive: Array, times: Array, *, pausing: bool = False) -> Array:
+    def advance(self, drive: Quadratic, times: Array, *, pausing: bool = False) -> Array:
         """Advance to the last of `times`; X, V, F_d, F_c and the attached share at each.
 
         Pausing at each, a run that is cut short at one of them has gone the same way till there.
@@ -730,9 +733,11 @@ class _Ageing:
 
     def pull(self, pull: _Pull, report: Progress) -> float:
         """Follow a piece of the drive to its end."""
+        from stickslip.kernels.oscillator import Quadratic
+
         motion = self._motion
         self._pulled += 1
-        drive = np.array([[pull.begin, pull.position, pull.piece.start, pull.piece.acceleration]])
+        drive = Quadratic(pull.begin, pull.position, pull.piece.start, pull.piece.acceleration)
         kind, value = pull.stop()
         origin, now = self._X, pull.begin
         last = self._pulled == len(motion.drive.pieces)
@@ -792,55 +797,62 @@ def _settling_time(motion: _Motion, ageing: Langevin) -> float:
     return 5.0 * (motion.interface.threshold_law.moment(1) / velocity + delay) + 5.0 / ageing.rate**2
 
 
-def _ageing_law(motion: _Motion) -> Array:
-    ageing, law = gaussian_ageing(motion.interface)
-    return np.array([ageing.rate, law.mean, law.spread, ageing.newborn])
+def _first_pull(motion: _Motion) -> Quadratic:
+    """Drive at the first velocity, on and on."""
+    from stickslip.kernels.oscillator import Quadratic
+
+    return Quadratic(0.0, 0.0, motion.drive.pieces[0].start, 0.0)
 
 
-def _ageing_slider(slider: Slider | None) -> Array:
-    if slider is None:
-        return np.array([math.inf, 1.0, 0.0])
-    return np.array([slider.stiffness, slider.mass, slider.damping])
+def _ageing_slider(slider: Slider | None) -> SliderConstants:
+    from stickslip.kernels.oscillator import RIGID
+    from stickslip.kernels.oscillator import Slider as SliderConstants
+
+    return RIGID if slider is None else SliderConstants(slider.stiffness, slider.mass, slider.damping)
 
 
 class _AgeingContacts:
-    """N contacts of `stickslip.kernels.ageing`."""
+    """N contacts of `stickslip.kernels.langevin_contacts`."""
 
     _DELAYS = 65_536
 
     def __init__(self, motion: _Motion, ageing: Langevin, method: Contacts) -> None:
+        from stickslip.kernels.langevin_contacts import Contacts as Sampled
+
         initial, thresholds, delays = (
             np.random.default_rng(seed) for seed in np.random.SeedSequence(method.seed).spawn(3)
         )
-        self._rng, self._law = thresholds, _ageing_law(motion)
+        self._rng, self._constants = thresholds, ageing_constants(motion.interface)
         delay = motion.interface.delay
         self._delays = delay.sample(delays, 1 if isinstance(delay, Delay) else self._DELAYS)
-        self._x, self._f, pending = _first_contacts(motion, method.count, initial)
-        self._attach = np.append(np.full(method.count - pending.size, -math.inf), pending)
+        x, threshold, pending = _first_contacts(motion, method.count, initial)
+        self._contacts = Sampled(x, threshold, np.append(np.full(method.count - pending.size, -math.inf), pending))
         self._state = np.zeros(4)
         if isinstance(motion.start, Sliding):
             self._slider = _ageing_slider(None)
             end = _settling_time(motion, ageing)
-            self.advance(np.array([[0.0, 0.0, motion.drive.pieces[0].start, 0.0]]), np.array([end]))
-            self._attach -= end
+            self.advance(_first_pull(motion), np.array([end]))
+            self._contacts.attach[:] -= end
             self._state[:2] = 0.0
         self._state[2] = motion.first_velocity
         self._slider = _ageing_slider(motion.slider)
 
-    def advance(self, drive: Array, times: Array, *, pausing: bool = False) -> Array:
+    def advance(self, drive: Quadratic, times: Array, *, pausing: bool = False) -> Array:
         """Advance to the last of `times`."""
-        from stickslip.kernels.ageing import advance_contacts
+        from stickslip.kernels.langevin_contacts import advance_contacts
+        from stickslip.kernels.stepping import Course
 
-        contacts, rig = (self._x, self._f, self._attach), (drive, self._slider, self._law, self._delays)
-        return advance_contacts(self._state, *contacts, *rig, times, _AGEING_STEP, _AGEING_STEP, self._rng, pausing)
+        longest, reach = _AGEING_STEP / self._constants.rate**2, _AGEING_STEP * self._constants.mean
+        course = Course(drive, self._slider, times, longest, reach, pausing)
+        return advance_contacts(self._state, self._contacts, course, self._constants, self._delays, self._rng)
 
     def contact_force(self) -> float:
         """Force of the contacts now, per contact."""
-        return _mean_force(self._x, self._attach, self._state[0])
+        return _mean_force(self._contacts.stretching, self._contacts.attach, self._state[0])
 
     def stretchings(self) -> tuple[Array, Array, bool]:
         """Stretchings of attached contacts, and their shares."""
-        return *_of_attached(self._x, self._attach, self._state[0]), False
+        return *_of_attached(self._contacts.stretching, self._contacts.attach, self._state[0]), False
 
 
 def _mean_force(x: Array, attach: Array, now: float) -> float:
@@ -855,7 +867,7 @@ def _of_attached(x: Array, attach: Array, now: float) -> tuple[Array, Array]:
 
 
 class _GrowingContacts:
-    """N contacts whose thresholds grow by a fixed law, of `stickslip.kernels.ageing`."""
+    """N contacts whose thresholds grow by a fixed law, of `stickslip.kernels.growth`."""
 
     _POOL = 65_536
 
@@ -863,6 +875,8 @@ class _GrowingContacts:
         initial, thresholds, delays = (
             np.random.default_rng(seed) for seed in np.random.SeedSequence(method.seed).spawn(3)
         )
+        from stickslip.kernels.growth import Growing
+
         interface = motion.interface
         self._growth, self._rng = growth_law(interface), thresholds
         self._pool = interface.threshold_law.sample(thresholds, self._POOL)
@@ -872,14 +886,15 @@ class _GrowingContacts:
         if isinstance(motion.start, Relaxed):
             # Growth towards a strength has come to its end; growth without end begins.
             born = -math.inf if isinstance(interface.ageing, ExponentialGrowth) else 0.0
-            self._x, self._strength, _ = _first_contacts(motion, method.count, initial)
-            self._attach = np.full(method.count, born)
+            x, strength, _ = _first_contacts(motion, method.count, initial)
+            attach = np.full(method.count, born)
         else:
-            self._slide(motion, method.count, initial)
+            x, strength, attach = self._slide(motion, method.count, initial)
+        self._contacts = Growing(x, strength, attach)
         self._state = np.array([0.0, 0.0, motion.first_velocity, 0.0])
 
-    def _slide(self, motion: _Motion, count: int, rng: np.random.Generator) -> None:
-        """Contacts of steady sliding: long lives are met more often, and anywhere within them."""
+    def _slide(self, motion: _Motion, count: int, rng: np.random.Generator) -> tuple[Array, Array, Array]:
+        """Stretchings, strengths, births in steady sliding: long lives are met more often, and anywhere within them."""
         velocity, delay = motion.drive.pieces[0].start, motion.interface.delay
         life = lives(self._growth, self._pool, velocity)
         share = life.mean() / (life.mean() + delay.moment(1)) if life.any() else 0.0
@@ -888,59 +903,59 @@ class _GrowingContacts:
         age = rng.random(attached) * life[which]
         detached = count - attached
         pending = _pending(delay, detached, rng)
-        self._x = np.append(velocity * age, np.zeros(detached))
-        self._strength = np.append(self._pool[which], rng.choice(self._pool, detached))
-        self._attach = np.append(-age, pending)
+        strength = np.append(self._pool[which], rng.choice(self._pool, detached))
+        return np.append(velocity * age, np.zeros(detached)), strength, np.append(-age, pending)
 
-    def advance(self, drive: Array, times: Array, *, pausing: bool = False) -> Array:
+    def advance(self, drive: Quadratic, times: Array, *, pausing: bool = False) -> Array:
         """Advance to the last of `times`."""
-        from stickslip.kernels.ageing import advance_growing
+        from stickslip.kernels.growth import advance_growing
+        from stickslip.kernels.stepping import Course
 
-        contacts, rig = (self._x, self._strength, self._attach), (drive, self._slider, np.array(self._growth))
+        course = Course(drive, self._slider, times, math.inf, _GROWING_REACH, pausing)
         pools = self._pool, self._delays
-        return advance_growing(self._state, *contacts, *rig, *pools, times, _GROWING_REACH, self._rng, pausing)
+        return advance_growing(self._state, self._contacts, course, self._growth, *pools, self._rng)
 
     def contact_force(self) -> float:
         """Force of the contacts now, per contact."""
-        return _mean_force(self._x, self._attach, self._state[0])
+        return _mean_force(self._contacts.stretching, self._contacts.attach, self._state[0])
 
     def stretchings(self) -> tuple[Array, Array, bool]:
         """Stretchings of attached contacts, and their shares."""
-        return *_of_attached(self._x, self._attach, self._state[0]), False
+        return *_of_attached(self._contacts.stretching, self._contacts.attach, self._state[0]), False
 
 
 class _AgeingDensity:
-    """The kinetic equation of `stickslip.kernels.ageing`."""
+    """The kinetic equation of `stickslip.kernels.langevin_density`."""
 
     def __init__(self, motion: _Motion, ageing: Langevin, method: MasterEquation) -> None:
-        from stickslip.kernels.ageing import gap_nodes
+        from stickslip.kernels.langevin_density import Cohorts, density_nodes
 
-        self._law = _ageing_law(motion)
-        _, mean, spread, newborn = self._law.tolist()
+        self._constants = ageing_constants(motion.interface)
+        mean = self._constants.mean
         self._step = 4.0 / method.cells
-        self._nodes = gap_nodes(mean, spread, newborn, method.cells / 40.0)
+        self._nodes = density_nodes(self._constants, method.cells / 40.0)
         sliding = isinstance(motion.start, Sliding)
         cohorts = _first_cohorts(motion.interface, self._nodes, 4.0 * self._step * mean, steady=sliding)
         count, room = cohorts[0].size, math.ceil(self._nodes[-1] / (self._step * mean)) + 3
-        self._place, self._mass, self._moment = (
-            np.append(part, np.zeros((room, *part.shape[1:])), 0) for part in cohorts
-        )
+        self._cohorts = Cohorts(*(np.append(part, np.zeros((room, *part.shape[1:])), 0) for part in cohorts))
         self._state = np.array([0.0, 0.0, 0.0, 0.0, count, 0.0])
         if isinstance(motion.start, Sliding):
             self._slider = _ageing_slider(None)
             end = _settling_time(motion, ageing)
-            self.advance(np.array([[0.0, 0.0, motion.drive.pieces[0].start, 0.0]]), np.array([end]))
-            self._place -= self._state[1]
+            self.advance(_first_pull(motion), np.array([end]))
+            self._cohorts.place[:] -= self._state[1]
             self._state[:2] = 0.0
         self._state[2] = motion.first_velocity
         self._slider = _ageing_slider(motion.slider)
 
-    def advance(self, drive: Array, times: Array, *, pausing: bool = False) -> Array:
+    def advance(self, drive: Quadratic, times: Array, *, pausing: bool = False) -> Array:
         """Advance to the last of `times`."""
-        from stickslip.kernels.ageing import advance_density
+        from stickslip.kernels.langevin_density import advance_density
+        from stickslip.kernels.stepping import Course
 
-        cohorts, rig = (self._place, self._mass, self._moment), (drive, self._slider, self._law)
-        return advance_density(self._state, *cohorts, self._nodes, *rig, times, self._step, self._step, pausing)
+        longest, reach = self._step / self._constants.rate**2, self._step * self._constants.mean
+        course = Course(drive, self._slider, times, longest, reach, pausing)
+        return advance_density(self._state, self._cohorts, self._nodes, course, self._constants)
 
     def contact_force(self) -> float:
         """Force of the contacts now, per contact."""
@@ -949,56 +964,56 @@ class _AgeingDensity:
 
     def stretchings(self) -> tuple[Array, Array, bool]:
         """Mean stretchings of the cohorts, and their shares."""
-        share = self._mass.sum(axis=1)
+        share = self._cohorts.mass.sum(axis=1)
         kept = share > 0.0
-        place = self._place[kept] + self._moment[kept].sum(axis=1) / share[kept]
+        place = self._cohorts.place[kept] + self._cohorts.moment[kept].sum(axis=1) / share[kept]
         return self._state[1] - place, share[kept], True
 
 
 class _AgeingClosure:
-    """The paper's closure of `stickslip.kernels.ageing`: cohorts of stretchings, and one law of thresholds."""
+    """The paper's closure of `stickslip.kernels.closure`: cohorts of stretchings, and one law of thresholds."""
 
     def __init__(self, motion: _Motion, ageing: Langevin, method: PaperClosure) -> None:
-        from stickslip.kernels.ageing import threshold_edges
+        from stickslip.kernels.closure import Cohorts, Thresholds, threshold_edges
 
-        self._law = _ageing_law(motion)
-        _, mean, spread, newborn = self._law.tolist()
-        self._reach = self._step = 4.0 / method.cells
-        self._edges = threshold_edges(mean, spread, newborn, max(method.cells / 50.0, 2.0))
+        self._constants = ageing_constants(motion.interface)
+        self._step = 4.0 / method.cells
+        edges = threshold_edges(self._constants, max(method.cells / 50.0, 2.0))
         law = motion.interface.threshold_law
         sliding = isinstance(motion.start, Sliding)
         start = Interface(thresholds=law, initial=SteadyState(thresholds=law)) if sliding else motion.interface
         x, share = initial_nodes(start)
-        beyond = law.survival(self._edges)
-        self._thresholds = (beyond[:-1] - beyond[1:]) / (beyond[0] - beyond[-1])
-        room = x.size + math.ceil(3.0 / self._reach) + 20
-        self._place, self._weight = np.zeros(room), np.zeros(room)
-        self._place[: x.size], self._weight[: x.size] = -x, share
+        beyond = law.survival(edges)
+        self._thresholds = Thresholds(edges, (beyond[:-1] - beyond[1:]) / (beyond[0] - beyond[-1]))
+        room = x.size + math.ceil(3.0 / self._step) + 20
+        self._cohorts = Cohorts(np.zeros(room), np.zeros(room))
+        self._cohorts.place[: x.size], self._cohorts.weight[: x.size] = -x, share
         self._state = np.array([0.0, 0.0, 0.0, 0.0, x.size])
         if sliding:
             self._slider = _ageing_slider(None)
             end = 2.0 * _settling_time(motion, ageing)  # one law for all settles more slowly
-            self.advance(np.array([[0.0, 0.0, motion.drive.pieces[0].start, 0.0]]), np.array([end]))
-            self._place -= self._state[1]
+            self.advance(_first_pull(motion), np.array([end]))
+            self._cohorts.place[:] -= self._state[1]
             self._state[:2] = 0.0
         self._state[2] = motion.first_velocity
         self._slider = _ageing_slider(motion.slider)
 
-    def advance(self, drive: Array, times: Array, *, pausing: bool = False) -> Array:
+    def advance(self, drive: Quadratic, times: Array, *, pausing: bool = False) -> Array:
         """Advance to the last of `times`, with room for as many cohorts as it takes; its steps end at each."""
         del pausing
-        from stickslip.kernels.ageing import advance_closure
+        from stickslip.kernels.closure import Cohorts, advance_closure
+        from stickslip.kernels.stepping import Course
 
+        longest, reach = self._step / self._constants.rate**2, self._step * self._constants.mean
+        course = Course(drive, self._slider, times, longest, reach)
         while True:
-            state, place, weight, law = (a.copy() for a in (self._state, self._place, self._weight, self._thresholds))
+            state, cohorts, thresholds = copy.deepcopy((self._state, self._cohorts, self._thresholds))
             try:
-                rig = (self._edges, drive, self._slider, self._law, times)
-                samples = advance_closure(state, place, weight, law, *rig, self._step, self._reach)
+                samples = advance_closure(state, cohorts, thresholds, course, self._constants)
             except ValueError:  # no room for another cohort
-                self._place = np.append(self._place, np.zeros(place.size))
-                self._weight = np.append(self._weight, np.zeros(weight.size))
+                self._cohorts = Cohorts(*(np.append(part, np.zeros(part.size)) for part in self._cohorts))
                 continue
-            self._state, self._place, self._weight, self._thresholds = state, place, weight, law
+            self._state, self._cohorts, self._thresholds = state, cohorts, thresholds
             return samples
 
     def contact_force(self) -> float:
@@ -1009,7 +1024,7 @@ class _AgeingClosure:
     def stretchings(self) -> tuple[Array, Array, bool]:
         """Stretchings of the cohorts, and their shares."""
         count = int(self._state[4])
-        return self._state[1] - self._place[:count], self._weight[:count], True
+        return self._state[1] - self._cohorts.place[:count], self._cohorts.weight[:count], True
 
 
 def _first_cohorts(interface: Interface, gaps: Array, width: float, *, steady: bool) -> tuple[Array, Array, Array]:
@@ -1017,13 +1032,13 @@ def _first_cohorts(interface: Interface, gaps: Array, width: float, *, steady: b
 
     Returns their places of birth, the share of contacts by cohort and gap, and its moment about these places.
     """
-    from stickslip.kernels.ageing import gap_widths
+    from stickslip.kernels.langevin_density import cell_widths
 
     law = interface.threshold_law
     x, share = initial_nodes(Interface(thresholds=law, initial=SteadyState(thresholds=law)) if steady else interface)
     kept = share > 1e-12
     x, share = x[kept], share[kept]
-    mass = law.density(gaps + np.abs(x)[:, None]) * gap_widths(gaps)
+    mass = law.density(gaps + np.abs(x)[:, None]) * cell_widths(gaps)
     mass[:, 0] = 0.0  # none is on its boundary
     mass *= (share / mass.sum(axis=1) / share.sum())[:, None]
     # Those pulled back and those pulled ahead apart: as the slider moves, the gaps of ones widen, of others narrow.

@@ -6,7 +6,7 @@ Natural units per contact (``k = f_s = x_s = 1``), time in the user's unit.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, overload
+from typing import TYPE_CHECKING, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 from stickslip.errors import InputError, number
 from stickslip.model import ExponentialGrowth, Interface, Langevin, LogarithmicGrowth, Slider
 from stickslip.thresholds import Gaussian
+
+if TYPE_CHECKING:
+    from stickslip.kernels.growth import Growth
+    from stickslip.kernels.langevin import Langevin as Constants
 
 Array = NDArray[np.float64]
 
@@ -59,19 +63,18 @@ def kinetic_friction(interface: Interface, velocity: float | Array = 0.0) -> flo
 
 def _ageing_friction(interface: Interface, velocity: float | Array) -> float | Array:
     """Force in smooth sliding by the stationary kinetic equation, or over the lives of growing contacts."""
-    from stickslip.kernels.ageing import growing_friction, steady_friction
+    from stickslip.kernels import growth, langevin_steady
 
     speed = np.asarray(velocity, dtype=float)
     for value in (float(np.min(speed)), float(np.max(speed))):
         number("velocity", value, above=0, hint="in x_s per time; thresholds that age have no limit of slow sliding")
     delay = interface.delay.moment(1)
     if isinstance(interface.ageing, Langevin):
-        ageing, law = gaussian_ageing(interface)
-        force = steady_friction(speed.ravel(), ageing.rate, law.spread, ageing.newborn, law.mean, delay)
+        force = langevin_steady.steady_friction(speed.ravel(), ageing_constants(interface), delay)
     else:
         strength = np.linspace(0.0, interface.threshold_law.support[1], 8001)
         survival = interface.threshold_law.survival(strength)
-        force = growing_friction(speed.ravel(), *growth_law(interface), strength, survival, delay)
+        force = growth.growing_friction(speed.ravel(), growth_law(interface), strength, survival, delay)
     return float(force[0]) if speed.ndim == 0 else np.asarray(force.reshape(speed.shape))
 
 
@@ -104,14 +107,14 @@ def closure_friction(interface: Interface, velocity: float | Array) -> float | A
     InputError
         If thresholds do not age by `Langevin` from a Gaussian, a speed is not above 0, or there is a delay.
     """
-    from stickslip.kernels import ageing as kernel
+    from stickslip.kernels import closure
 
-    ageing, law = gaussian_ageing(interface)
+    constants = ageing_constants(interface)
     if interface.delay.moment(1) > 0:
         raise InputError(f"Interface.delay = {interface.delay}: the paper's closure knows no delay; use Delay(0)")
     speed = np.asarray(velocity, dtype=float)
     number("velocity", float(np.min(speed)), above=0, hint="in x_s per time")
-    force = kernel.closure_friction(speed.ravel(), ageing.rate, law.spread, ageing.newborn, law.mean)
+    force = closure.closure_friction(speed.ravel(), constants)
     return float(force[0]) if speed.ndim == 0 else np.asarray(force.reshape(speed.shape))
 
 
@@ -142,28 +145,38 @@ def gaussian_ageing(interface: Interface) -> tuple[Langevin, Gaussian]:
     return ageing, law
 
 
-def growth_law(interface: Interface) -> tuple[int, float, float]:
-    """Return the kind and the two parameters of a fixed law of growth, as `stickslip.kernels.ageing.grown` takes them.
+def ageing_constants(interface: Interface) -> Constants:
+    """Return what the kernels know of ageing by `Langevin`; raises what `gaussian_ageing` does."""
+    from stickslip.kernels.langevin import Langevin as Constants
+
+    ageing, law = gaussian_ageing(interface)
+    return Constants(ageing.rate, law.mean, law.spread, ageing.newborn)
+
+
+def growth_law(interface: Interface) -> Growth:
+    """Return a fixed law of growth as `stickslip.kernels.growth.grown` takes it.
 
     Raises
     ------
     InputError
         If thresholds do not grow by such a law.
     """
+    from stickslip.kernels.growth import EXPONENTIAL, LOGARITHMIC, Growth
+
     match interface.ageing:
         case ExponentialGrowth(rate=rate, newborn=newborn):
-            return 0, rate, newborn
+            return Growth(EXPONENTIAL, rate, newborn)
         case LogarithmicGrowth(slope=slope, time=time):
-            return 1, slope, time
+            return Growth(LOGARITHMIC, slope, time)
     raise InputError(f"Interface.ageing = {interface.ageing}: is no fixed law of growth; use ExponentialGrowth")
 
 
-def lives(growth: tuple[int, float, float], strength: Array, velocity: float) -> Array:
+def lives(growth: Growth, strength: Array, velocity: float) -> Array:
     """Return how long contacts hold in steady sliding while their thresholds grow, by bisection.
 
     Parameters
     ----------
-    growth : tuple
+    growth : Growth
         Of `growth_law`.
     strength : ndarray, shape (n,)
         To which, or from which, the thresholds grow.

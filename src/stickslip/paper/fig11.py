@@ -2,9 +2,9 @@
 
 The paper does not define ``K_eff(v)``. Here all contacts are newborn at the start, the slider is pulled rigidly at a
 constant velocity, and ``K_eff`` is the steepest fall of the force, ``max(-dF/dX)``. Lives at constant velocity are
-alike, so the force follows from a renewal equation (`stickslip.kernels.ageing.pull_newborns`), and N contacts in small
-exact steps check it. A slope taken over a finite way is smaller, by its square: over .065 x_s the values are 3.21, 2.22
-and .91 (at v = .1, .3, .5), which another study of the model found.
+alike, so the force follows from a renewal equation (`stickslip.kernels.langevin_steady.pull_newborns`), and N contacts
+in small exact steps check it. A slope taken over a finite distance is smaller, by its square: over .065 x_s the values
+are 3.21, 2.22 and .91 (at v = .1, .3, .5), which another study of the model found.
 """
 
 from __future__ import annotations
@@ -17,13 +17,17 @@ from scipy import optimize
 
 from stickslip import plot
 from stickslip.drive import ramp
-from stickslip.kernels.ageing import advance_contacts, pull_newborns
+from stickslip.kernels.langevin_contacts import Contacts as Sampled
+from stickslip.kernels.langevin_contacts import advance_contacts
+from stickslip.kernels.langevin_steady import pull_newborns
+from stickslip.kernels.oscillator import RIGID, Quadratic
+from stickslip.kernels.stepping import Course
 from stickslip.measure import transitions
 from stickslip.model import FIG11
 from stickslip.paper.record import Claim, Figure, Progress, at_most, between, near, portions, verdict
 from stickslip.simulate import LABELS, Contacts, Record, Sliding, simulate
 from stickslip.stability import critical_velocities
-from stickslip.theory import gaussian_ageing
+from stickslip.theory import ageing_constants
 
 Array = NDArray[np.float64]
 
@@ -40,27 +44,17 @@ _LEVEL = 0.6
 
 def _pulled(velocity: float) -> tuple[Array, Array]:
     """Force of contacts that are all newborn at ``X = 0``, on positions of a slider of constant velocity."""
-    ageing, law = gaussian_ageing(FIG11.interface)
     points = round(_DISTANCE / _SPACING)
-    return pull_newborns(velocity, ageing.rate, law.spread, law.mean, _DISTANCE, points, 320)
+    return pull_newborns(velocity, ageing_constants(FIG11.interface), _DISTANCE, points, 320)
 
 
 def _pulled_contacts(velocity: float, count: int, positions: Array) -> Array:
     """Return the same from so many contacts."""
-    ageing, law = gaussian_ageing(FIG11.interface)
-    contacts = np.zeros(count), np.zeros(count), np.full(count, -np.inf)
-    samples = advance_contacts(
-        np.zeros(4),
-        *contacts,
-        np.array([[0.0, 0.0, velocity, 0.0]]),
-        np.array([np.inf, 1.0, 0.0]),
-        np.array([ageing.rate, law.mean, law.spread, ageing.newborn]),
-        np.zeros(1),
-        positions / velocity,
-        0.02,
-        np.inf,
-        np.random.default_rng(11),
-    )
+    ageing = ageing_constants(FIG11.interface)
+    contacts = Sampled(np.zeros(count), np.zeros(count), np.full(count, -np.inf))
+    drive = Quadratic(0.0, 0.0, velocity, 0.0)
+    course = Course(drive, RIGID, positions / velocity, 0.02 / ageing.rate**2, np.inf)
+    samples = advance_contacts(np.zeros(4), contacts, course, ageing, np.zeros(1), np.random.default_rng(11))
     return np.asarray(samples[:, 3])
 
 

@@ -21,7 +21,7 @@ from stickslip.model import FIG8, Langevin
 from stickslip.paper.record import Claim, Figure, Progress, at_most, between, near, portions, verdict
 from stickslip.simulate import LABELS, Contacts, MasterEquation, Method, Record, Relaxed, Sliding, Start, simulate
 from stickslip.stability import AGEING, critical
-from stickslip.theory import gaussian_ageing
+from stickslip.theory import ageing_constants
 from stickslip.thresholds import Gaussian
 
 Array = NDArray[np.float64]
@@ -98,20 +98,18 @@ def _thresholds() -> Array:
 
 def _at_rest(count: int = 100_000) -> tuple[Array, Array]:
     """Law of thresholds, Eq. (17), and that of newborn contacts that have aged at rest for ten ``1/rate^2``."""
-    from stickslip.kernels.ageing import advance_contacts
+    from stickslip.kernels.langevin_contacts import Contacts, advance_contacts
+    from stickslip.kernels.oscillator import RIGID, Quadratic
+    from stickslip.kernels.stepping import Course
 
-    ageing, law = gaussian_ageing(FIG8.interface)
-    f, attach = np.zeros(count), np.full(count, -math.inf)
-    x = np.zeros(count)
-    rest = np.zeros((1, 4))
-    parameters = np.array([ageing.rate, law.mean, law.spread, 0.0])
-    end = np.array([10.0 / ageing.rate**2])
-    rng = np.random.default_rng(13)
-    slider = np.array([math.inf, 1.0, 0.0])
-    advance_contacts(np.zeros(4), x, f, attach, rest, slider, parameters, np.zeros(1), end, 0.1, math.inf, rng)
-    counts, edges = np.histogram(f, _BINS, (0.5, 1.5))
+    ageing = ageing_constants(FIG8.interface)._replace(newborn=0.0)
+    contacts = Contacts(np.zeros(count), np.zeros(count), np.full(count, -math.inf))
+    time = 1.0 / ageing.rate**2
+    course = Course(Quadratic(0.0, 0.0, 0.0, 0.0), RIGID, np.array([10.0 * time]), 0.1 * time, math.inf)
+    advance_contacts(np.zeros(4), contacts, course, ageing, np.zeros(1), np.random.default_rng(13))
+    counts, edges = np.histogram(contacts.threshold, _BINS, (0.5, 1.5))
     middle = 0.5 * (edges[1:] + edges[:-1])
-    exact = Gaussian(mean=law.mean, spread=law.spread).density(middle)
+    exact = Gaussian(mean=ageing.mean, spread=ageing.std).density(middle)
     return exact, np.asarray(counts / np.diff(edges) / count)
 
 
