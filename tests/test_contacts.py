@@ -210,6 +210,37 @@ def test_the_first_crossing_is_the_first(numbers, v, ahead, behind, reach):
         assert kernel._far(flight, h)[0] == pytest.approx(target, abs=slack)
 
 
+@settings(max_examples=200)
+@given(
+    damping=st.one_of(st.floats(-2, 4).map(lambda power: 10**power), st.floats(-1e-4, 1e-4).map(lambda by: 1 + by)),
+    lasting=st.floats(-1, 5),
+    end=st.one_of(st.floats(-1.1, -0.9), st.floats(-3, 1)),
+    force=st.one_of(st.just(0.0), st.floats(-1, 1)),
+    walls=st.tuples(st.floats(0.05, 1.1), st.floats(0.05, 1.1)),
+)
+@pytest.mark.eq(11)
+def test_no_crossing_hides_behind_a_turn_of_the_drive(damping, lasting, end, force, walls):
+    """From rest, under a drive that turns once, for up to 1e5 times the slowest relaxation, of any damping ratio."""
+    w2, speed = 3e4, 0.1
+    g = damping * math.sqrt(w2)
+    slowest = g if damping <= 1 else w2 / (g + math.sqrt(g * g - w2))
+    most = 10**lasting / slowest
+    # The force on the slider changes at a rate that is `end` times as large in the end, the other way if negative.
+    rate = 0.7 * w2 * speed
+    flight = flight_of(2 * g, w2, 0.0, force * w2 * speed / slowest, rate, 0.5 * rate * (end - 1) / most)
+    t = np.concatenate([np.geomspace(1e-6 * most, most, 200), np.linspace(0, most, 300)])
+    y = np.array([kernel._at(flight, float(time))[0] for time in t])
+    slack = 1e-12 * (abs(flight.q0) + abs(flight.y0) + abs(flight.q1) * most + abs(flight.q2) * most**2)
+    to_ahead, to_behind = np.array(walls) * np.abs(y).max() + slack
+    h, side = kernel._first_crossing(flight, to_ahead, to_behind, most, np.zeros(16))
+    before = y[t < h]
+    assert 0 < h <= most
+    assert np.all(before <= to_ahead + slack)
+    assert np.all(before >= -to_behind - slack)
+    if side:
+        assert kernel._at(flight, h)[0] == pytest.approx(to_ahead if side == 1 else -to_behind, abs=slack)
+
+
 # ------------------------------------------------------------------------------------------------ event by event
 
 

@@ -154,12 +154,29 @@ def response(t: float, eta: float, w: float) -> tuple[float, float, float, float
     time. A power series over a short time is doubled until the time is reached: one formula for oscillation,
     creep and instability (``w < 0``), without their special cases.
     """
+    doublings = _doublings(t, eta, w)
+    t *= 0.5**doublings
+    found = _short_response(t, eta, w)
+    for _ in range(doublings):
+        found = _doubled_response(found, t, eta, w)
+        t *= 2.0
+    return found
+
+
+@jit
+def _doublings(t: float, eta: float, w: float) -> int:
+    """How often a time must be halved until a power series takes it."""
     doublings = 0
     size = t * (eta + math.sqrt(abs(w)))
     while size > 0.5:
         size *= 0.5
-        t *= 0.5
         doublings += 1
+    return doublings
+
+
+@jit
+def _short_response(t: float, eta: float, w: float) -> tuple[float, float, float, float, float]:
+    """`response` by a power series, over a short time."""
     term, before = 1.0, 0.0
     v = h = h1 = h2 = h3 = 0.0
     for n in range(1, 16):
@@ -173,25 +190,43 @@ def response(t: float, eta: float, w: float) -> tuple[float, float, float, float
         h3 += part * t / (n + 3)
         recent = w * t * t * before / (n - 1) if n > 1 else 0.0
         term, before = -(eta * t * term + recent) / n, term
-    for _ in range(doublings):
-        g = v + eta * h  # position after starting at rest from 1
-        h3 += g * h3 + h * h2 + 0.5 * t * t * h1 + t * h2
-        h2 += g * h2 + h * h1 + t * h1
-        h1 += g * h1 + h * h
-        h, v = g * h + h * v, v * v - w * h * h
-        t *= 2.0
     return v, h, h1, h2, h3
 
 
+@jit
+def _doubled_response(
+    found: tuple[float, float, float, float, float], t: float, eta: float, w: float
+) -> tuple[float, float, float, float, float]:
+    """`response` at twice the time `t` at which it was `found`."""
+    v, h, h1, h2, h3 = found
+    g = v + eta * h  # position after starting at rest from 1
+    h3 += g * h3 + h * h2 + 0.5 * t * t * h1 + t * h2
+    h2 += g * h2 + h * h1 + t * h1
+    h1 += g * h1 + h * h
+    return v * v - w * h * h, g * h + h * v, h1, h2, h3
+
+
+class _Motion(NamedTuple):
+    """Motion of the slider over some time: where it ends, the lowest and highest position on the way, work, losses.
+
+    `work` is that of the drive, `squares` the integral of the squared velocity.
+    """
+
+    X: float
+    V: float
+    low: float
+    high: float
+    work: float
+    squares: float
+
+
 class _Trial(NamedTuple):
-    """Where a step of length `dt` ends; the cohorts' trial rows belong to it."""
+    """What a step of length `dt` comes to; the cohorts' trial rows belong to it."""
 
     dt: float
     slope: float
     ramp: float
-    X: float
-    V: float
-    turn: float
+    motion: _Motion
     force: float
     attached: float
     mass_in: float
@@ -208,43 +243,98 @@ def _spring(scalar: Array, pull: Pull) -> tuple[float, float]:
 
 
 @jit
-def _move(t: float, scalar: Array, mechanics: Mechanics, pull: Pull, slope: float, ramp: float) -> tuple[float, float]:
-    """Position and velocity a time `t` on, under a contact force with this slope in X and this one in time."""
+def _move(t: float, scalar: Array, mechanics: Mechanics, pull: Pull, slope: float, ramp: float) -> _Motion:
+    """Motion over a time `t`, under a contact force with this slope in X and this one in time.
+
+    The closed form is had by doubling a short time, and the motion is looked at after each doubling. A step may be long
+    against the relaxation of the slider, and the slider may turn within: what the ends do not tell, these moments do,
+    as each comes soon after the one before, measured by what has not died out by then.
+    """
     length, velocity = _spring(scalar, pull)
-    X, V = scalar[POSITION], scalar[VELOCITY]
+    X, V, acceleration = scalar[POSITION], scalar[VELOCITY], pull.acceleration
     if mechanics.rigid:
-        return X + length + t * (velocity + 0.5 * t * pull.acceleration), velocity + t * pull.acceleration
-    K, M = mechanics.stiffness, mechanics.mass
-    v, h, h1, h2, h3 = response(t, mechanics.damping, (K + slope) / M)
+        y, v = length + t * (velocity + 0.5 * t * acceleration), velocity + t * acceleration
+        turn = _turning_point(V, y, v, t)
+        return _Motion(X + y, v, X + min(0.0, y, turn), X + max(0.0, y, turn), 0.0, 0.0)
+    K, M, eta = mechanics.stiffness, mechanics.mass, mechanics.damping
+    w = (K + slope) / M
     constant = (K * length - scalar[CONTACT_FORCE]) / M
     linear = (K * velocity - ramp) / M
-    quadratic = K * pull.acceleration / M
-    return (
-        X + V * h + constant * h1 + linear * h2 + quadratic * h3,
-        V * v + constant * h + linear * h1 + quadratic * h2,
-    )
+    quadratic = K * acceleration / M
+    doublings = _doublings(t, eta, w)
+    t *= 0.5**doublings
+    found = _short_response(t, eta, w)
+    begin = y = low = high = work = squares = 0.0
+    u, v = velocity, V
+    for i in range(doublings + 1):
+        if i > 0:
+            found = _doubled_response(found, t, eta, w)
+            begin = t
+            t *= 2.0
+        dt = t - begin
+        y1 = V * found[1] + constant * found[2] + linear * found[3] + quadratic * found[4]
+        v1 = V * found[0] + constant * found[1] + linear * found[2] + quadratic * found[3]
+        u1 = velocity + t * acceleration
+        turn = y + _turning_point(v, y1 - y, v1, dt)
+        low, high = min(low, y1, turn), max(high, y1, turn)
+        # Quadratures from both ends, of fourth order.
+        mean = (y1 - y) / dt
+        pulled = length + begin * (velocity + 0.5 * begin * acceleration) - y
+        pulled1 = length + t * (velocity + 0.5 * t * acceleration) - y1
+        rate, rate1 = (u - v) * u + pulled * acceleration, (u1 - v1) * u1 + pulled1 * acceleration
+        work += K * dt * (0.5 * (pulled * u + pulled1 * u1) + dt / 12.0 * (rate - rate1))
+        squares += dt * ((2.0 * (v * v + v1 * v1) - v * v1) / 15.0 + mean * (1.2 * mean - 0.2 * (v + v1)))
+        y, u, v = y1, u1, v1
+    return _Motion(X + y, v, X + low, X + high, work, squares)
 
 
 @jit
-def _turning_point(X: float, V: float, X1: float, V1: float, dt: float) -> float:
-    """Position where the velocity changes sign within a step (cubic between its ends); `X1` where it does not."""
-    if V * V1 >= 0.0:
-        return X1
-    mean = (X1 - X) / dt
+def _turning_point(V: float, y1: float, V1: float, dt: float) -> float:
+    """Displacement where the velocity changes sign on a cubic of these ends; 0 where it does not."""
+    if V * V1 > 0.0 or V1 == 0.0:
+        return 0.0
+    mean = y1 / dt
     a, b = 3.0 * (V + V1) - 6.0 * mean, 6.0 * mean - 4.0 * V - 2.0 * V1
-    root = math.sqrt(max(b * b - 4.0 * a * V, 0.0))
-    # The sign change leaves one root between 0 and 1: this one, in the form that does not cancel.
-    u = -2.0 * V / (b + math.copysign(root, -V))
-    return X + dt * u * (V + u * (b / 2.0 + u * a / 3.0))
+    if V == 0.0:  # it starts the way of b
+        u = -b / a if b * V1 < 0.0 else 0.0
+    else:
+        root = math.sqrt(max(b * b - 4.0 * a * V, 0.0))
+        # The sign change leaves one root between 0 and 1: this one, in the form that does not cancel.
+        u = -2.0 * V / (b + math.copysign(root, -V))
+    return dt * u * (V + u * (b / 2.0 + u * a / 3.0))
 
 
 @jit
-def _sweep(cohort: Array, count: int, table: Table, X: float, turn: float) -> tuple[float, float]:
-    """Take all cohorts to the slider position `X` by way of `turn`: the mass that survives, and its force."""
+def _slow_path(
+    scalar: Array, mechanics: Mechanics, pull: Pull, slope: float, ramp: float
+) -> tuple[float, float, float]:
+    """Coefficients of the parabola, from the slider's place, that a damped slider ends on; the slope must hold it."""
+    K, M, eta = mechanics.stiffness, mechanics.mass, mechanics.damping
+    w = (K + slope) / M
+    length, velocity = _spring(scalar, pull)
+    p2 = 0.5 * K * pull.acceleration / M / w
+    p1 = ((K * velocity - ramp) / M - 2.0 * eta * p2) / w
+    p0 = ((K * length - scalar[CONTACT_FORCE]) / M - eta * p1 - 2.0 * p2) / w
+    return p0, p1, p2
+
+
+@jit
+def _is_slow(scalar: Array, mechanics: Mechanics, pull: Pull, slope: float, ramp: float, cells: float) -> bool:
+    """Whether the slider follows its slow path so closely that its oscillation does not matter."""
+    w = (mechanics.stiffness + slope) / mechanics.mass
+    if w <= 0.0:
+        return False
+    p0, p1, _ = _slow_path(scalar, mechanics, pull, slope, ramp)
+    return bool(max(abs(p0), abs(scalar[VELOCITY] - p1) / math.sqrt(w)) * cells * cells < 1.0)
+
+
+@jit
+def _sweep(cohort: Array, count: int, table: Table, motion: _Motion) -> tuple[float, float]:
+    """Take all cohorts along with the slider: the mass that survives, and its force."""
     mass = force = 0.0
     for j in range(count):
-        x = X - cohort[BIRTH, j]
-        reach = max(cohort[REACH, j], abs(x), abs(turn - cohort[BIRTH, j]))
+        x = motion.X - cohort[BIRTH, j]
+        reach = max(cohort[REACH, j], motion.high - cohort[BIRTH, j], cohort[BIRTH, j] - motion.low)
         alive = cohort[ALIVE, j]
         if reach > cohort[REACH, j]:
             share = survival(table, reach)
@@ -318,28 +408,34 @@ def _arrive(
     mechanics: Mechanics,
     pull: Pull,
     due: tuple[float, float],
+    cells: float,
     dt: float,
     slope: float,
     ramp: float,
 ) -> _Trial:
     """End of a step if the contact force had this slope in X and this one in time."""
     scalar = state.scalar
-    X, V = scalar[POSITION], scalar[VELOCITY]
-    X1, V1 = _move(dt, scalar, mechanics, pull, slope, ramp)
-    turn = _turning_point(X, V, X1, V1, dt)
-    old, force = _sweep(state.cohort, state.used[0], table, X1, turn)
+    X = scalar[POSITION]
+    motion = _move(dt, scalar, mechanics, pull, slope, ramp)
+    if not mechanics.rigid and _is_slow(scalar, mechanics, pull, slope, ramp, cells):
+        # Over a long time an oscillation that does not matter would make a cubic swing.
+        p0, p1, p2 = _slow_path(scalar, mechanics, pull, slope, ramp)
+        turn = X + p0 - 0.25 * p1 * p1 / p2 if p1 * (p1 + 2.0 * p2 * dt) < 0.0 else X
+        low, high = min(X, motion.X, turn), max(X, motion.X, turn)
+        motion = _Motion(motion.X, motion.V, low, high, motion.work, motion.squares)
+    old, force = _sweep(state.cohort, state.used[0], table, motion)
     # Half of the births sit at the start of the step, and some of them may already break in it.
     known, share = due
-    young = survival(table, max(abs(X1 - X), abs(turn - X)))
+    young = survival(table, max(motion.high - X, X - motion.low))
     fragile = 0.5 * (1.0 - young)
     broken = (scalar[MASS_IN] - old + fragile * known) / (1.0 - fragile * share)
     born = known + share * broken
     mass_in = old + 0.5 * born * (1.0 + young)
-    force += 0.5 * born * young * (X1 - X)
+    force += 0.5 * born * young * (motion.X - X)
     grip = 1.0
     if rebirth.memoryless:
-        grip = _grip(state.cohort, state.used[0], table, X1, V1, rebirth)
-    return _Trial(dt, slope, ramp, X1, V1, turn, grip * force, grip * mass_in, mass_in, broken, born)
+        grip = _grip(state.cohort, state.used[0], table, motion.X, motion.V, rebirth)
+    return _Trial(dt, slope, ramp, motion, grip * force, grip * mass_in, mass_in, broken, born)
 
 
 @jit
@@ -349,20 +445,21 @@ def _try_step(
     """Find the end of a step without taking it, and how much too long it is (above 1)."""
     scalar = state.scalar
     due = _due(state, rebirth, dt)
-    trial = _arrive(state, table, rebirth, mechanics, pull, due, dt, scalar[SLOPE], 0.0)
+    trial = _arrive(state, table, rebirth, mechanics, pull, due, cells, dt, scalar[SLOPE], 0.0)
     disagreement = 0.0
     if not mechanics.rigid:
-        change, travel = trial.force - scalar[CONTACT_FORCE], trial.X - scalar[POSITION]
-        if trial.turn == trial.X and travel != 0.0 and not rebirth.memoryless:
+        change, travel = trial.force - scalar[CONTACT_FORCE], trial.motion.X - scalar[POSITION]
+        turned = trial.motion.high - trial.motion.low > abs(travel)
+        if travel != 0.0 and not turned and not rebirth.memoryless:
             slope, ramp = change / travel, 0.0
         else:  # the force is no function of X: what breaks acts as a load that grows in time
             slope = scalar[MASS_IN]
             ramp = (change - slope * travel) / dt
-        guess = trial
-        trial = _arrive(state, table, rebirth, mechanics, pull, due, dt, slope, ramp)
+        guess = trial.motion
+        trial = _arrive(state, table, rebirth, mechanics, pull, due, cells, dt, slope, ramp)
         frequency = math.sqrt((mechanics.stiffness + scalar[MASS_IN]) / mechanics.mass)
-        disagreement = max(abs(trial.X - guess.X), abs(trial.V - guess.V) / frequency)
-    path = max(abs(trial.X - scalar[POSITION]), abs(trial.turn - scalar[POSITION]))
+        disagreement = max(abs(trial.motion.X - guess.X), abs(trial.motion.V - guess.V) / frequency)
+    path = max(trial.motion.high - scalar[POSITION], scalar[POSITION] - trial.motion.low)
     # What breaks or is born almost in one place need not be resolved: a law with all its values at one point cannot.
     mass = min(max(trial.broken, trial.born) / BREAK_CAP, path / ONE_PLACE)
     return trial, cells * max(path, mass, math.sqrt(disagreement / TOLERANCE))
@@ -377,14 +474,8 @@ def _longest_step(scalar: Array, mechanics: Mechanics, pull: Pull, cells: float)
     fast = (K + scalar[MASS_IN]) / M
     if 0.25 * eta * eta >= fast:
         return math.inf
-    w = (K + scalar[SLOPE]) / M
-    if w > 0.0:
-        length, velocity = _spring(scalar, pull)
-        p2 = 0.5 * K * pull.acceleration / M / w
-        p1 = (K * velocity / M - 2.0 * eta * p2) / w
-        p0 = ((K * length - scalar[CONTACT_FORCE]) / M - eta * p1 - 2.0 * p2) / w
-        if max(abs(p0), abs(scalar[VELOCITY] - p1) / math.sqrt(w)) * cells * cells < 1.0:
-            return math.inf
+    if _is_slow(scalar, mechanics, pull, scalar[SLOPE], 0.0, cells):
+        return math.inf
     return PHASE / math.sqrt(fast)
 
 
@@ -412,7 +503,8 @@ def _attach(state: State, table: Table, b: float, alive: float, reach: float, me
 def _commit(state: State, table: Table, mechanics: Mechanics, pull: Pull, trial: _Trial, cells: float) -> None:
     """Make the trial the state."""
     scalar, cohort = state.scalar, state.cohort
-    travel = trial.X - scalar[POSITION]
+    motion = trial.motion
+    travel = motion.X - scalar[POSITION]
     kept = 0
     lost = stored = 0.0
     for j in range(state.used[0]):
@@ -420,21 +512,25 @@ def _commit(state: State, table: Table, mechanics: Mechanics, pull: Pull, trial:
         middle = 0.5 * (reach + cohort[REACH, j])
         lost += 0.5 * middle * middle * (cohort[ALIVE, j] - alive)
         if alive > 0.0:
-            stored += 0.5 * (trial.X - cohort[BIRTH, j]) ** 2 * alive
+            stored += 0.5 * (motion.X - cohort[BIRTH, j]) ** 2 * alive
             cohort[BIRTH, kept], cohort[MASS, kept] = cohort[BIRTH, j], cohort[MASS, j]
             cohort[REACH, kept], cohort[ALIVE, kept] = reach, alive
             kept += 1
     state.used[0] = kept
     half = 0.5 * trial.born
-    reach = max(abs(travel), abs(trial.turn - scalar[POSITION]))
+    reach = max(motion.high - scalar[POSITION], scalar[POSITION] - motion.low)
     young = half * survival(table, reach)
     _attach(state, table, scalar[POSITION], young, reach, 0.25 / cells)
-    _attach(state, table, trial.X, half, 0.0, 0.25 / cells)
+    _attach(state, table, motion.X, half, 0.0, 0.25 / cells)
     scalar[LOST] += lost + 0.125 * reach * reach * (half - young)
     scalar[STORED] = stored + 0.5 * travel * travel * young
-    _account_work(scalar, mechanics, pull, trial)
+    if mechanics.rigid:
+        scalar[WORK] += 0.5 * (scalar[CONTACT_FORCE] + trial.force) * travel
+    else:
+        scalar[WORK] += motion.work
+        scalar[DAMPED] += mechanics.mass * mechanics.damping * motion.squares
     scalar[TIME] += trial.dt
-    scalar[POSITION], scalar[VELOCITY] = trial.X, trial.V
+    scalar[POSITION], scalar[VELOCITY] = motion.X, motion.V
     scalar[CONTACT_FORCE], scalar[SLOPE] = trial.force, trial.slope
     scalar[ATTACHED], scalar[MASS_IN] = trial.attached, trial.mass_in
     scalar[MASS_OUT] += trial.broken - trial.born
@@ -446,23 +542,6 @@ def _commit(state: State, table: Table, mechanics: Mechanics, pull: Pull, trial:
 
 
 @jit
-def _account_work(scalar: Array, mechanics: Mechanics, pull: Pull, trial: _Trial) -> None:
-    """Work of the drive and of the damping in a step, by quadratures from its two ends (fourth order)."""
-    K, dt = mechanics.stiffness, trial.dt
-    V, V1, mean = scalar[VELOCITY], trial.V, (trial.X - scalar[POSITION]) / dt
-    if mechanics.rigid:
-        scalar[WORK] += 0.5 * (scalar[CONTACT_FORCE] + trial.force) * mean * dt
-        return
-    length, u = _spring(scalar, pull)
-    u1 = u + pull.acceleration * dt
-    length1 = length + (0.5 * (u + u1) - mean) * dt
-    slope, slope1 = ((u - V) * u + length * pull.acceleration, (u1 - V1) * u1 + length1 * pull.acceleration)
-    scalar[WORK] += K * dt * (0.5 * (length * u + length1 * u1) + dt / 12.0 * (slope - slope1))
-    square = (2.0 * (V * V + V1 * V1) - V * V1) / 15.0 + mean * (1.2 * mean - 0.2 * (V + V1))
-    scalar[DAMPED] += mechanics.mass * mechanics.damping * square * dt
-
-
-@jit
 def _measure_spring(scalar: Array, mechanics: Mechanics, pull: Pull) -> None:
     """Driving force: that of the spring, or what it takes to move the slider rigidly (its inertia left out)."""
     length, _ = _spring(scalar, pull)
@@ -471,16 +550,21 @@ def _measure_spring(scalar: Array, mechanics: Mechanics, pull: Pull) -> None:
 
 @jit
 def _sample(row: Array, t: float, before: Array, trial: _Trial, after: Array, mechanics: Mechanics, pull: Pull) -> None:
-    """What a step passes at time `t`: the motion in closed form, the rest linear between its ends."""
+    """What a step passes at time `t`: the motion and its energies in closed form, the rest linear between its ends."""
     u = t - before[TIME]
     share = u / trial.dt
     for i in range(COLUMNS):
         row[i] = before[i] + share * (after[i] - before[i])
     row[TIME] = t
-    row[POSITION], row[VELOCITY] = _move(u, before, mechanics, pull, trial.slope, trial.ramp)
-    # The force bends with the position; what the two sweeps left over is spread evenly.
-    bend = row[POSITION] - before[POSITION] - share * (trial.X - before[POSITION])
+    motion = _move(u, before, mechanics, pull, trial.slope, trial.ramp)
+    row[POSITION], row[VELOCITY] = motion.X, motion.V
+    # The force and what is stored bend with the position; what the two sweeps left over is spread evenly.
+    bend = motion.X - before[POSITION] - share * (trial.motion.X - before[POSITION])
     row[CONTACT_FORCE] += trial.slope * bend
+    row[STORED] += row[CONTACT_FORCE] * bend
+    if not mechanics.rigid:
+        row[WORK] = before[WORK] + motion.work
+        row[DAMPED] = before[DAMPED] + mechanics.mass * mechanics.damping * motion.squares
     _measure_spring(row, mechanics, pull)
 
 

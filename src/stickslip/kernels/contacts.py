@@ -529,6 +529,7 @@ class Flight(NamedTuple):
 # (eta + w) h up to here, w with all contacts attached: eight Taylor terms leave an error under 1e-14 of the velocity,
 _NEAR = 0.06
 _MIDDLE = 0.3  # and up to here, twelve
+_DIED_OUT = 40.0  # a free oscillation that has decayed by exp of this is less than rounding
 _LEGS = 16.0  # flights of more legs than this go through the closed form
 
 
@@ -594,7 +595,7 @@ def _far(f: Flight, h: float) -> tuple[float, float]:
     """Displacement and velocity by the closed form."""
     c, s = _free(f, h)
     y = f.q0 + f.q1 * h + f.q2 * h * h + f.y0 * c + f.v0 * s
-    v = f.q1 + 2.0 * f.q2 * h - f.w2 * s * f.y0 + (c - f.eta * s) * f.v0
+    v = f.q1 + 2.0 * f.q2 * h + f.v0 * c + 2.0 * (f.c2 - f.q2) * s
     return y, v
 
 
@@ -607,18 +608,40 @@ def _at(f: Flight, h: float) -> tuple[float, float]:
 @bare
 def _derivative(f: Flight, order: int, h: float) -> tuple[float, float]:
     """Displacement, velocity, acceleration or jerk (order 0 to 3), and the next derivative, by the closed form."""
-    c, s = _free(f, h)
-    y = f.y0 * c + f.v0 * s
-    v = -f.w2 * s * f.y0 + (c - f.eta * s) * f.v0
-    a = -f.eta * v - f.w2 * y
+    v, a = f.v0, 2.0 * (f.c2 - f.q2)
+    g = 0.5 * f.eta
+    if f.w2 < 0.5 * g * g:
+        # Two modes, far apart. Derivatives of their sum would lose the slow one in the rounding of the fast one.
+        b = math.sqrt(g * g - f.w2)
+        fast, slow = g + b, f.w2 / (g + b)
+        fast_a = 0.5 * fast * (a + slow * v) / b * math.exp(-fast * h)
+        slow_a = -0.5 * slow * (a + fast * v) / b * math.exp(-slow * h)
+        y, v = fast_a / (fast * fast) + slow_a / (slow * slow), -fast_a / fast - slow_a / slow
+        a, j = fast_a + slow_a, -fast * fast_a - slow * slow_a
+        k = fast * fast * fast_a + slow * slow * slow_a
+    else:
+        c, s = _free(f, h)
+        y, v = f.y0 * c + v * s, v * c + a * s
+        a = -f.eta * v - f.w2 * y
+        j = -f.eta * a - f.w2 * v
+        k = -f.eta * j - f.w2 * a
     if order == 0:
         return f.q0 + f.q1 * h + f.q2 * h * h + y, f.q1 + 2.0 * f.q2 * h + v
     if order == 1:
         return f.q1 + 2.0 * f.q2 * h + v, 2.0 * f.q2 + a
-    j = -f.eta * a - f.w2 * v
     if order == 2:
         return 2.0 * f.q2 + a, j
-    return j, -f.eta * j - f.w2 * a
+    return j, k
+
+
+@bare
+def _start(f: Flight, order: int) -> float:
+    """Velocity, acceleration or jerk (order 1 to 3) just after the start: where it is 0, the first that is not."""
+    if order == 1 and f.v != 0.0:
+        return f.v
+    if order <= 2 and f.c2 != 0.0:
+        return f.c2
+    return f.c3 if f.c3 != 0.0 else f.c4
 
 
 @bare
@@ -651,21 +674,28 @@ def _first_crossing(f: Flight, to_ahead: float, to_behind: float, most: float, c
     With neither, the end of the stretch that was searched and 0: `most` or, if sooner, a quarter of a period. The
     stretch is cut where the jerk vanishes (at most once within a quarter of a period, being a free oscillation),
     then where the acceleration does, then the velocity: on each part the displacement is monotone and no crossing can
-    hide.
+    hide. A vanishing derivative shows by its signs at the two ends of a part. They are right only while the free
+    oscillation is more than rounding, hence a first cut where it has died out: beyond, the motion is a parabola.
     """
     g2 = f.w2 - 0.25 * f.eta * f.eta
+    decay = 0.5 * f.eta  # of the slowest part of the free oscillation
     if g2 > 0.0:
         most = min(most, 0.5 * math.pi / math.sqrt(g2))
-    elif f.w2 == 0.0:  # rigid motion
+    elif f.w2 > 0.0:
+        decay = f.w2 / (decay + math.sqrt(-g2))
+    else:  # rigid motion
         distance = to_ahead if f.v > 0 else to_behind
         if f.v == 0.0 or most * abs(f.v) < distance:
             return most, 0
         return distance / abs(f.v), 1 if f.v > 0 else -1
     cuts[0], cuts[1] = 0.0, most
     count = 2
+    if decay * most > _DIED_OUT:
+        cuts[1], cuts[2] = _DIED_OUT / decay, most
+        count = 3
     for order in (3, 2, 1):
         i = 0
-        left = _derivative(f, order, 0.0)[0]
+        left = _start(f, order)
         while i + 1 < count:
             right = _derivative(f, order, cuts[i + 1])[0]
             if left * right < 0.0:
@@ -704,7 +734,7 @@ def _soon(f: Flight, distance: float, most: float) -> tuple[float, float, float,
         if longest > _LEGS * reach:
             return 0.0, 0.0, 0.0, 0, False
         longest = most = reach
-    if not longest * (2.0 * abs(f.c2) + longest * 3.0 * abs(f.c3)) < 0.4 * abs(f.v):
+    if not longest * (2.0 * abs(f.c2) + longest * (3.0 * abs(f.c3) + longest * 4.0 * abs(f.c4))) < 0.4 * abs(f.v):
         return 0.0, 0.0, 0.0, 0, False
     if most < 2.0 * h:
         y, v = _taylor(f, most)
