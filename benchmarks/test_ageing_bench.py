@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from stickslip.kernels._jit import jit
+from stickslip.kernels.drive import Quadratic
 from stickslip.kernels.langevin import Langevin
 from stickslip.kernels.langevin_contacts import Contacts, advance_contacts
 from stickslip.kernels.langevin_steady import steady_friction
-from stickslip.kernels.oscillator import Quadratic, Slider
+from stickslip.kernels.oscillator import Slider
 from stickslip.kernels.stepping import Course
 
 COUNT, SPREAD, RATE = 2000, 0.1, 1.5  # Fig. 8

@@ -16,13 +16,14 @@ from stickslip.kernels.closure import (
     threshold_edges,
     threshold_rates,
 )
+from stickslip.kernels.drive import Quadratic, drive_at
 from stickslip.kernels.growth import EXPONENTIAL, LOGARITHMIC, Growing, Growth, advance_growing, growing_friction
 from stickslip.kernels.langevin import Langevin, Life
 from stickslip.kernels.langevin_contacts import Contacts, advance_contacts, crossing, reflected
 from stickslip.kernels.langevin_density import Cohorts, advance_density, cell_widths, density_nodes
 from stickslip.kernels.langevin_response import dynamic_stiffness
 from stickslip.kernels.langevin_steady import life_moments, pull_newborns, steady_friction
-from stickslip.kernels.oscillator import RIGID, Load, Motion, Quadratic, Slider, drive_at, move
+from stickslip.kernels.oscillator import RIGID, Load, Motion, Slider, move
 from stickslip.kernels.stepping import Course
 
 STD = 0.1
@@ -161,7 +162,7 @@ def test_the_oscillator_satisfies_its_equation(damping):
     slider, force, dt = Slider(1.5, 0.02, damping), (0.3, -0.7, 0.4), 1e-4
     k, mass = slider.stiffness + 0.5, slider.mass  # of the spring and the contacts
     # The drive starts at 0.2 with velocity -1 and acceleration 2; the contacts give the rest of the force.
-    drive, start = Quadratic(0.0, 0.2, -1.0, 2.0), Motion(0.0, 0.2, -1.0, 0.0)
+    drive, start = Quadratic(0.0, 0.2, -1.0, 2.0), Motion(0.0, 0.2, -1.0)
     load = Load(1.5 * 0.2 + 0.5 * 0.2 - force[0], 0.5, force[1] + 1.5, 2.0 * (force[2] - 1.5))
 
     def at(t):
@@ -174,6 +175,14 @@ def test_the_oscillator_satisfies_its_equation(damping):
         residual = mass * acceleration + mass * damping * v + k * x - force[0] - force[1] * t - force[2] * t**2
         assert abs(residual) < 1e-5
         assert abs((at(t + dt)[0] - at(t - dt)[0]) / (2 * dt) - v) < 1e-4
+
+
+def test_a_slider_with_very_strong_damping_creeps_and_does_not_overflow():
+    """A step of many hundred times the inverse damping rate, where hyperbolic functions exceed the largest number."""
+    slider, drive = Slider(stiffness=1.0, mass=1e-4, damping=1e6), Quadratic(0.0, 0.5, 0.0, 0.0)
+    there = move(slider, drive, Motion(0.0, 0.0, 0.0), Load(force=0.0, stiffness=1.0), 20.0)
+    rate = (1.0 + 1.0) / (slider.mass * slider.damping)  # of the slow mode; 1 / 5e7 smaller than the fast one
+    assert pytest.approx(0.25 * (1.0 - exp(-20.0 * rate)), rel=1e-6) == there.X
 
 
 def test_the_drive_is_quadratic_in_time():

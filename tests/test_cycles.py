@@ -331,6 +331,7 @@ def test_the_branch_carries_the_same_cycle_as_a_fresh_start():
 )
 def test_turning_a_knob_under_way_keeps_what_must_be_kept(knob, value):
     from stickslip.kernels import cohorts
+    from stickslip.kernels.drive import drive_at
 
     before = cycles._Ride.begin(
         Setting(interface=delayed(0.1), rig=FIG6.slider, velocity=1.0), Relaxed(), cycles.METHOD
@@ -340,8 +341,9 @@ def test_turning_a_knob_under_way_keeps_what_must_be_kept(knob, value):
     after = before.turn(knob.set(before.setting, value))
     assert np.array_equal(before.state.scalar, kept)
     assert np.array_equal(after.state.scalar, kept)
-    length, speed = cohorts._spring(after.state.scalar, after.pull)
-    assert after.mechanics.stiffness * length == pytest.approx(kept[cohorts.DRIVE_FORCE], rel=1e-12)
+    end, speed = drive_at(after.drive, after.state.scalar[cohorts.TIME])
+    length = end - after.state.scalar[cohorts.POSITION]
+    assert after.slider.stiffness * length == pytest.approx(kept[cohorts.DRIVE_FORCE], rel=1e-12)
     assert speed == knob.set(before.setting, value).velocity
     later, rows = after.on(2.0)
     # Forces do not jump, and contacts are neither lost nor made.

@@ -39,6 +39,7 @@ from stickslip.simulate import (
     Start,
     check_method,
     initial_nodes,
+    slider_constants,
     survival_table,
 )
 from stickslip.stability import DELAY, VELOCITY, Crossings, Knob, Setting, critical, unstable_modes
@@ -49,6 +50,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from stickslip.kernels import cohorts as kernel
+    from stickslip.kernels.drive import Quadratic
+    from stickslip.kernels.oscillator import Slider as Constants
 
 Array = NDArray[np.float64]
 
@@ -191,18 +194,19 @@ class _Ride:
     setting: Setting
     cells: int
     table: kernel.Table
-    rebirth: kernel.Rebirth
-    mechanics: kernel.Mechanics
-    pull: kernel.Pull
+    delays: kernel.Delays
+    slider: Constants
+    drive: Quadratic
     state: kernel.State
     cycle: float  # expected travel of the drive in one
 
     @classmethod
     def begin(cls, setting: Setting, start: Start, method: MasterEquation) -> _Ride:
         from stickslip.kernels import cohorts as kernel
+        from stickslip.kernels.drive import Quadratic
 
         interface, slider, velocity = setting.interface, _slider(setting), setting.velocity
-        table, rebirth = _table(interface.threshold_law), kernel.Rebirth(*interface.delay.quadrature(), False)
+        table, delays = _table(interface.threshold_law), kernel.Delays(*interface.delay.quadrature())
         if isinstance(start, Relaxed):
             x, share = initial_nodes(interface)
             speed = rate = 0.0
@@ -213,7 +217,7 @@ class _Ride:
             rate = velocity / (mean + velocity * delay)
             x, share = kernel.smooth_sliding(table, method.cells, mean / (mean + velocity * delay))
             speed = velocity * (1.0 + start.kick)
-        state = kernel.initial_state(table, rebirth, x, share, velocity=speed, rate=rate)
+        state = kernel.initial_state(table, delays, x, share, velocity=speed, rate=rate)
         balance = 0.0
         if isinstance(start, Sliding):
             drag = slider.mass * slider.damping * velocity
@@ -222,9 +226,9 @@ class _Ride:
             setting=setting,
             cells=method.cells,
             table=table,
-            rebirth=rebirth,
-            mechanics=kernel.Mechanics(slider.stiffness, slider.mass, slider.damping, False),
-            pull=kernel.Pull(0.0, balance, velocity, 0.0),
+            delays=delays,
+            slider=slider_constants(slider),
+            drive=Quadratic(0.0, balance, velocity, 0.0),
             state=state,
             cycle=_cycle(setting),
         )
@@ -242,9 +246,9 @@ class _Ride:
         done = kernel.advance(
             self.state,
             self.table,
-            self.rebirth,
-            self.mechanics,
-            self.pull,
+            self.delays,
+            self.slider,
+            self.drive,
             until=begin + duration,
             times=times,
             cells=self.cells,
@@ -256,7 +260,7 @@ class _Ride:
         """Go on for a few cycles and say what they show; stretches of the drive too short for that are doubled."""
         travel = LOOK * self.cycle
         ride, rows = self.on(travel)
-        cycles = _cycles(rows, ride.mechanics.stiffness, ride.setting.velocity)
+        cycles = _cycles(rows, ride.slider.stiffness, ride.setting.velocity)
         _, force, speed = rows
         fastest = float(speed.max()) / ride.setting.velocity
         if cycles.shape[1] == 0:
@@ -273,14 +277,15 @@ class _Ride:
         Contacts that are detached stay so for the same share of the new delay. Cohorts keep what is attached of them.
         """
         from stickslip.kernels import cohorts as kernel
+        from stickslip.kernels.drive import Quadratic
 
         slider = _slider(setting)
-        table, rebirth = self.table, self.rebirth
+        table, delays = self.table, self.delays
         scalar, cohort, broken = self.state.scalar.copy(), self.state.cohort.copy(), self.state.broken.copy()
         cursor, used = self.state.cursor.copy(), self.state.used.copy()
         if setting.interface.delay != self.setting.interface.delay:
-            rebirth = kernel.Rebirth(*setting.interface.delay.quadrature(), False)
-            ratio = _stretched(self.rebirth, rebirth)
+            delays = kernel.Delays(*setting.interface.delay.quadrature())
+            ratio = _stretched(self.delays, delays)
             n = used[1]
             broken[0, :n] = scalar[kernel.TIME] - ratio * (scalar[kernel.TIME] - broken[0, :n])
             cursor[:] = 0
@@ -295,9 +300,9 @@ class _Ride:
             self,
             setting=setting,
             table=table,
-            rebirth=rebirth,
-            mechanics=kernel.Mechanics(slider.stiffness, slider.mass, slider.damping, False),
-            pull=kernel.Pull(float(scalar[kernel.TIME]), at, setting.velocity, 0.0),
+            delays=delays,
+            slider=slider_constants(slider),
+            drive=Quadratic(float(scalar[kernel.TIME]), at, setting.velocity, 0.0),
             state=kernel.State(scalar, cohort, broken, cursor, used),
             cycle=self.cycle / _cycle(self.setting) * _cycle(setting),
         )
@@ -316,11 +321,11 @@ def _cycle(setting: Setting) -> float:
     return max(stretch * (1.0 + 1.0 / slider.stiffness), setting.velocity * 2.0 * math.pi / slider.frequency)
 
 
-def _stretched(old: kernel.Rebirth, new: kernel.Rebirth) -> float:
+def _stretched(old: kernel.Delays, new: kernel.Delays) -> float:
     """Ratio of two laws of delays that differ in scale only."""
-    if old.delay.size == new.delay.size and old.delay.size and np.allclose(old.weight, new.weight, rtol=1e-6):
-        ratio = float(new.delay.max() / old.delay.max()) if old.delay.max() > 0 else math.nan
-        if np.allclose(new.delay, ratio * old.delay, rtol=1e-6) and ratio > 0:
+    if old.time.size == new.time.size and old.time.size and np.allclose(old.weight, new.weight, rtol=1e-6):
+        ratio = float(new.time.max() / old.time.max()) if old.time.max() > 0 else math.nan
+        if np.allclose(new.time, ratio * old.time, rtol=1e-6) and ratio > 0:
             return ratio
     raise InputError(
         "Interface.delay: a cycle can be carried over only to a delay that is the old one scaled (the knob DELAY does "

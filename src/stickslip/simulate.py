@@ -34,7 +34,7 @@ from stickslip.thresholds import Law, SteadyState, panels
 if TYPE_CHECKING:
     import xarray as xr
 
-    from stickslip.kernels.oscillator import Quadratic
+    from stickslip.kernels.drive import Quadratic
     from stickslip.kernels.oscillator import Slider as SliderConstants
 
 Array = NDArray[np.float64]
@@ -611,15 +611,11 @@ class _Cohorts:
         from stickslip.kernels import cohorts as kernel
 
         self._kernel, self._motion, self._cells = kernel, motion, float(method.cells)
-        interface, slider = motion.interface, motion.slider
+        interface = motion.interface
         self._table = kernel.tabulate(*survival_table(interface.threshold_law))
         delay, weight = interface.delay.quadrature()
-        self._rebirth = kernel.Rebirth(delay, weight, method.memoryless)
-        self._mechanics = (
-            kernel.Mechanics(0.0, 0.0, 0.0, True)
-            if slider is None
-            else kernel.Mechanics(slider.stiffness, slider.mass, slider.damping, False)
-        )
+        self._delays = kernel.Delays(delay, weight, method.memoryless)
+        self._slider = slider_constants(motion.slider)
         if isinstance(motion.start, Relaxed):
             (x, share), rate = initial_nodes(interface), 0.0
         else:
@@ -627,7 +623,7 @@ class _Cohorts:
             x, share = kernel.smooth_sliding(self._table, self._cells, attached)
             rate = attached * motion.drive.pieces[0].start / interface.threshold_law.moment(1)
         self._state = kernel.initial_state(
-            self._table, self._rebirth, x, share, velocity=motion.first_velocity, rate=rate
+            self._table, self._delays, x, share, velocity=motion.first_velocity, rate=rate
         )
 
     def contact_force(self) -> float:
@@ -636,10 +632,12 @@ class _Cohorts:
 
     def pull(self, pull: _Pull, report: Progress) -> float:
         """Follow a piece of the drive to its end."""
+        from stickslip.kernels.drive import Quadratic, Stop
+
         kernel, motion = self._kernel, self._motion
-        drive = kernel.Pull(pull.begin, pull.position, pull.piece.start, pull.piece.acceleration)
+        drive = Quadratic(pull.begin, pull.position, pull.piece.start, pull.piece.acceleration)
         kind, value = pull.stop()
-        stop = kernel.Stop(kind, value, float(self._state.scalar[kernel.POSITION]))
+        stop = Stop(kind, value, float(self._state.scalar[kernel.POSITION]))
         # A sample on the seam of two pieces belongs to the later one; the last piece keeps its end.
         wanted = motion.times[motion.filled : np.searchsorted(motion.times, pull.end * (1 + 1e-12), side="right")]
         while True:
@@ -647,8 +645,8 @@ class _Cohorts:
             done = kernel.advance(
                 before,
                 self._table,
-                self._rebirth,
-                self._mechanics,
+                self._delays,
+                self._slider,
                 drive,
                 until=pull.end,
                 times=wanted,
@@ -665,8 +663,8 @@ class _Cohorts:
                 aside = kernel.advance(
                     before,
                     self._table,
-                    self._rebirth,
-                    self._mechanics,
+                    self._delays,
+                    self._slider,
                     drive,
                     until=motion.next_look,
                     times=np.empty(0),
@@ -733,7 +731,7 @@ class _Ageing:
 
     def pull(self, pull: _Pull, report: Progress) -> float:
         """Follow a piece of the drive to its end."""
-        from stickslip.kernels.oscillator import Quadratic
+        from stickslip.kernels.drive import Quadratic
 
         motion = self._motion
         self._pulled += 1
@@ -799,12 +797,13 @@ def _settling_time(motion: _Motion, ageing: Langevin) -> float:
 
 def _first_pull(motion: _Motion) -> Quadratic:
     """Drive at the first velocity, on and on."""
-    from stickslip.kernels.oscillator import Quadratic
+    from stickslip.kernels.drive import Quadratic
 
     return Quadratic(0.0, 0.0, motion.drive.pieces[0].start, 0.0)
 
 
-def _ageing_slider(slider: Slider | None) -> SliderConstants:
+def slider_constants(slider: Slider | None) -> SliderConstants:
+    """Return a slider as the kernels take it; none is rigid motion."""
     from stickslip.kernels.oscillator import RIGID
     from stickslip.kernels.oscillator import Slider as SliderConstants
 
@@ -829,13 +828,13 @@ class _AgeingContacts:
         self._contacts = Sampled(x, threshold, np.append(np.full(method.count - pending.size, -math.inf), pending))
         self._state = np.zeros(4)
         if isinstance(motion.start, Sliding):
-            self._slider = _ageing_slider(None)
+            self._slider = slider_constants(None)
             end = _settling_time(motion, ageing)
             self.advance(_first_pull(motion), np.array([end]))
             self._contacts.attach[:] -= end
             self._state[:2] = 0.0
         self._state[2] = motion.first_velocity
-        self._slider = _ageing_slider(motion.slider)
+        self._slider = slider_constants(motion.slider)
 
     def advance(self, drive: Quadratic, times: Array, *, pausing: bool = False) -> Array:
         """Advance to the last of `times`."""
@@ -882,7 +881,7 @@ class _GrowingContacts:
         self._pool = interface.threshold_law.sample(thresholds, self._POOL)
         delay = interface.delay
         self._delays = delay.sample(delays, 1 if isinstance(delay, Delay) else self._POOL)
-        self._slider = _ageing_slider(motion.slider)
+        self._slider = slider_constants(motion.slider)
         if isinstance(motion.start, Relaxed):
             # Growth towards a strength has come to its end; growth without end begins.
             born = -math.inf if isinstance(interface.ageing, ExponentialGrowth) else 0.0
@@ -940,13 +939,13 @@ class _AgeingDensity:
         self._cohorts = Cohorts(*(np.append(part, np.zeros((room, *part.shape[1:])), 0) for part in cohorts))
         self._state = np.array([0.0, 0.0, 0.0, 0.0, count, 0.0])
         if isinstance(motion.start, Sliding):
-            self._slider = _ageing_slider(None)
+            self._slider = slider_constants(None)
             end = _settling_time(motion, ageing)
             self.advance(_first_pull(motion), np.array([end]))
             self._cohorts.place[:] -= self._state[1]
             self._state[:2] = 0.0
         self._state[2] = motion.first_velocity
-        self._slider = _ageing_slider(motion.slider)
+        self._slider = slider_constants(motion.slider)
 
     def advance(self, drive: Quadratic, times: Array, *, pausing: bool = False) -> Array:
         """Advance to the last of `times`."""
@@ -990,13 +989,13 @@ class _AgeingClosure:
         self._cohorts.place[: x.size], self._cohorts.weight[: x.size] = -x, share
         self._state = np.array([0.0, 0.0, 0.0, 0.0, x.size])
         if sliding:
-            self._slider = _ageing_slider(None)
+            self._slider = slider_constants(None)
             end = 2.0 * _settling_time(motion, ageing)  # one law for all settles more slowly
             self.advance(_first_pull(motion), np.array([end]))
             self._cohorts.place[:] -= self._state[1]
             self._state[:2] = 0.0
         self._state[2] = motion.first_velocity
-        self._slider = _ageing_slider(motion.slider)
+        self._slider = slider_constants(motion.slider)
 
     def advance(self, drive: Quadratic, times: Array, *, pausing: bool = False) -> Array:
         """Advance to the last of `times`, with room for as many cohorts as it takes; its steps end at each."""

@@ -1,15 +1,14 @@
 """The master equation, Eqs. (1)-(4), on cohorts, under the motion of a slider, Eq. (11), or a prescribed one.
 
-A cohort is what was born in one step: contacts attached at the same place ``b``, of which ``m J_c(e)``
-survive when their largest stretching so far is ``e``. Nothing moves along a grid of stretchings, so there is
-no numerical diffusion, and the slider may turn round at any time. What breaks goes through the delay, a mean
-over given delay times, and is born again where the slider then is; half of the births of a step at each of
-its ends.
+A cohort is what attached in one step: contacts at the same place ``b``, of which ``m J_c(e)`` survive when their
+largest stretching so far is ``e``. Nothing moves along a grid of stretchings, so there is no numerical diffusion,
+and the slider may turn round at any time. What breaks goes through the delay, a mean over given delay times, and
+re-attaches where the slider then is; half of the births of a step at each of its ends.
 
-Between two steps the slider is a damped oscillator on the driving spring and on the contacts, whose force is
-taken linear in its position with the slope that the step itself turns out to have (found in two sweeps over
-the cohorts). The oscillator is solved in closed form: the step is exact where nothing breaks, has no
-stability limit, follows an elastic instability by its true exponential, and is second order.
+Within a step the slider is a damped oscillator on the driving spring and on the contacts (`oscillator`), whose force
+is taken linear in its position with the slope that the step itself turns out to have (found in two sweeps over the
+cohorts): the step is exact where nothing breaks, has no stability limit, follows an elastic instability by its true
+exponential, and is second order.
 
 All controls of the step follow from one number, `cells`: the slider moves at most 1/cells in a step, at most
 ``5/cells`` of the contacts break or are born, and two estimates of where it ends agree to ``20/cells**2``.
@@ -27,6 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import jit
+from .drive import NOWHERE, Quadratic, Stop, drive_at, holds
+from .oscillator import Load, Motion, Slider, Travel, is_rigid, slow_path, travel
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -40,46 +41,17 @@ class Table(NamedTuple):
     spacing: float
 
 
-class Rebirth(NamedTuple):
-    """Delay times until a broken contact is born again, and their weights; none: it never comes back.
+class Delays(NamedTuple):
+    """Times until a broken contact re-attaches, and their weights; none: it never does.
 
-    `memoryless` selects the paper's approximation, Eq. (10): contacts are reborn at once, and the fraction of
+    `memoryless` selects the paper's approximation, Eq. (10): contacts re-attach at once, and the fraction of
     them that is attached follows the velocity and the breaking rate of the moment. It has no memory of what
     broke when, and oscillates in its own, spurious way; it is exact for the mean force of steady sliding.
     """
 
-    delay: Array
+    time: Array
     weight: Array
-    memoryless: bool
-
-
-class Mechanics(NamedTuple):
-    """Stiffness of the driving spring, mass and damping rate of the slider, Eq. (11), all per contact.
-
-    `rigid`: the slider moves with the drive, and the three numbers do not matter.
-    """
-
-    stiffness: float
-    mass: float
-    damping: float
-    rigid: bool
-
-
-class Pull(NamedTuple):
-    """The far end of the spring: ``position + velocity u + acceleration u**2 / 2`` a time `u` after `start`."""
-
-    start: float
-    position: float
-    velocity: float
-    acceleration: float
-
-
-class Stop(NamedTuple):
-    """Where to stop early: 0 nowhere; 1 at ``|X - origin| >= value``; 2 at ``F_d >= value``; 3 at ``F_d <= value``."""
-
-    kind: int
-    value: float
-    origin: float
+    memoryless: bool = False
 
 
 class State(NamedTuple):
@@ -120,20 +92,20 @@ BIRTH, MASS, REACH, ALIVE, TRIAL_REACH, TRIAL_ALIVE = range(6)
 FINISHED, STOPPED, PAUSED, NO_ROOM = range(4)
 
 BREAK_CAP = 5.0
-"""Largest mass that breaks, or is born, in a step, times `cells`: the usual steady rate is 1."""
+"""Largest mass that breaks, or re-attaches, in a step, times `cells`: the usual steady rate is 1."""
 TOLERANCE = 20.0
 """Largest disagreement on where a step ends, times ``cells**2``."""
 PHASE = 0.5
 """Largest phase, in radians, that an oscillation that has not died out turns in a step."""
 ONE_PLACE = 1e-3
-"""Travel, times `cells`, that makes no difference to where something breaks or is born."""
+"""Travel, times `cells`, that makes no difference to where something breaks or attaches."""
 EXTINCT = 1e-12
-"""A cohort of which a smaller share survives is dropped; its rest counts as broken."""
+"""A cohort of which a smaller fraction survives is dropped; its rest counts as broken."""
 
 
 @jit
 def survival(table: Table, x: float) -> float:
-    """Share of newborn contacts that survive a stretching ``x >= 0``, by cubic Hermite interpolation."""
+    """Fraction of newborn contacts that survive a stretching ``x >= 0``, by cubic Hermite interpolation."""
     place = x / table.spacing
     i = int(place)
     if i >= table.survival.size - 1:
@@ -146,87 +118,12 @@ def survival(table: Table, x: float) -> float:
     return float(left + u * (rise + (1.0 - u) * ((1.0 - u) * a + u * b)))
 
 
-@jit
-def response(t: float, eta: float, w: float) -> tuple[float, float, float, float, float]:
-    """Solve ``x'' + eta x' + w x = 0`` after a unit kick: velocity, position and its three repeated integrals.
-
-    The integrals are the motion under a unit load that is constant, linear and quadratic (``t**2 / 2``) in
-    time. A power series over a short time is doubled until the time is reached: one formula for oscillation,
-    creep and instability (``w < 0``), without their special cases.
-    """
-    doublings = _doublings(t, eta, w)
-    t *= 0.5**doublings
-    found = _short_response(t, eta, w)
-    for _ in range(doublings):
-        found = _doubled_response(found, t, eta, w)
-        t *= 2.0
-    return found
-
-
-@jit
-def _doublings(t: float, eta: float, w: float) -> int:
-    """How often a time must be halved until a power series takes it."""
-    doublings = 0
-    size = t * (eta + math.sqrt(abs(w)))
-    while size > 0.5:
-        size *= 0.5
-        doublings += 1
-    return doublings
-
-
-@jit
-def _short_response(t: float, eta: float, w: float) -> tuple[float, float, float, float, float]:
-    """`response` by a power series, over a short time."""
-    term, before = 1.0, 0.0
-    v = h = h1 = h2 = h3 = 0.0
-    for n in range(1, 16):
-        v += term
-        part = term * t / n
-        h += part
-        part *= t / (n + 1)
-        h1 += part
-        part *= t / (n + 2)
-        h2 += part
-        h3 += part * t / (n + 3)
-        recent = w * t * t * before / (n - 1) if n > 1 else 0.0
-        term, before = -(eta * t * term + recent) / n, term
-    return v, h, h1, h2, h3
-
-
-@jit
-def _doubled_response(
-    found: tuple[float, float, float, float, float], t: float, eta: float, w: float
-) -> tuple[float, float, float, float, float]:
-    """`response` at twice the time `t` at which it was `found`."""
-    v, h, h1, h2, h3 = found
-    g = v + eta * h  # position after starting at rest from 1
-    h3 += g * h3 + h * h2 + 0.5 * t * t * h1 + t * h2
-    h2 += g * h2 + h * h1 + t * h1
-    h1 += g * h1 + h * h
-    return v * v - w * h * h, g * h + h * v, h1, h2, h3
-
-
-class _Motion(NamedTuple):
-    """Motion of the slider over some time: where it ends, the lowest and highest position on the way, work, losses.
-
-    `work` is that of the drive, `squares` the integral of the squared velocity.
-    """
-
-    X: float
-    V: float
-    low: float
-    high: float
-    work: float
-    squares: float
-
-
 class _Trial(NamedTuple):
     """What a step of length `dt` comes to; the cohorts' trial rows belong to it."""
 
     dt: float
-    slope: float
-    ramp: float
-    motion: _Motion
+    load: Load
+    motion: Travel
     force: float
     attached: float
     mass_in: float
@@ -235,101 +132,23 @@ class _Trial(NamedTuple):
 
 
 @jit
-def _spring(scalar: Array, pull: Pull) -> tuple[float, float]:
-    """Length of the driving spring, and velocity of its far end."""
-    u = scalar[TIME] - pull.start
-    far = pull.position + u * (pull.velocity + 0.5 * u * pull.acceleration)
-    return far - scalar[POSITION], pull.velocity + u * pull.acceleration
+def _here(scalar: Array) -> Motion:
+    """Where the slider is."""
+    return Motion(scalar[TIME], scalar[POSITION], scalar[VELOCITY])
 
 
 @jit
-def _move(t: float, scalar: Array, mechanics: Mechanics, pull: Pull, slope: float, ramp: float) -> _Motion:
-    """Motion over a time `t`, under a contact force with this slope in X and this one in time.
-
-    The closed form is had by doubling a short time, and the motion is looked at after each doubling. A step may be long
-    against the relaxation of the slider, and the slider may turn within: what the ends do not tell, these moments do,
-    as each comes soon after the one before, measured by what has not died out by then.
-    """
-    length, velocity = _spring(scalar, pull)
-    X, V, acceleration = scalar[POSITION], scalar[VELOCITY], pull.acceleration
-    if mechanics.rigid:
-        y, v = length + t * (velocity + 0.5 * t * acceleration), velocity + t * acceleration
-        turn = _turning_point(V, y, v, t)
-        return _Motion(X + y, v, X + min(0.0, y, turn), X + max(0.0, y, turn), 0.0, 0.0)
-    K, M, eta = mechanics.stiffness, mechanics.mass, mechanics.damping
-    w = (K + slope) / M
-    constant = (K * length - scalar[CONTACT_FORCE]) / M
-    linear = (K * velocity - ramp) / M
-    quadratic = K * acceleration / M
-    doublings = _doublings(t, eta, w)
-    t *= 0.5**doublings
-    found = _short_response(t, eta, w)
-    begin = y = low = high = work = squares = 0.0
-    u, v = velocity, V
-    for i in range(doublings + 1):
-        if i > 0:
-            found = _doubled_response(found, t, eta, w)
-            begin = t
-            t *= 2.0
-        dt = t - begin
-        y1 = V * found[1] + constant * found[2] + linear * found[3] + quadratic * found[4]
-        v1 = V * found[0] + constant * found[1] + linear * found[2] + quadratic * found[3]
-        u1 = velocity + t * acceleration
-        turn = y + _turning_point(v, y1 - y, v1, dt)
-        low, high = min(low, y1, turn), max(high, y1, turn)
-        # Quadratures from both ends, of fourth order.
-        mean = (y1 - y) / dt
-        pulled = length + begin * (velocity + 0.5 * begin * acceleration) - y
-        pulled1 = length + t * (velocity + 0.5 * t * acceleration) - y1
-        rate, rate1 = (u - v) * u + pulled * acceleration, (u1 - v1) * u1 + pulled1 * acceleration
-        work += K * dt * (0.5 * (pulled * u + pulled1 * u1) + dt / 12.0 * (rate - rate1))
-        squares += dt * ((2.0 * (v * v + v1 * v1) - v * v1) / 15.0 + mean * (1.2 * mean - 0.2 * (v + v1)))
-        y, u, v = y1, u1, v1
-    return _Motion(X + y, v, X + low, X + high, work, squares)
-
-
-@jit
-def _turning_point(V: float, y1: float, V1: float, dt: float) -> float:
-    """Displacement where the velocity changes sign on a cubic of these ends; 0 where it does not."""
-    if V * V1 > 0.0 or V1 == 0.0:
-        return 0.0
-    mean = y1 / dt
-    a, b = 3.0 * (V + V1) - 6.0 * mean, 6.0 * mean - 4.0 * V - 2.0 * V1
-    if V == 0.0:  # it starts the way of b
-        u = -b / a if b * V1 < 0.0 else 0.0
-    else:
-        root = math.sqrt(max(b * b - 4.0 * a * V, 0.0))
-        # The sign change leaves one root between 0 and 1: this one, in the form that does not cancel.
-        u = -2.0 * V / (b + math.copysign(root, -V))
-    return dt * u * (V + u * (b / 2.0 + u * a / 3.0))
-
-
-@jit
-def _slow_path(
-    scalar: Array, mechanics: Mechanics, pull: Pull, slope: float, ramp: float
-) -> tuple[float, float, float]:
-    """Coefficients of the parabola, from the slider's place, that a damped slider ends on; the slope must hold it."""
-    K, M, eta = mechanics.stiffness, mechanics.mass, mechanics.damping
-    w = (K + slope) / M
-    length, velocity = _spring(scalar, pull)
-    p2 = 0.5 * K * pull.acceleration / M / w
-    p1 = ((K * velocity - ramp) / M - 2.0 * eta * p2) / w
-    p0 = ((K * length - scalar[CONTACT_FORCE]) / M - eta * p1 - 2.0 * p2) / w
-    return p0, p1, p2
-
-
-@jit
-def _is_slow(scalar: Array, mechanics: Mechanics, pull: Pull, slope: float, ramp: float, cells: float) -> bool:
+def _is_slow(scalar: Array, slider: Slider, drive: Quadratic, load: Load, cells: float) -> bool:
     """Whether the slider follows its slow path so closely that its oscillation does not matter."""
-    w = (mechanics.stiffness + slope) / mechanics.mass
+    w = (slider.stiffness + load.stiffness) / slider.mass
     if w <= 0.0:
         return False
-    p0, p1, _ = _slow_path(scalar, mechanics, pull, slope, ramp)
+    p0, p1, _ = slow_path(slider, drive, _here(scalar), load)
     return bool(max(abs(p0), abs(scalar[VELOCITY] - p1) / math.sqrt(w)) * cells * cells < 1.0)
 
 
 @jit
-def _sweep(cohort: Array, count: int, table: Table, motion: _Motion) -> tuple[float, float]:
+def _sweep(cohort: Array, count: int, table: Table, motion: Travel) -> tuple[float, float]:
     """Take all cohorts along with the slider: the mass that survives, and its force."""
     mass = force = 0.0
     for j in range(count):
@@ -347,7 +166,7 @@ def _sweep(cohort: Array, count: int, table: Table, motion: _Motion) -> tuple[fl
 
 
 @jit
-def _grip(cohort: Array, count: int, table: Table, X: float, V: float, rebirth: Rebirth) -> float:
+def _attached_fraction(cohort: Array, count: int, table: Table, X: float, V: float, delays: Delays) -> float:
     """Fraction of contacts that hold at velocity `V` by Eq. (10), with the breaking rate of Eq. (2)."""
     rate = 0.0
     for j in range(count):
@@ -358,30 +177,30 @@ def _grip(cohort: Array, count: int, table: Table, X: float, V: float, rebirth: 
             density = table.density[i] + (place - i) * (table.density[i + 1] - table.density[i])
             rate += cohort[MASS, j] * density
     delay = 0.0
-    for i in range(rebirth.delay.size):
-        delay += rebirth.delay[i] * rebirth.weight[i]
+    for i in range(delays.time.size):
+        delay += delays.time[i] * delays.weight[i]
     return 1.0 / (1.0 + rate * abs(V) * delay)
 
 
 @jit
-def _due(state: State, rebirth: Rebirth, dt: float) -> tuple[float, float]:
+def _due(state: State, delays: Delays, dt: float) -> tuple[float, float]:
     """Births in the next `dt` of what has already broken, and the share of what breaks in it that is born in it."""
-    if rebirth.memoryless:
+    if delays.memoryless:
         return 0.0, 1.0
     last = state.used[1] - 1
     t = state.broken[0, last]
     known = share = 0.0
-    for i in range(rebirth.delay.size):
-        j = _place(state.broken, state.cursor[i], last, t - rebirth.delay[i])
+    for i in range(delays.time.size):
+        j = _place(state.broken, state.cursor[i], last, t - delays.time[i])
         state.cursor[i] = j
-        before = _between(state.broken, j, t - rebirth.delay[i])
-        end = t - rebirth.delay[i] + dt
+        before = _between(state.broken, j, t - delays.time[i])
+        end = t - delays.time[i] + dt
         if end >= t:
-            known += rebirth.weight[i] * (state.broken[1, last] - before)
-            share += rebirth.weight[i] * (end - t) / dt
+            known += delays.weight[i] * (state.broken[1, last] - before)
+            share += delays.weight[i] * (end - t) / dt
         else:
             j = _place(state.broken, j, last, end)
-            known += rebirth.weight[i] * (_between(state.broken, j, end) - before)
+            known += delays.weight[i] * (_between(state.broken, j, end) - before)
     return known, share
 
 
@@ -404,84 +223,84 @@ def _between(broken: Array, j: int, t: float) -> float:
 def _arrive(
     state: State,
     table: Table,
-    rebirth: Rebirth,
-    mechanics: Mechanics,
-    pull: Pull,
+    delays: Delays,
+    slider: Slider,
+    drive: Quadratic,
     due: tuple[float, float],
     cells: float,
     dt: float,
-    slope: float,
-    ramp: float,
+    load: Load,
 ) -> _Trial:
-    """End of a step if the contact force had this slope in X and this one in time."""
+    """End of a step under this load."""
     scalar = state.scalar
     X = scalar[POSITION]
-    motion = _move(dt, scalar, mechanics, pull, slope, ramp)
-    if not mechanics.rigid and _is_slow(scalar, mechanics, pull, slope, ramp, cells):
-        # Over a long time an oscillation that does not matter would make a cubic swing.
-        p0, p1, p2 = _slow_path(scalar, mechanics, pull, slope, ramp)
+    motion = travel(slider, drive, _here(scalar), load, dt)
+    if not is_rigid(slider) and _is_slow(scalar, slider, drive, load, cells):
+        # Over a long time an oscillation that does not matter would make a cubic overshoot.
+        p0, p1, p2 = slow_path(slider, drive, _here(scalar), load)
         turn = X + p0 - 0.25 * p1 * p1 / p2 if p1 * (p1 + 2.0 * p2 * dt) < 0.0 else X
         low, high = min(X, motion.X, turn), max(X, motion.X, turn)
-        motion = _Motion(motion.X, motion.V, low, high, motion.work, motion.squares)
+        motion = Travel(motion.X, motion.V, low, high, motion.work, motion.squares)
     old, force = _sweep(state.cohort, state.used[0], table, motion)
     # Half of the births sit at the start of the step, and some of them may already break in it.
-    known, share = due
+    known, fraction = due
     young = survival(table, max(motion.high - X, X - motion.low))
     fragile = 0.5 * (1.0 - young)
-    broken = (scalar[MASS_IN] - old + fragile * known) / (1.0 - fragile * share)
-    born = known + share * broken
+    broken = (scalar[MASS_IN] - old + fragile * known) / (1.0 - fragile * fraction)
+    born = known + fraction * broken
     mass_in = old + 0.5 * born * (1.0 + young)
     force += 0.5 * born * young * (motion.X - X)
     grip = 1.0
-    if rebirth.memoryless:
-        grip = _grip(state.cohort, state.used[0], table, motion.X, motion.V, rebirth)
-    return _Trial(dt, slope, ramp, motion, grip * force, grip * mass_in, mass_in, broken, born)
+    if delays.memoryless:
+        grip = _attached_fraction(state.cohort, state.used[0], table, motion.X, motion.V, delays)
+    return _Trial(dt, load, motion, grip * force, grip * mass_in, mass_in, broken, born)
 
 
 @jit
 def _try_step(
-    state: State, table: Table, rebirth: Rebirth, mechanics: Mechanics, pull: Pull, cells: float, dt: float
+    state: State, table: Table, delays: Delays, slider: Slider, drive: Quadratic, cells: float, dt: float
 ) -> tuple[_Trial, float]:
     """Find the end of a step without taking it, and how much too long it is (above 1)."""
     scalar = state.scalar
-    due = _due(state, rebirth, dt)
-    trial = _arrive(state, table, rebirth, mechanics, pull, due, cells, dt, scalar[SLOPE], 0.0)
+    due = _due(state, delays, dt)
+    load = Load(scalar[CONTACT_FORCE], scalar[SLOPE], 0.0, 0.0)
+    trial = _arrive(state, table, delays, slider, drive, due, cells, dt, load)
     disagreement = 0.0
-    if not mechanics.rigid:
-        change, travel = trial.force - scalar[CONTACT_FORCE], trial.motion.X - scalar[POSITION]
-        turned = trial.motion.high - trial.motion.low > abs(travel)
-        if travel != 0.0 and not turned and not rebirth.memoryless:
-            slope, ramp = change / travel, 0.0
+    if not is_rigid(slider):
+        change, distance = trial.force - scalar[CONTACT_FORCE], trial.motion.X - scalar[POSITION]
+        turned = trial.motion.high - trial.motion.low > abs(distance)
+        if distance != 0.0 and not turned and not delays.memoryless:
+            slope, loss = change / distance, 0.0
         else:  # the force is no function of X: what breaks acts as a load that grows in time
             slope = scalar[MASS_IN]
-            ramp = (change - slope * travel) / dt
+            loss = (slope * distance - change) / dt
         guess = trial.motion
-        trial = _arrive(state, table, rebirth, mechanics, pull, due, cells, dt, slope, ramp)
-        frequency = math.sqrt((mechanics.stiffness + scalar[MASS_IN]) / mechanics.mass)
+        load = Load(scalar[CONTACT_FORCE], slope, loss, 0.0)
+        trial = _arrive(state, table, delays, slider, drive, due, cells, dt, load)
+        frequency = math.sqrt((slider.stiffness + scalar[MASS_IN]) / slider.mass)
         disagreement = max(abs(trial.motion.X - guess.X), abs(trial.motion.V - guess.V) / frequency)
     path = max(trial.motion.high - scalar[POSITION], scalar[POSITION] - trial.motion.low)
-    # What breaks or is born almost in one place need not be resolved: a law with all its values at one point cannot.
+    # What breaks or attaches almost in one place need not be resolved: thresholds that are all the same cannot be.
     mass = min(max(trial.broken, trial.born) / BREAK_CAP, path / ONE_PLACE)
     return trial, cells * max(path, mass, math.sqrt(disagreement / TOLERANCE))
 
 
 @jit
-def _longest_step(scalar: Array, mechanics: Mechanics, pull: Pull, cells: float) -> float:
+def _longest_step(scalar: Array, slider: Slider, drive: Quadratic, cells: float) -> float:
     """Resolve the oscillation of the slider on its contacts, unless the slider follows its slow path closely."""
-    K, M, eta = mechanics.stiffness, mechanics.mass, mechanics.damping
-    if mechanics.rigid:
+    if is_rigid(slider):
         return math.inf
-    fast = (K + scalar[MASS_IN]) / M
-    if 0.25 * eta * eta >= fast:
+    fast = (slider.stiffness + scalar[MASS_IN]) / slider.mass
+    if 0.25 * slider.damping * slider.damping >= fast:
         return math.inf
-    if _is_slow(scalar, mechanics, pull, scalar[SLOPE], 0.0, cells):
+    if _is_slow(scalar, slider, drive, Load(scalar[CONTACT_FORCE], scalar[SLOPE], 0.0, 0.0), cells):
         return math.inf
     return PHASE / math.sqrt(fast)
 
 
 @jit
 def _attach(state: State, table: Table, b: float, alive: float, reach: float, merge: float) -> None:
-    """Add contacts born at `b`: to the youngest cohort if that was born within `merge`, else as a new one."""
+    """Add contacts that attached at `b`: to the youngest cohort if that did within `merge`, else as a new one."""
     cohort = state.cohort
     if alive <= 0.0:
         return
@@ -500,11 +319,11 @@ def _attach(state: State, table: Table, b: float, alive: float, reach: float, me
 
 
 @jit
-def _commit(state: State, table: Table, mechanics: Mechanics, pull: Pull, trial: _Trial, cells: float) -> None:
+def _commit(state: State, table: Table, slider: Slider, drive: Quadratic, trial: _Trial, cells: float) -> None:
     """Make the trial the state."""
     scalar, cohort = state.scalar, state.cohort
     motion = trial.motion
-    travel = motion.X - scalar[POSITION]
+    distance = motion.X - scalar[POSITION]
     kept = 0
     lost = stored = 0.0
     for j in range(state.used[0]):
@@ -523,18 +342,18 @@ def _commit(state: State, table: Table, mechanics: Mechanics, pull: Pull, trial:
     _attach(state, table, scalar[POSITION], young, reach, 0.25 / cells)
     _attach(state, table, motion.X, half, 0.0, 0.25 / cells)
     scalar[LOST] += lost + 0.125 * reach * reach * (half - young)
-    scalar[STORED] = stored + 0.5 * travel * travel * young
-    if mechanics.rigid:
-        scalar[WORK] += 0.5 * (scalar[CONTACT_FORCE] + trial.force) * travel
+    scalar[STORED] = stored + 0.5 * distance * distance * young
+    if is_rigid(slider):
+        scalar[WORK] += 0.5 * (scalar[CONTACT_FORCE] + trial.force) * distance
     else:
         scalar[WORK] += motion.work
-        scalar[DAMPED] += mechanics.mass * mechanics.damping * motion.squares
+        scalar[DAMPED] += slider.mass * slider.damping * motion.squares
     scalar[TIME] += trial.dt
     scalar[POSITION], scalar[VELOCITY] = motion.X, motion.V
-    scalar[CONTACT_FORCE], scalar[SLOPE] = trial.force, trial.slope
+    scalar[CONTACT_FORCE], scalar[SLOPE] = trial.force, trial.load.stiffness
     scalar[ATTACHED], scalar[MASS_IN] = trial.attached, trial.mass_in
     scalar[MASS_OUT] += trial.broken - trial.born
-    _measure_spring(scalar, mechanics, pull)
+    _measure_spring(scalar, slider, drive)
     n = state.used[1]
     state.broken[0, n] = scalar[TIME]
     state.broken[1, n] = state.broken[1, n - 1] + trial.broken
@@ -542,44 +361,36 @@ def _commit(state: State, table: Table, mechanics: Mechanics, pull: Pull, trial:
 
 
 @jit
-def _measure_spring(scalar: Array, mechanics: Mechanics, pull: Pull) -> None:
+def _measure_spring(scalar: Array, slider: Slider, drive: Quadratic) -> None:
     """Driving force: that of the spring, or what it takes to move the slider rigidly (its inertia left out)."""
-    length, _ = _spring(scalar, pull)
-    scalar[DRIVE_FORCE] = scalar[CONTACT_FORCE] if mechanics.rigid else mechanics.stiffness * length
+    scalar[DRIVE_FORCE] = scalar[CONTACT_FORCE]
+    if not is_rigid(slider):
+        scalar[DRIVE_FORCE] = slider.stiffness * (drive_at(drive, scalar[TIME])[0] - scalar[POSITION])
 
 
 @jit
-def _sample(row: Array, t: float, before: Array, trial: _Trial, after: Array, mechanics: Mechanics, pull: Pull) -> None:
+def _sample(row: Array, t: float, before: Array, trial: _Trial, after: Array, slider: Slider, drive: Quadratic) -> None:
     """What a step passes at time `t`: the motion and its energies in closed form, the rest linear between its ends."""
     u = t - before[TIME]
     share = u / trial.dt
     for i in range(COLUMNS):
         row[i] = before[i] + share * (after[i] - before[i])
     row[TIME] = t
-    motion = _move(u, before, mechanics, pull, trial.slope, trial.ramp)
+    motion = travel(slider, drive, _here(before), trial.load, u)
     row[POSITION], row[VELOCITY] = motion.X, motion.V
     # The force and what is stored bend with the position; what the two sweeps left over is spread evenly.
     bend = motion.X - before[POSITION] - share * (trial.motion.X - before[POSITION])
-    row[CONTACT_FORCE] += trial.slope * bend
+    row[CONTACT_FORCE] += trial.load.stiffness * bend
     row[STORED] += row[CONTACT_FORCE] * bend
-    if not mechanics.rigid:
+    if not is_rigid(slider):
         row[WORK] = before[WORK] + motion.work
-        row[DAMPED] = before[DAMPED] + mechanics.mass * mechanics.damping * motion.squares
-    _measure_spring(row, mechanics, pull)
-
-
-@jit
-def _holds(row: Array, stop: Stop) -> bool:
-    if stop.kind == 1:
-        return bool(abs(row[POSITION] - stop.origin) >= stop.value)
-    if stop.kind == 2:
-        return bool(row[DRIVE_FORCE] >= stop.value)
-    return bool(stop.kind == 3 and row[DRIVE_FORCE] <= stop.value)
+        row[DAMPED] = before[DAMPED] + slider.mass * slider.damping * motion.squares
+    _measure_spring(row, slider, drive)
 
 
 @jit
 def _make_room(state: State) -> bool:
-    """Whether there is room for another step; if need be after forgetting what has been born again."""
+    """Whether there is room for another step; if need be after forgetting what has re-attached."""
     count = state.used[1]
     if count == state.broken.shape[1]:
         first = count - 2
@@ -601,9 +412,9 @@ def _make_room(state: State) -> bool:
 def _run(
     state: State,
     table: Table,
-    rebirth: Rebirth,
-    mechanics: Mechanics,
-    pull: Pull,
+    delays: Delays,
+    slider: Slider,
+    drive: Quadratic,
     stop: Stop,
     until: float,
     times: Array,
@@ -617,25 +428,25 @@ def _run(
     before = scalar.copy()
     smallest = 1e-12 * max(1.0, abs(until))
     filled = 0
-    _measure_spring(scalar, mechanics, pull)
-    if mechanics.rigid:
-        _, scalar[VELOCITY] = _spring(scalar, pull)
+    _measure_spring(scalar, slider, drive)
+    if is_rigid(slider):
+        scalar[VELOCITY] = drive_at(drive, scalar[TIME])[1]
     while max_steps > 0:
         while filled < times.size and times[filled] <= scalar[TIME] + smallest:
             for i in range(COLUMNS):
                 rows[filled, i] = scalar[i]
             filled += 1
-            if _holds(rows[filled - 1], stop):
+            if holds(stop, rows[filled - 1, POSITION], rows[filled - 1, DRIVE_FORCE]):
                 return STOPPED, filled, max_steps
         left = until - scalar[TIME]
         if left <= smallest:
             return FINISHED, filled, max_steps
         if not _make_room(state):
             return NO_ROOM, filled, max_steps
-        planned = step if step > 0.0 else min(scalar[NEXT_STEP], _longest_step(scalar, mechanics, pull, cells))
+        planned = step if step > 0.0 else min(scalar[NEXT_STEP], _longest_step(scalar, slider, drive, cells))
         while True:
             dt = min(planned, left)
-            trial, trouble = _try_step(state, table, rebirth, mechanics, pull, cells, dt)
+            trial, trouble = _try_step(state, table, delays, slider, drive, cells, dt)
             if step > 0.0 or trouble <= 1.0 or dt <= smallest:
                 break
             planned = dt * max(0.9 / trouble, 0.2)
@@ -644,15 +455,15 @@ def _run(
         before[:] = scalar
         max_steps -= 1
         n = filled
-        while stop.kind != 0 and n < times.size and times[n] < scalar[TIME] + dt:
-            _sample(rows[n], times[n], before, trial, before, mechanics, pull)
-            if _holds(rows[n], stop):
-                trial, _ = _try_step(state, table, rebirth, mechanics, pull, cells, times[n] - scalar[TIME])
+        while stop.kind != NOWHERE and n < times.size and times[n] < scalar[TIME] + dt:
+            _sample(rows[n], times[n], before, trial, before, slider, drive)
+            if holds(stop, rows[n, POSITION], rows[n, DRIVE_FORCE]):
+                trial, _ = _try_step(state, table, delays, slider, drive, cells, times[n] - scalar[TIME])
                 break
             n += 1
-        _commit(state, table, mechanics, pull, trial, cells)
+        _commit(state, table, slider, drive, trial, cells)
         while filled < times.size and times[filled] < scalar[TIME] - smallest:
-            _sample(rows[filled], times[filled], before, trial, scalar, mechanics, pull)
+            _sample(rows[filled], times[filled], before, trial, scalar, slider, drive)
             filled += 1
     return PAUSED, filled, 0
 
@@ -677,7 +488,7 @@ class Progress(NamedTuple):
 
 
 def tabulate(survival: Array, density: Array, spacing: float) -> Table:
-    """Make a table of a law of thresholds.
+    """Make a table of a distribution of thresholds.
 
     Parameters
     ----------
@@ -701,7 +512,7 @@ def tabulate(survival: Array, density: Array, spacing: float) -> Table:
 
 def initial_state(
     table: Table,
-    rebirth: Rebirth,
+    delays: Delays,
     stretching: Array,
     weight: Array,
     *,
@@ -715,8 +526,8 @@ def initial_state(
     Parameters
     ----------
     table : Table
-        The law of thresholds.
-    rebirth : Rebirth
+        The distribution of thresholds.
+    delays : Delays
         The delays.
     stretching, weight : ndarray, shape (n_nodes,)
         Initial stretchings, any sign, and the attached fraction of contacts at each. A contact at ``x_0`` has
@@ -725,7 +536,7 @@ def initial_state(
     position, velocity, time : float
         Of the slider, at the start.
     rate : float
-        Mass that broke per unit time before the start; it is born again after its delay. For smooth sliding
+        Mass that broke per unit time before the start; it re-attaches after its delay. For smooth sliding
         ``v / (<x_s> + v <tau_d>)``, with the attached fraction ``<x_s> / (<x_s> + v <tau_d>)``.
 
     Returns
@@ -747,11 +558,11 @@ def initial_state(
     scalar[MASS_OUT] = 1.0 - attached
     scalar[STORED] = 0.5 * np.sum(weight * stretching**2)
     scalar[NEXT_STEP] = math.inf
-    memory = max([1.0, *rebirth.delay])
+    memory = max([1.0, *delays.time])
     broken = np.zeros((2, 1024))
     broken[:, 0] = time - memory, -rate * memory
     broken[0, 1] = time
-    return State(scalar, cohort, broken, np.zeros(rebirth.delay.size, np.int64), np.array([n, 2], np.int64))
+    return State(scalar, cohort, broken, np.zeros(delays.time.size, np.int64), np.array([n, 2], np.int64))
 
 
 def stretchings(state: State) -> tuple[Array, Array]:
@@ -772,14 +583,14 @@ def smooth_sliding(table: Table, cells: float, attached: float = 1.0) -> tuple[A
 def advance(
     state: State,
     table: Table,
-    rebirth: Rebirth,
-    mechanics: Mechanics,
-    pull: Pull,
+    delays: Delays,
+    slider: Slider,
+    drive: Quadratic,
     *,
     until: float,
     times: Array,
     cells: float,
-    stop: Stop = Stop(0, 0.0, 0.0),
+    stop: Stop = Stop(),
     step: float = 0.0,
     max_steps: int = 2**62,
 ) -> Progress:
@@ -791,7 +602,7 @@ def advance(
     ----------
     state : State
         Where to start; it is not changed.
-    table, rebirth, mechanics, pull
+    table, delays, slider, drive
         The thresholds, the delays, the slider and the drive.
     until : float
         Time to reach exactly: the end of the piece.
@@ -819,7 +630,7 @@ def advance(
     steps = max_steps
     while reason == NO_ROOM:
         reason, more, steps = _run(
-            state, table, rebirth, mechanics, pull, stop, until, times[filled:], rows[filled:], cells, step, steps
+            state, table, delays, slider, drive, stop, until, times[filled:], rows[filled:], cells, step, steps
         )
         filled += more
         if reason == NO_ROOM:

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import jit
-from .oscillator import Load, Motion, Quadratic, Slider, drive_at, move
+from .drive import Quadratic, drive_at
+from .oscillator import Load, Motion, Slider, free_amplitude, is_rigid, move
 
 Floats = NDArray[np.float64]
 
@@ -63,9 +64,9 @@ class Stroke(NamedTuple):
 def begin(course: Course, state: Floats) -> Motion:
     """Slider as the state has it; in rigid motion it is where the drive is."""
     now, X = state[TIME], state[POSITION]
-    if np.isinf(course.slider.stiffness) and course.times.size > 0:
+    if is_rigid(course.slider) and course.times.size > 0:
         X = drive_at(course.drive, now)[0]
-    return Motion(now, X, state[VELOCITY], 0.0)
+    return Motion(now, X, state[VELOCITY])
 
 
 @jit
@@ -75,17 +76,17 @@ def keep(state: Floats, here: Motion, loss: float) -> None:
 
 
 @jit
-def _pace(course: Course, here: Motion, stiffness: float, angle: float, until: float) -> float:
+def _pace(course: Course, here: Motion, load: Load, angle: float, until: float) -> float:
     """Next step of time: none beyond `until`, none in which the slider goes farther than it may.
 
     A free oscillation that matters is followed in steps of `angle` (rad).
     """
-    longest, reach, K = min(course.longest, until - here.time), course.reach, course.slider.stiffness
+    longest, reach, slider = min(course.longest, until - here.time), course.reach, course.slider
     fast = abs(drive_at(course.drive, here.time)[1]) + abs(course.drive.acceleration) * longest
-    if not np.isinf(K):
+    if not is_rigid(slider):
         fast = max(fast, abs(here.V))
-        if here.amplitude > 0.05 * reach:
-            longest = min(longest, angle / np.sqrt((K + stiffness) / course.slider.mass))
+        if free_amplitude(slider, course.drive, here, load) > 0.05 * reach:
+            longest = min(longest, angle / np.sqrt((slider.stiffness + load.stiffness) / slider.mass))
     longest = min(longest, reach / max(fast, 1e-300))
     if here.time + 1.0000001 * longest >= until:
         return until - here.time
@@ -115,7 +116,7 @@ def plan(course: Course, filled: int, here: Motion, load: Load, angle: float) ->
         From here to there.
     """
     end = course.times[filled if course.pausing else -1]
-    dt = _pace(course, here, load.stiffness, angle, end)
+    dt = _pace(course, here, load, angle, end)
     guess = move(course.slider, course.drive, here, load, dt)
     shorter = dt
     if guess.V * here.V < 0.0:
@@ -125,17 +126,17 @@ def plan(course: Course, filled: int, here: Motion, load: Load, angle: float) ->
             guess = move(course.slider, course.drive, here, load, shorter)
     if shorter < dt or dt < end - here.time:
         end = here.time + shorter
-    guess = Motion(end, guess.X, guess.V, guess.amplitude)
+    guess = Motion(end, guess.X, guess.V)
     return guess, Stroke(here.time, end, shorter, here.X, guess.X - here.X)
 
 
 @jit
 def settle(course: Course, here: Motion, guess: Motion, load: Load, dt: float) -> Motion:
     """End of a step under the load that the contacts have turned out to give."""
-    if np.isinf(course.slider.stiffness):
+    if is_rigid(course.slider):
         return guess
     there = move(course.slider, course.drive, here, load, dt)
-    return Motion(guess.time, there.X, there.V, there.amplitude)
+    return Motion(guess.time, there.X, there.V)
 
 
 @jit
@@ -146,7 +147,7 @@ def fill(course: Course, samples: Floats, filled: int, start: Motion, load: Load
         here = move(course.slider, course.drive, start, load, t)
         force = load.force + load.stiffness * (here.X - start.X) - t * (load.loss + 0.5 * load.ramp * t)
         spring = force
-        if not np.isinf(course.slider.stiffness):
+        if not is_rigid(course.slider):
             spring = course.slider.stiffness * (drive_at(course.drive, course.times[filled])[0] - here.X)
         samples[filled, 0], samples[filled, 1], samples[filled, 2] = here.X, here.V, spring
         samples[filled, 3], samples[filled, 4] = force, attached

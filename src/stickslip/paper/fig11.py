@@ -17,10 +17,11 @@ from scipy import optimize
 
 from stickslip import plot
 from stickslip.drive import ramp
+from stickslip.kernels.drive import Quadratic
 from stickslip.kernels.langevin_contacts import Contacts as Sampled
 from stickslip.kernels.langevin_contacts import advance_contacts
 from stickslip.kernels.langevin_steady import pull_newborns
-from stickslip.kernels.oscillator import RIGID, Quadratic
+from stickslip.kernels.oscillator import RIGID
 from stickslip.kernels.stepping import Course
 from stickslip.measure import transitions
 from stickslip.model import FIG11

@@ -98,8 +98,9 @@ def _thresholds() -> Array:
 
 def _at_rest(count: int = 100_000) -> tuple[Array, Array]:
     """Law of thresholds, Eq. (17), and that of newborn contacts that have aged at rest for ten ``1/rate^2``."""
+    from stickslip.kernels.drive import Quadratic
     from stickslip.kernels.langevin_contacts import Contacts, advance_contacts
-    from stickslip.kernels.oscillator import RIGID, Quadratic
+    from stickslip.kernels.oscillator import RIGID
     from stickslip.kernels.stepping import Course
 
     ageing = ageing_constants(FIG8.interface)._replace(newborn=0.0)
