@@ -297,15 +297,17 @@ def _oscillator(
     half = 0.5 * damping
     square = k / mass - half * half
     w = np.sqrt(abs(square))
-    if w * dt < 1e-6:  # critically damped
-        c, s = 1.0, dt
-    elif square > 0.0:
-        c, s = np.cos(w * dt), np.sin(w * dt) / w
-    else:
-        c, s = np.cosh(w * dt), np.sinh(w * dt) / w
     decay = np.exp(-half * dt)
-    new_x = decay * (c * x + s * (v + half * x))
-    new_v = decay * (c * v - s * (half * v + k / mass * x))
+    if w * dt < 1e-6:  # critically damped
+        c, s = decay, decay * dt
+    elif square > 0.0:
+        c, s = decay * np.cos(w * dt), decay * np.sin(w * dt) / w
+    else:  # hyperbolic functions would grow beyond all bounds before they are damped
+        fast, slow = half + w, k / mass / (half + w)
+        soon, late = np.exp(-fast * dt), np.exp(-slow * dt)
+        c, s = 0.5 * (late + soon), 0.5 * (late - soon) / w
+    new_x = c * x + s * (v + half * x)
+    new_v = c * v - s * (half * v + k / mass * x)
     amplitude = np.sqrt(x * x + (v + half * x) ** 2 / max(w * w, k / mass * 1e-6))
     return new_x + p0 + dt * (p1 + p2 * dt), new_v + p1 + 2.0 * p2 * dt, amplitude
 
