@@ -688,6 +688,8 @@ def _first_crossing(f: Flight, to_ahead: float, to_behind: float, most: float, c
         if f.v == 0.0 or most * abs(f.v) < distance:
             return most, 0
         return distance / abs(f.v), 1 if f.v > 0 else -1
+    if f.v != 0.0:  # most often the crossing comes soon: a short stretch has no turns and needs no roots
+        most = min(most, 4.0 * (to_ahead if f.v > 0 else to_behind) / abs(f.v))
     cuts[0], cuts[1] = 0.0, most
     count = 2
     if decay * most > _DIED_OUT:
