@@ -13,8 +13,10 @@ import pytest
 from scipy.linalg import expm
 
 import stickslip as ss
-from stickslip.kernels import contacts as kernel
+from stickslip.kernels import events as kernel
 from stickslip.kernels.cohorts import TOLERANCE
+from stickslip.kernels.drive import Quadratic
+from stickslip.kernels.oscillator import Slider
 
 BROAD = ss.Uniform(low=0.3, high=1.7)
 COARSE = ss.MasterEquation(cells=100)
@@ -175,13 +177,14 @@ def test_contacts_move_as_in_a_plain_loop(seed):
     times = case.drive.duration * np.linspace(0.0, 0.999, 200)
     slider = case.slider
     state = kernel.make_state(birth, threshold, np.zeros(0), 0.1)
-    rig = kernel.Rig(slider.stiffness, 1.0 / slider.mass, slider.damping, delay)
+    slider = Slider(slider.stiffness, slider.mass, slider.damping)
     samples = np.full((times.size, len(kernel.COLUMNS)), np.nan)
+    sampling, draws = kernel.Sampling(times, samples), kernel.Draws(newborn, np.empty(0), delay)
     begin, place = 0.0, 0.0
     for piece in case.drive.pieces:
         end = begin + piece.duration
-        drive = kernel.Piece(begin, end, place, piece.start, piece.acceleration, 0, 0.0, 0.0, math.inf)
-        assert kernel.advance(state, rig, drive, times, samples, newborn, np.empty(0), 10**8) == kernel.REACHED_END
+        drive = kernel.Piece(Quadratic(begin, place, piece.start, piece.acceleration), end)
+        assert kernel.advance(state, slider, drive, sampling, draws, 10**8) == kernel.REACHED_END
         begin, place = end, place + 0.5 * (piece.start + piece.end) * piece.duration
     exact = plain(case, birth, threshold, newborn, delay, times)
     assert np.abs(samples[:, [0, 2, 3]] - exact).max() < 1e-6

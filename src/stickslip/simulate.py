@@ -507,13 +507,13 @@ def _engine(motion: _Motion, method: Method) -> _Engine:
 
 
 class _ContactsEngine:
-    """The event engine of `stickslip.kernels.contacts`, fed with random numbers in blocks of a fixed length."""
+    """The event engine of `stickslip.kernels.events`, fed with random numbers in blocks of a fixed length."""
 
     _BLOCK = 16_384
     _EVENTS = 400_000  # between two reports of progress: some 50 ms
 
     def __init__(self, motion: _Motion, method: Contacts) -> None:
-        from stickslip.kernels import contacts as kernel
+        from stickslip.kernels import events as kernel
 
         self._kernel, self._motion = kernel, motion
         self._law, self._delay = motion.interface.threshold_law, motion.interface.delay
@@ -523,15 +523,9 @@ class _ContactsEngine:
         self._threshold_rng, self._delay_rng = thresholds, delays
         x, threshold, pending = _first_contacts(motion, method.count, initial)
         self._state = kernel.make_state(-x, threshold, pending, self._delay.moment(1), velocity=motion.first_velocity)
+        self._slider = slider_constants(motion.slider)
         fixed = self._delay.time if isinstance(self._delay, Delay) else math.nan
-        slider = motion.slider
-        self._rig = (
-            kernel.Rig(0.0, 0.0, 0.0, fixed)
-            if slider is None
-            else kernel.Rig(slider.stiffness, 1.0 / slider.mass, slider.damping, fixed)
-        )
-        self._thresholds = self._law.sample(self._threshold_rng, self._BLOCK)
-        self._delays = np.empty(0)
+        self._draws = kernel.Draws(self._law.sample(self._threshold_rng, self._BLOCK), np.empty(0), fixed)
 
     def contact_force(self) -> float:
         """Force of the contacts now, per contact."""
@@ -539,31 +533,22 @@ class _ContactsEngine:
 
     def pull(self, pull: _Pull, report: Progress) -> float:
         """Follow a piece of the drive to its end."""
+        from stickslip.kernels.drive import Quadratic, Stop
+
         kernel, state, motion = self._kernel, self._state, self._motion
-        kind, value = pull.stop()
-        origin = float(state.motion[kernel.POSITION])
+        drive = Quadratic(pull.begin, pull.position, pull.piece.start, pull.piece.acceleration)
+        stop = Stop(*pull.stop(), float(state.motion[kernel.POSITION]))
+        sampling = kernel.Sampling(motion.times, motion.rows)
         while True:
-            piece = kernel.Piece(
-                t0=pull.begin,
-                end=pull.end,
-                D0=pull.position,
-                v0=pull.piece.start,
-                a=pull.piece.acceleration,
-                stop_kind=kind,
-                stop_value=value,
-                X0=origin,
-                look=motion.next_look,
-            )
-            why = kernel.advance(
-                state, self._rig, piece, motion.times, motion.rows, self._thresholds, self._delays, self._EVENTS
-            )
+            piece = kernel.Piece(drive, pull.end, stop, motion.next_look)
+            why = kernel.advance(state, self._slider, piece, sampling, self._draws, self._EVENTS)
             motion.filled = int(state.counts[kernel.SAMPLE])
             now = float(state.motion[kernel.TIME])
             if why == kernel.THRESHOLDS_USED_UP:
-                self._thresholds = self._law.sample(self._threshold_rng, self._BLOCK)
+                self._draws = self._draws._replace(thresholds=self._law.sample(self._threshold_rng, self._BLOCK))
                 state.counts[kernel.THRESHOLD] = 0
             elif why == kernel.DELAYS_USED_UP:
-                self._delays = self._delay.sample(self._delay_rng, self._BLOCK)
+                self._draws = self._draws._replace(delays=self._delay.sample(self._delay_rng, self._BLOCK))
                 state.counts[kernel.DELAY] = 0
             elif why == kernel.LOOK:
                 x = kernel.stretchings(state)
@@ -636,8 +621,7 @@ class _Cohorts:
 
         kernel, motion = self._kernel, self._motion
         drive = Quadratic(pull.begin, pull.position, pull.piece.start, pull.piece.acceleration)
-        kind, value = pull.stop()
-        stop = Stop(kind, value, float(self._state.scalar[kernel.POSITION]))
+        stop = Stop(*pull.stop(), float(self._state.scalar[kernel.POSITION]))
         # A sample on the seam of two pieces belongs to the later one; the last piece keeps its end.
         wanted = motion.times[motion.filled : np.searchsorted(motion.times, pull.end * (1 + 1e-12), side="right")]
         while True:
