@@ -227,7 +227,7 @@ class _Solution:
             velocity * delay,
             share,
         )
-        self._reborn = renewal.solve(self._contacts, distance, points)
+        self._re_attached = renewal.solve(self._contacts, distance, points)
 
     def at(self, X: Array) -> kernel.Response:
-        return self._kernel.observe(self._contacts, self._reborn, X)
+        return self._kernel.observe(self._contacts, self._re_attached, X)

@@ -14,6 +14,8 @@ import numba
 from numba.misc.appdirs import AppDirs
 
 F = TypeVar("F", bound=Callable[..., object])
+_numba: Any = numba  # its stubs know neither all of its settings nor all options
+_folders: Any = AppDirs  # nor this
 
 _KEPT = 3
 """Folders of machine code that stay: a switch between two branches, and back, compiles nothing anew."""
@@ -28,10 +30,10 @@ def _place() -> Path | None:
     digest = hashlib.sha256()
     for file in sorted(here.glob("*.py")):
         digest.update(file.name.encode() + b"\0" + file.read_bytes())
-    if given := numba.config.CACHE_DIR:
+    if given := _numba.config.CACHE_DIR:
         homes = [Path(given)]
     else:
-        homes = [here / "__pycache__", Path(AppDirs("numba", appauthor=False).user_cache_dir)]
+        homes = [here / "__pycache__", Path(_folders("numba", appauthor=False).user_cache_dir)]
     for home in homes:
         folder = home / f"kernels-{digest.hexdigest()[:16]}"
         try:
@@ -54,18 +56,17 @@ def _sweep(home: Path) -> None:
             shutil.rmtree(old, ignore_errors=True)
 
 
-_PLACE = None if numba.config.DISABLE_JIT else _place()
+_PLACE = None if _numba.config.DISABLE_JIT else _place()
 
 
 def _compiled(function: F, **options: bool) -> F:
     """Compile a kernel: without the GIL, numpy's rules for division by zero, machine code in our own folder."""
-    njit: Any = numba.njit  # its stubs do not know all options
-    given = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(_PLACE or "")
+    given = _numba.config.CACHE_DIR
+    _numba.config.CACHE_DIR = str(_PLACE or "")
     try:
-        return cast(F, njit(nogil=True, error_model="numpy", cache=_PLACE is not None, **options)(function))
+        return cast(F, _numba.njit(nogil=True, error_model="numpy", cache=_PLACE is not None, **options)(function))
     finally:
-        numba.config.CACHE_DIR = given
+        _numba.config.CACHE_DIR = given
 
 
 def jit(function: F) -> F:

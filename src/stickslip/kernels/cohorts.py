@@ -3,7 +3,7 @@
 A cohort is what attached in one step: contacts at the same place ``b``, of which ``m J_c(e)`` survive when their
 largest stretching so far is ``e``. Nothing moves along a grid of stretchings, so there is no numerical diffusion,
 and the slider may turn round at any time. What breaks goes through the delay, a mean over given delay times, and
-re-attaches where the slider then is; half of the births of a step at each of its ends.
+re-attaches where the slider then is; half of that in a step at each of its ends.
 
 Within a step the slider is a damped oscillator on the driving spring and on the contacts (`oscillator`), whose force
 is taken linear in its position with the slope that the step itself turns out to have (found in two sweeps over the
@@ -11,7 +11,7 @@ cohorts): the step is exact where nothing breaks, has no stability limit, follow
 exponential, and is second order.
 
 All controls of the step follow from one number, `cells`: the slider moves at most 1/cells in a step, at most
-``5/cells`` of the contacts break or are born, and two estimates of where it ends agree to ``20/cells**2``.
+``5/cells`` of the contacts break or attach, and two estimates of where it ends agree to ``20/cells**2``.
 
 Natural units: stretchings in ``x_s``, forces and stiffnesses per contact in ``f_s`` and ``k``, any unit of
 time.
@@ -128,7 +128,7 @@ class _Trial(NamedTuple):
     attached: float
     mass_in: float
     broken: float
-    born: float
+    attaching: float
 
 
 @jit
@@ -156,8 +156,8 @@ def _sweep(cohort: Array, count: int, table: Table, motion: Travel) -> tuple[flo
         reach = max(cohort[REACH, j], motion.high - cohort[BIRTH, j], cohort[BIRTH, j] - motion.low)
         alive = cohort[ALIVE, j]
         if reach > cohort[REACH, j]:
-            share = survival(table, reach)
-            alive = cohort[MASS, j] * share if share > EXTINCT else 0.0
+            fraction = survival(table, reach)
+            alive = cohort[MASS, j] * fraction if fraction > EXTINCT else 0.0
         cohort[TRIAL_REACH, j] = reach
         cohort[TRIAL_ALIVE, j] = alive
         mass += alive
@@ -184,12 +184,12 @@ def _attached_fraction(cohort: Array, count: int, table: Table, X: float, V: flo
 
 @jit
 def _due(state: State, delays: Delays, dt: float) -> tuple[float, float]:
-    """Births in the next `dt` of what has already broken, and the share of what breaks in it that is born in it."""
+    """What has broken and re-attaches in the next `dt`, and the fraction of what breaks in it that does so, too."""
     if delays.memoryless:
         return 0.0, 1.0
     last = state.used[1] - 1
     t = state.broken[0, last]
-    known = share = 0.0
+    known = fraction = 0.0
     for i in range(delays.time.size):
         j = _place(state.broken, state.cursor[i], last, t - delays.time[i])
         state.cursor[i] = j
@@ -197,11 +197,11 @@ def _due(state: State, delays: Delays, dt: float) -> tuple[float, float]:
         end = t - delays.time[i] + dt
         if end >= t:
             known += delays.weight[i] * (state.broken[1, last] - before)
-            share += delays.weight[i] * (end - t) / dt
+            fraction += delays.weight[i] * (end - t) / dt
         else:
             j = _place(state.broken, j, last, end)
             known += delays.weight[i] * (_between(state.broken, j, end) - before)
-    return known, share
+    return known, fraction
 
 
 @jit
@@ -215,8 +215,8 @@ def _place(broken: Array, j: int, last: int, t: float) -> int:
 @jit
 def _between(broken: Array, j: int, t: float) -> float:
     """Mass broken up to time `t` in interval `j`."""
-    share = (t - broken[0, j]) / (broken[0, j + 1] - broken[0, j])
-    return float(broken[1, j] + share * (broken[1, j + 1] - broken[1, j]))
+    fraction = (t - broken[0, j]) / (broken[0, j + 1] - broken[0, j])
+    return float(broken[1, j] + fraction * (broken[1, j + 1] - broken[1, j]))
 
 
 @jit
@@ -242,18 +242,18 @@ def _arrive(
         low, high = min(X, motion.X, turn), max(X, motion.X, turn)
         motion = Travel(motion.X, motion.V, low, high, motion.work, motion.squares)
     old, force = _sweep(state.cohort, state.used[0], table, motion)
-    # Half of the births sit at the start of the step, and some of them may already break in it.
+    # Half of what attaches sits at the start of the step, and some of it may already break in it.
     known, fraction = due
     young = survival(table, max(motion.high - X, X - motion.low))
     fragile = 0.5 * (1.0 - young)
     broken = (scalar[MASS_IN] - old + fragile * known) / (1.0 - fragile * fraction)
-    born = known + fraction * broken
-    mass_in = old + 0.5 * born * (1.0 + young)
-    force += 0.5 * born * young * (motion.X - X)
-    grip = 1.0
+    attaching = known + fraction * broken
+    mass_in = old + 0.5 * attaching * (1.0 + young)
+    force += 0.5 * attaching * young * (motion.X - X)
+    held = 1.0
     if delays.memoryless:
-        grip = _attached_fraction(state.cohort, state.used[0], table, motion.X, motion.V, delays)
-    return _Trial(dt, load, motion, grip * force, grip * mass_in, mass_in, broken, born)
+        held = _attached_fraction(state.cohort, state.used[0], table, motion.X, motion.V, delays)
+    return _Trial(dt, load, motion, held * force, held * mass_in, mass_in, broken, attaching)
 
 
 @jit
@@ -281,7 +281,7 @@ def _try_step(
         disagreement = max(abs(trial.motion.X - guess.X), abs(trial.motion.V - guess.V) / frequency)
     path = max(trial.motion.high - scalar[POSITION], scalar[POSITION] - trial.motion.low)
     # What breaks or attaches almost in one place need not be resolved: thresholds that are all the same cannot be.
-    mass = min(max(trial.broken, trial.born) / BREAK_CAP, path / ONE_PLACE)
+    mass = min(max(trial.broken, trial.attaching) / BREAK_CAP, path / ONE_PLACE)
     return trial, cells * max(path, mass, math.sqrt(disagreement / TOLERANCE))
 
 
@@ -307,9 +307,9 @@ def _attach(state: State, table: Table, b: float, alive: float, reach: float, me
     j = state.used[0] - 1
     if j >= 0 and abs(b - cohort[BIRTH, j]) <= merge and abs(reach - cohort[REACH, j]) <= merge:
         total = alive + cohort[ALIVE, j]
-        share = alive / total
-        b = cohort[BIRTH, j] + share * (b - cohort[BIRTH, j])
-        reach = cohort[REACH, j] + share * (reach - cohort[REACH, j])
+        fraction = alive / total
+        b = cohort[BIRTH, j] + fraction * (b - cohort[BIRTH, j])
+        reach = cohort[REACH, j] + fraction * (reach - cohort[REACH, j])
         alive = total
     else:
         j += 1
@@ -336,7 +336,7 @@ def _commit(state: State, table: Table, slider: Slider, drive: Quadratic, trial:
             cohort[REACH, kept], cohort[ALIVE, kept] = reach, alive
             kept += 1
     state.used[0] = kept
-    half = 0.5 * trial.born
+    half = 0.5 * trial.attaching
     reach = max(motion.high - scalar[POSITION], scalar[POSITION] - motion.low)
     young = half * survival(table, reach)
     _attach(state, table, scalar[POSITION], young, reach, 0.25 / cells)
@@ -352,7 +352,7 @@ def _commit(state: State, table: Table, slider: Slider, drive: Quadratic, trial:
     scalar[POSITION], scalar[VELOCITY] = motion.X, motion.V
     scalar[CONTACT_FORCE], scalar[SLOPE] = trial.force, trial.load.stiffness
     scalar[ATTACHED], scalar[MASS_IN] = trial.attached, trial.mass_in
-    scalar[MASS_OUT] += trial.broken - trial.born
+    scalar[MASS_OUT] += trial.broken - trial.attaching
     _measure_spring(scalar, slider, drive)
     n = state.used[1]
     state.broken[0, n] = scalar[TIME]
@@ -372,14 +372,14 @@ def _measure_spring(scalar: Array, slider: Slider, drive: Quadratic) -> None:
 def _sample(row: Array, t: float, before: Array, trial: _Trial, after: Array, slider: Slider, drive: Quadratic) -> None:
     """What a step passes at time `t`: the motion and its energies in closed form, the rest linear between its ends."""
     u = t - before[TIME]
-    share = u / trial.dt
+    fraction = u / trial.dt
     for i in range(COLUMNS):
-        row[i] = before[i] + share * (after[i] - before[i])
+        row[i] = before[i] + fraction * (after[i] - before[i])
     row[TIME] = t
     motion = travel(slider, drive, _here(before), trial.load, u)
     row[POSITION], row[VELOCITY] = motion.X, motion.V
     # The force and what is stored bend with the position; what the two sweeps left over is spread evenly.
-    bend = motion.X - before[POSITION] - share * (trial.motion.X - before[POSITION])
+    bend = motion.X - before[POSITION] - fraction * (trial.motion.X - before[POSITION])
     row[CONTACT_FORCE] += trial.load.stiffness * bend
     row[STORED] += row[CONTACT_FORCE] * bend
     if not is_rigid(slider):

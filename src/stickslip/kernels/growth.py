@@ -220,7 +220,7 @@ def advance_growing(
     filled = fill(course, samples, 0, here, load, here.time, count / n)
     while filled < course.times.size:
         guess, stroke = plan(course, filled, here, load, _ANGLE)
-        hopeless = unready and strongest * growth.first <= abs(stroke.dX / stroke.dt)
+        hopeless = bool(unready and strongest * growth.first <= abs(stroke.dX / stroke.dt))
         total, count = 0.0, 0
         for i in range(n):
             if _live(contacts, i, stroke, growth, pool, delays, rng, hopeless):

@@ -92,9 +92,10 @@ def reflected(start: float, drift: float, noise: float, time: float, rng: np.ran
     """Margin of a contact that re-attaches on its boundary whenever it meets it; and its age.
 
     The margin is a Brownian motion with drift, reflected at 0: free motion less its running minimum where that is
-    below 0, sampled exactly by the bridge law of the minimum, so that a step may hold any number of breaks. The time
-    since the last visit to 0 is the time since the minimum; of it the mean is taken, given all else: the forces need
-    no more, and two passage times (before the minimum and after it) divide the step in proportion to their depths.
+    below 0, sampled exactly by the distribution of the minimum of a bridge, so that a step may hold any number of
+    breaks. The time since the last visit to 0 is the time since the minimum; of it the mean is taken, given all else:
+    the forces need no more, and two passage times (before the minimum and after it) divide the step in proportion to
+    their depths.
 
     Parameters
     ----------
@@ -173,7 +174,7 @@ def _prepare(langevin: Langevin, stroke: Stroke) -> _Step:
 def _aged(f: float, time: float, langevin: Langevin, rng: np.random.Generator) -> float:
     """Threshold a `time` later, by the exact Ornstein-Uhlenbeck step."""
     e = np.exp(-langevin.rate * langevin.rate * time)
-    return langevin.mean + (f - langevin.mean) * e + langevin.std * np.sqrt(1.0 - e * e) * rng.standard_normal()
+    return float(langevin.mean + (f - langevin.mean) * e + langevin.std * np.sqrt(1.0 - e * e) * rng.standard_normal())
 
 
 @inlined

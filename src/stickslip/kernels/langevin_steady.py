@@ -89,7 +89,7 @@ def steady_moments(life: Life, cells: int) -> tuple[float, float]:
     Parameters
     ----------
     life : Life
-        For a newborn without strength the moments are those of an excursion, per unit of its entrance law (their
+        For a newborn without strength the moments are those of an excursion, per unit of its entrance measure (their
         slope in the margin, in units of the standard deviation).
     cells : int
         Cells of the coarser grid; 100 gives 1e-5 (for 1e-5 <= u <= 50 and delta >= 0.1).

@@ -1,7 +1,7 @@
 """The master equation under rigid motion, Eqs. (1)-(4), solved as a renewal process by fast convolution.
 
-When the slider is moved at a given velocity, each contact lives on its own: born at ``x = 0``, it breaks at
-its threshold and is born again, a distance ``s = v tau_d`` further on. With ``m(X)`` the number of breaks per
+When the slider is moved at a given velocity, each contact lives on its own: attached at ``x = 0``, it breaks at
+its threshold and re-attaches, a distance ``s = v tau_d`` further on. With ``m(X)`` the number of breaks per
 contact up to ``X``, the master equation is one Volterra equation of convolution type::
 
     m(X) = m_0(X) + Int_0^X P~(x) m(X - x) dx,     P~(x) = mean over delays of P_c(x - s)
@@ -11,8 +11,8 @@ number of breaks is continuous even where the breaking rate jumps, and that is w
 
 The unknown is taken piecewise linear and each kernel is integrated exactly against it: its weights are the
 second differences of its second antiderivative, which for all kernels needed here is made of
-``excess(x, n)``, the survival function integrated `n` times from above. So jumps of the law cost no order: the
-scheme is second order for every law of bounded density, and Richardson extrapolation over three grids makes it
+``excess(x, n)``, the survival function integrated `n` times from above. So jumps of the density cost no order: the
+scheme is second order for every distribution of bounded density, and Richardson extrapolation over three grids makes it
 sixth order for smooth ones.
 """
 
@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 NOTHING = 1e-18
-"""Survival below which a law is taken to have ended."""
+"""Survival below which a distribution is taken to have ended."""
 
 Density = Callable[[Array], Array]
 Excess = Callable[[Array, int], Array]
@@ -45,14 +45,14 @@ class Contacts(NamedTuple):
         ``excess(x, n)``: mean of ``max(x_s - x, 0)**n / n!``, for ``n`` = 0, 1, 2; order 0 is the survival
         ``J_c``.
     stretching, weight : ndarray, shape (n_nodes,)
-        Nodes of the law of initial stretchings, any sign; the weights sum to 1.
+        Nodes of the distribution of initial stretchings, any sign; the weights sum to 1.
     reach : ndarray, shape (n_nodes,)
         Stretching beyond which the thresholds of these contacts are known to lie, with ``J_c(reach) > 0``:
         ``|x_0|`` for contacts that could break in either direction, ``max(x_0, 0)`` where Eq. (3) is read to
         the letter, which lets a contact stretched backwards have any threshold.
-    shift, share : ndarray, shape (n_delays,)
-        Distances ``v tau_d >= 0`` travelled before a broken contact is born again, and their weights, of sum
-        1. One shift of 0: no delay. Empty: broken contacts never come back.
+    shift, fraction : ndarray, shape (n_delays,)
+        Distances ``v tau_d >= 0`` travelled before a broken contact re-attaches, and their weights, of sum
+        1. One shift of 0: no delay. Empty: broken contacts never re-attach.
     """
 
     density: Density
@@ -61,10 +61,10 @@ class Contacts(NamedTuple):
     weight: Array
     reach: Array
     shift: Array
-    share: Array
+    fraction: Array
 
 
-class Reborn(NamedTuple):
+class ReAttached(NamedTuple):
     """What all contacts but the initial ones contribute, on the uniform grid ``X = spacing * (0, 1, 2 ...)``.
 
     Attributes
@@ -101,13 +101,13 @@ class Response(NamedTuple):
     stiffness: Array
 
 
-def solve(contacts: Contacts, distance: float, points: int) -> Reborn:
-    """Solve for the contacts that break and are born again while the slider moves from 0 to `distance`.
+def solve(contacts: Contacts, distance: float, points: int) -> ReAttached:
+    """Solve for the contacts that break and re-attach while the slider moves from 0 to `distance`.
 
     Parameters
     ----------
     contacts : Contacts
-        The law of thresholds, the initial contacts and the delays.
+        The distribution of thresholds, the initial contacts and the delays.
     distance : float
         Length of the motion, above 0.
     points : int
@@ -115,46 +115,46 @@ def solve(contacts: Contacts, distance: float, points: int) -> Reborn:
 
     Returns
     -------
-    Reborn
+    ReAttached
         On ``points + 1`` positions from 0 to `distance`.
     """
     X = np.linspace(0.0, distance, points + 1)
     spacing = distance / points
     first = _initial_breaks(contacts, np.linspace(0.0, distance, 4 * points + 1))
-    coarse, middle, fine = (_solve_once(contacts, first[:: 4 // every], distance)[:, ::every] for every in (1, 2, 4))
+    coarse, middle, fine = (solve_once(contacts, first[:: 4 // every], distance)[:, ::every] for every in (1, 2, 4))
     broken, travelled, rate, force, stiffness = (coarse - 20 * middle + 64 * fine) / 45
     if contacts.shift.size == 1 and contacts.shift[0] == 0:
-        born, stretched = broken, travelled
+        back, stretched = broken, travelled
     else:
         # A delay is no multiple of the spacing: its corner at X = s, shifted earlier, would spoil the extrapolation.
-        born, stretched = np.zeros_like(X), np.zeros_like(X)
-        for shift, share in zip(contacts.shift, contacts.share, strict=True):
+        back, stretched = np.zeros_like(X), np.zeros_like(X)
+        for shift, fraction in zip(contacts.shift, contacts.fraction, strict=True):
             later = shift <= X
-            born[later] += share * _interpolate(broken, (X[later] - shift) / spacing)
-            stretched[later] += share * _interpolate(travelled, (X[later] - shift) / spacing)
+            back[later] += fraction * _interpolate(broken, (X[later] - shift) / spacing)
+            stretched[later] += fraction * _interpolate(travelled, (X[later] - shift) / spacing)
     # What the initial breaks put back at once is left to `observe`, which knows it without interpolating.
-    attached = born - broken + (1.0 - _at_once(contacts)) * first[::4]
-    return Reborn(spacing, np.stack([stretched - force, attached, rate, born - stiffness]))
+    attached = back - broken + (1.0 - _at_once(contacts)) * first[::4]
+    return ReAttached(spacing, np.stack([stretched - force, attached, rate, back - stiffness]))
 
 
-def observe(contacts: Contacts, reborn: Reborn, X: Array) -> Response:
+def observe(contacts: Contacts, re_attached: ReAttached, X: Array) -> Response:
     """Evaluate force, attached fraction, breaking rate and stiffness at any positions.
 
     The part of the initial contacts is closed-form at every `X`; the rest is continuous and interpolated to
-    sixth order. A one-sided limit at a jump of the law is the value at the next number on that side
+    sixth order. A one-sided limit at a jump of the density is the value at the next number on that side
     (``numpy.nextafter``).
 
     Parameters
     ----------
     contacts : Contacts
         As given to `solve`.
-    reborn : Reborn
+    re_attached : ReAttached
         What `solve` returned.
     X : ndarray
         Positions between 0 and the distance of `solve`, in any order.
     """
     initial = _initial(contacts, X)
-    force, attached, rate, stiffness = _interpolate(reborn.values, X / reborn.spacing)
+    force, attached, rate, stiffness = _interpolate(re_attached.values, X / re_attached.spacing)
     return Response(
         initial.force + force,
         1.0 - (1.0 - _at_once(contacts)) * initial.broken + attached,
@@ -191,7 +191,7 @@ def _initial_breaks(contacts: Contacts, X: Array) -> Array:
 
 
 def _survivors(contacts: Contacts, X: Array) -> tuple[Mask, Array, Array, Array]:
-    """Where any are left; there, per node of the start: stretchings, survivors, and the scale of its law."""
+    """Where any are left; there, per node of the start: stretchings, survivors, and the scale of its distribution."""
     inside = X + contacts.stretching.min() < _end(contacts)
     x = contacts.stretching[:, None] + X[inside]
     scale = (contacts.weight / contacts.excess(contacts.reach, 0))[:, None]
@@ -199,18 +199,18 @@ def _survivors(contacts: Contacts, X: Array) -> tuple[Mask, Array, Array, Array]
 
 
 def _end(contacts: Contacts) -> float:
-    """A stretching that no contact survives. To stop there saves most of the evaluations of the law."""
+    """A stretching that no contact survives. To stop there saves most of the evaluations of the distribution."""
     x = np.asarray(2.0 ** np.arange(-30, 60))
     law_ends = x[np.argmax(contacts.excess(x, 0) < NOTHING)]
     return float(max(law_ends, 2.0 * contacts.reach.max()))
 
 
 def _at_once(contacts: Contacts) -> float:
-    """Share of broken contacts that are born again without delay."""
-    return float(contacts.share[contacts.shift == 0].sum())
+    """Fraction of broken contacts that re-attach without delay."""
+    return float(contacts.fraction[contacts.shift == 0].sum())
 
 
-def _solve_once(contacts: Contacts, first: Array, distance: float) -> Array:
+def solve_once(contacts: Contacts, first: Array, distance: float) -> Array:
     """Second-order solution on the uniform grid on which the first breaks ``m_0`` are given.
 
     Rows: breaks ``m``, their integral over X, and the convolutions of the breaks with the kernels of the
@@ -221,10 +221,10 @@ def _solve_once(contacts: Contacts, first: Array, distance: float) -> Array:
     h = distance / (n - 1)
     antiderivatives = np.zeros((4, n + 1))
     end = _end(contacts)
-    for shift, share in zip(contacts.shift, contacts.share, strict=True):
+    for shift, fraction in zip(contacts.shift, contacts.fraction, strict=True):
         later = slice(int(shift // h), None)
         x = np.maximum(h * np.arange(n + 1)[later] - shift, 0.0)
-        antiderivatives[:, later] += share * _antiderivatives(contacts.excess, x, end)
+        antiderivatives[:, later] += fraction * _antiderivatives(contacts.excess, x, end)
     # Second differences; all antiderivatives vanish up to X = 0.
     weights = np.diff(antiderivatives, n=2, axis=1, prepend=0.0) / h
     # On a circle |z| = r < 1 the division of power series is safe, and what wraps around is damped by
