@@ -100,7 +100,7 @@ def plain(case, birth, threshold, newborn, delay, times):
     """Position, force and number of attached contacts, in small steps, each contact looked at in each.
 
     The slider's equation is linear while the contacts that hold are the same: a step is a matrix exponential. Where a
-    contact would be stretched beyond its threshold, or the slider turns, the moment is found by bisection.
+    contact would be stretched beyond its threshold, or the slider turns close to it, the moment is found by bisection.
     """
     slider, N = case.slider, len(birth)
     birth, threshold = np.array(birth), np.array(threshold)
@@ -109,8 +109,7 @@ def plain(case, birth, threshold, newborn, delay, times):
     known = {}
 
     def go(state, dt):
-        """Position, velocity, and the drive's position, velocity and acceleration a time on."""
-        n, total = holds.sum(), birth[holds].sum()
+        """Position, velocity, the drive's position, velocity and acceleration, and the contacts' pull, a time on."""
         if (n, dt) not in known:
             matrix = np.zeros((6, 6))
             matrix[0, 1] = matrix[2, 3] = matrix[3, 4] = 1.0
@@ -118,10 +117,10 @@ def plain(case, birth, threshold, newborn, delay, times):
             matrix[1, 5] = 1.0
             matrix[1] /= slider.mass
             known[n, dt] = expm(matrix * dt)
-        return (known[n, dt] @ np.append(state, total / N))[:5]
+        return known[n, dt] @ state
 
-    def broken(state):
-        return holds & (np.abs(state[0] - birth) >= threshold)
+    def broken(state, margin=0.0):
+        return holds & (np.abs(state[0] - birth) >= threshold - margin)
 
     def first(state, dt, happens):
         """Time in (0, dt] at which something first happens, known to hold at its end."""
@@ -129,11 +128,11 @@ def plain(case, birth, threshold, newborn, delay, times):
         while high - low > 1e-14 * dt and low < 0.5 * (low + high) < high:
             middle = 0.5 * (low + high)
             low, high = (low, middle) if happens(go(state, middle)) else (middle, high)
-            known.pop((holds.sum(), middle), None)
+            known.pop((n, middle), None)
         return high
 
     rows = []
-    state, t = np.zeros(5), 0.0
+    t, n, state = 0.0, N, np.append(np.zeros(5), birth.sum() / N)
     ends = np.cumsum([piece.duration for piece in case.drive.pieces])
     for piece, end in zip(case.drive.pieces, ends, strict=True):
         state[3], state[4] = piece.start, piece.acceleration
@@ -144,7 +143,8 @@ def plain(case, birth, threshold, newborn, delay, times):
             dt = pace if t + pace < stop else stop - t
             if dt > 0.0:
                 there = go(state, dt)
-                if state[1] * there[1] < 0.0:  # the farthest point lies within
+                if state[1] * there[1] < 0.0 and broken(there, dt * (abs(state[1]) + abs(there[1]))).any():
+                    # The farthest point lies within the step, and may be too far.
                     sign = np.sign(there[1])
                     dt = first(state, dt, lambda at, sign=sign: at[1] * sign >= 0.0)
                     there = go(state, dt)
@@ -153,13 +153,16 @@ def plain(case, birth, threshold, newborn, delay, times):
                     dt = first(state, dt, lambda at: broken(at).any())
                     there = go(state, dt)
                 t, state = (stop if t + dt >= stop else t + dt), there
-                for i in np.flatnonzero(broken(there)):
+                for i in np.flatnonzero(broken(state)):
                     holds[i], back[i] = False, t + delay
+                    n, state[5] = n - 1, birth[holds].sum() / N
                 if len(known) > 200:
                     known.clear()
-            for i in np.flatnonzero(back <= t):
-                holds[i], back[i] = True, math.inf
-                birth[i], threshold[i] = state[0], next(newborn)
+            if back.min() <= t:
+                for i in np.flatnonzero(back <= t):
+                    holds[i], back[i] = True, math.inf
+                    birth[i], threshold[i] = state[0], next(newborn)
+                    n, state[5] = n + 1, birth[holds].sum() / N
             while len(rows) < len(times) and times[len(rows)] <= t:
                 rows.append((state[0], np.sum(state[0] - birth[holds]) / N, holds.mean()))
     return np.array(rows)
@@ -208,7 +211,7 @@ def test_forces_stay_within_the_thresholds_and_balances_close(seed, method, slac
     force = np.abs(run["F_c"].to_numpy())
     assert np.all(force <= BROAD.high * attached + slack)
     assert imbalance(run) < slack
-    assert np.all((attached >= 0.0) & (attached <= 1.0 + 1e-12))
+    assert np.all((attached >= 0.0) & (attached <= 1.0 + 1e-11))
     if delay.time == 0.0:
         assert attached == pytest.approx(1.0, abs=1e-11)
     if delay.time == math.inf:
