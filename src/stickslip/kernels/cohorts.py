@@ -54,6 +54,16 @@ class Delays(NamedTuple):
     memoryless: bool = False
 
 
+class _Case(NamedTuple):
+    """All that stays the same in a call: thresholds, delays, slider, drive, and the resolution."""
+
+    table: Table
+    delays: Delays
+    slider: Slider
+    drive: Quadratic
+    cells: float
+
+
 class State(NamedTuple):
     """All that the next step needs. Arrays have room to spare; `used` says how much is filled.
 
@@ -138,13 +148,13 @@ def _here(scalar: Array) -> Motion:
 
 
 @jit
-def _is_slow(scalar: Array, slider: Slider, drive: Quadratic, load: Load, cells: float) -> bool:
+def _is_slow(here: Motion, case: _Case, load: Load) -> bool:
     """Whether the slider follows its slow path so closely that its oscillation does not matter."""
-    w = (slider.stiffness + load.stiffness) / slider.mass
+    w = (case.slider.stiffness + load.stiffness) / case.slider.mass
     if w <= 0.0:
         return False
-    p0, p1, _ = slow_path(slider, drive, _here(scalar), load)
-    return bool(max(abs(p0), abs(scalar[VELOCITY] - p1) / math.sqrt(w)) * cells * cells < 1.0)
+    p0, p1, _ = slow_path(case.slider, case.drive, here, load)
+    return bool(max(abs(p0), abs(here.V - p1) / math.sqrt(w)) * case.cells * case.cells < 1.0)
 
 
 @jit
@@ -220,24 +230,14 @@ def _between(broken: Array, j: int, t: float) -> float:
 
 
 @jit
-def _arrive(
-    state: State,
-    table: Table,
-    delays: Delays,
-    slider: Slider,
-    drive: Quadratic,
-    due: tuple[float, float],
-    cells: float,
-    dt: float,
-    load: Load,
-) -> _Trial:
+def _arrive(state: State, case: _Case, due: tuple[float, float], dt: float, load: Load) -> _Trial:
     """End of a step under this load."""
-    scalar = state.scalar
-    X = scalar[POSITION]
-    motion = travel(slider, drive, _here(scalar), load, dt)
-    if not is_rigid(slider) and _is_slow(scalar, slider, drive, load, cells):
+    table, slider, drive, here = case.table, case.slider, case.drive, _here(state.scalar)
+    scalar, X = state.scalar, here.X
+    motion = travel(slider, drive, here, load, dt)
+    if not is_rigid(slider) and _is_slow(here, case, load):
         # Over a long time an oscillation that does not matter would make a cubic overshoot.
-        p0, p1, p2 = slow_path(slider, drive, _here(scalar), load)
+        p0, p1, p2 = slow_path(slider, drive, here, load)
         turn = X + p0 - 0.25 * p1 * p1 / p2 if p1 * (p1 + 2.0 * p2 * dt) < 0.0 else X
         low, high = min(X, motion.X, turn), max(X, motion.X, turn)
         motion = Travel(motion.X, motion.V, low, high, motion.work, motion.squares)
@@ -251,20 +251,19 @@ def _arrive(
     mass_in = old + 0.5 * attaching * (1.0 + young)
     force += 0.5 * attaching * young * (motion.X - X)
     held = 1.0
-    if delays.memoryless:
-        held = _attached_fraction(state.cohort, state.used[0], table, motion.X, motion.V, delays)
+    if case.delays.memoryless:
+        held = _attached_fraction(state.cohort, state.used[0], table, motion.X, motion.V, case.delays)
     return _Trial(dt, load, motion, held * force, held * mass_in, mass_in, broken, attaching)
 
 
 @jit
-def _try_step(
-    state: State, table: Table, delays: Delays, slider: Slider, drive: Quadratic, cells: float, dt: float
-) -> tuple[_Trial, float]:
+def _try_step(state: State, case: _Case, dt: float) -> tuple[_Trial, float]:
     """Find the end of a step without taking it, and how much too long it is (above 1)."""
+    slider, delays, cells = case.slider, case.delays, case.cells
     scalar = state.scalar
     due = _due(state, delays, dt)
     load = Load(scalar[CONTACT_FORCE], scalar[SLOPE], 0.0, 0.0)
-    trial = _arrive(state, table, delays, slider, drive, due, cells, dt, load)
+    trial = _arrive(state, case, due, dt, load)
     disagreement = 0.0
     if not is_rigid(slider):
         change, distance = trial.force - scalar[CONTACT_FORCE], trial.motion.X - scalar[POSITION]
@@ -276,7 +275,7 @@ def _try_step(
             loss = (slope * distance - change) / dt
         guess = trial.motion
         load = Load(scalar[CONTACT_FORCE], slope, loss, 0.0)
-        trial = _arrive(state, table, delays, slider, drive, due, cells, dt, load)
+        trial = _arrive(state, case, due, dt, load)
         frequency = math.sqrt((slider.stiffness + scalar[MASS_IN]) / slider.mass)
         disagreement = max(abs(trial.motion.X - guess.X), abs(trial.motion.V - guess.V) / frequency)
     path = max(trial.motion.high - scalar[POSITION], scalar[POSITION] - trial.motion.low)
@@ -286,14 +285,15 @@ def _try_step(
 
 
 @jit
-def _longest_step(scalar: Array, slider: Slider, drive: Quadratic, cells: float) -> float:
+def _longest_step(scalar: Array, case: _Case) -> float:
     """Resolve the oscillation of the slider on its contacts, unless the slider follows its slow path closely."""
+    slider = case.slider
     if is_rigid(slider):
         return math.inf
     fast = (slider.stiffness + scalar[MASS_IN]) / slider.mass
     if 0.25 * slider.damping * slider.damping >= fast:
         return math.inf
-    if _is_slow(scalar, slider, drive, Load(scalar[CONTACT_FORCE], scalar[SLOPE], 0.0, 0.0), cells):
+    if _is_slow(_here(scalar), case, Load(scalar[CONTACT_FORCE], scalar[SLOPE], 0.0, 0.0)):
         return math.inf
     return PHASE / math.sqrt(fast)
 
@@ -319,8 +319,9 @@ def _attach(state: State, table: Table, b: float, alive: float, reach: float, me
 
 
 @jit
-def _commit(state: State, table: Table, slider: Slider, drive: Quadratic, trial: _Trial, cells: float) -> None:
+def _commit(state: State, case: _Case, trial: _Trial) -> None:
     """Make the trial the state."""
+    table, slider, drive, cells = case.table, case.slider, case.drive, case.cells
     scalar, cohort = state.scalar, state.cohort
     motion = trial.motion
     distance = motion.X - scalar[POSITION]
@@ -410,20 +411,10 @@ def _make_room(state: State) -> bool:
 
 @jit
 def _run(
-    state: State,
-    table: Table,
-    delays: Delays,
-    slider: Slider,
-    drive: Quadratic,
-    stop: Stop,
-    until: float,
-    times: Array,
-    rows: Array,
-    cells: float,
-    step: float,
-    max_steps: int,
+    state: State, case: _Case, stop: Stop, until: float, times: Array, rows: Array, step: float, max_steps: int
 ) -> tuple[int, int, int]:
     """Take steps until there is a reason to come back: it, the number of rows filled, and the steps left."""
+    slider, drive = case.slider, case.drive
     scalar = state.scalar
     before = scalar.copy()
     smallest = 1e-12 * max(1.0, abs(until))
@@ -443,10 +434,10 @@ def _run(
             return FINISHED, filled, max_steps
         if not _make_room(state):
             return NO_ROOM, filled, max_steps
-        planned = step if step > 0.0 else min(scalar[NEXT_STEP], _longest_step(scalar, slider, drive, cells))
+        planned = step if step > 0.0 else min(scalar[NEXT_STEP], _longest_step(scalar, case))
         while True:
             dt = min(planned, left)
-            trial, trouble = _try_step(state, table, delays, slider, drive, cells, dt)
+            trial, trouble = _try_step(state, case, dt)
             if step > 0.0 or trouble <= 1.0 or dt <= smallest:
                 break
             planned = dt * max(0.9 / trouble, 0.2)
@@ -458,10 +449,10 @@ def _run(
         while stop.kind != NOWHERE and n < times.size and times[n] < scalar[TIME] + dt:
             _sample(rows[n], times[n], before, trial, before, slider, drive)
             if holds(stop, rows[n, POSITION], rows[n, DRIVE_FORCE]):
-                trial, _ = _try_step(state, table, delays, slider, drive, cells, times[n] - scalar[TIME])
+                trial, _ = _try_step(state, case, times[n] - scalar[TIME])
                 break
             n += 1
-        _commit(state, table, slider, drive, trial, cells)
+        _commit(state, case, trial)
         while filled < times.size and times[filled] < scalar[TIME] - smallest:
             _sample(rows[filled], times[filled], before, trial, scalar, slider, drive)
             filled += 1
@@ -626,12 +617,11 @@ def advance(
     state = State(scalar.copy(), cohort.copy(), broken.copy(), cursor.copy(), used.copy())
     times = np.asarray(times, float)
     rows = np.empty((times.size, COLUMNS))
+    case = _Case(table, delays, slider, drive, cells)
     filled, reason = 0, NO_ROOM
     steps = max_steps
     while reason == NO_ROOM:
-        reason, more, steps = _run(
-            state, table, delays, slider, drive, stop, until, times[filled:], rows[filled:], cells, step, steps
-        )
+        reason, more, steps = _run(state, case, stop, until, times[filled:], rows[filled:], step, steps)
         filled += more
         if reason == NO_ROOM:
             if state.used[0] + 2 > state.cohort.shape[1]:
