@@ -284,7 +284,7 @@ def test_what_a_case_must_not_return_is_its_error():
     def odd(a):
         fine = {"x": np.zeros(2), "y": 1}
         return [fine, fine | {"x": np.zeros(3)}, {"x": np.zeros(2)}, fine | {"y": "text"}, 3, {},
-                fine | {"z/": 1}, fine | {"a": 1}, fine | {"y": object()}, fine | {"error": 1},
+                fine | {"z/": 1}, fine | {"a": 1.0}, fine | {"y": object()}, fine | {"error": 1},
                 fine | {"y": 10**400}][a]  # fmt: skip
 
     result = run_cases(odd, {"a": range(11)})

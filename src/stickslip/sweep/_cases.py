@@ -244,11 +244,14 @@ def run_case(job: Job, values: Values) -> str:
         if not isinstance(result, Mapping) or not result:
             what = "an empty mapping" if isinstance(result, Mapping) else type(result).__name__
             raise TypeError(f"{name_of(job.function)} returned {what}: must be a mapping of names to numbers")
-        for name in result:
+        packed = {}
+        for name, value in result.items():
             check_name("result", name)
-            if name in values:
+            if name not in values:
+                packed[name] = _pack(name, value)
+            elif value != values[name]:
                 raise InputError(f"result: the name {name!r} is taken by an axis")
-        return json.dumps({"result": {name: _pack(name, value) for name, value in result.items()}})
+        return json.dumps({"result": packed})
     except (Exception, SystemExit) as error:
         return failed(_in_words(error))
 
