@@ -240,7 +240,7 @@ def run_case(job: Job, values: Values) -> str:
     """Run one case; return ``{"result": {name: value}}`` or ``{"error": text}`` as JSON."""
     try:
         seed = {} if job.seed is None else {"seed": case_seed(job.seed, values)}
-        result = job.function(**values, **seed)
+        result: Any = job.function(**values, **seed)
         if not isinstance(result, Mapping) or not result:
             what = "an empty mapping" if isinstance(result, Mapping) else type(result).__name__
             raise TypeError(f"{name_of(job.function)} returned {what}: must be a mapping of names to numbers")

@@ -109,7 +109,7 @@ class Grid(Sequence[Values]):
         if not 0 <= cell < len(self):
             raise IndexError(cell)
         chosen = {}
-        for name in reversed(self.axes):
+        for name in reversed(list(self.axes)):
             cell, i = divmod(cell, len(self.axes[name]))
             chosen[name] = self.axes[name][i]
         return {name: chosen[name] for name in self.axes}
@@ -136,7 +136,8 @@ def _array(values: Sequence[AxisValue]) -> NDArray[Any]:
 
 def attributes_of(head: Head, name: str, own: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """Attributes of an axis or variable: the user's, its own, and the two that none goes without."""
-    return {"long_name": name.replace("_", " "), "units": "1"} | dict(own or {}) | head["attributes"].get(name, {})
+    given: dict[str, Any] = head["attributes"].get(name, {})
+    return {"long_name": name.replace("_", " "), "units": "1"} | dict(own or {}) | given
 
 
 def flags(words: Sequence[str], first: int) -> dict[str, Any]:

@@ -156,43 +156,23 @@ class Plan:
         InputError
             As there.
         """
+        options: Any = {
+            "store": store,
+            "executor": executor,
+            "seed": self.seed,
+            "progress": progress,
+            "attributes": self.attributes(),
+            "categories": {"regime": KINDS},
+            "notes": {"sweep": self.to_toml()},
+            "retry_failed": retry_failed,
+            "max_cases": self.max_cases,
+        }
         if self.refinement is None:
-            found = run_cases(
-                self.study,
-                self.axes,
-                store=store,
-                executor=executor,
-                seed=self.seed,
-                progress=progress,
-                attributes=self.attributes(),
-                categories={"regime": KINDS},
-                notes={"sweep": self.to_toml()},
-                retry_failed=retry_failed,
-                max_cases=self.max_cases,
-            )
-        else:
-            found = refine(
-                self.study,
-                {
-                    name: Span(low=float(ends[0]), high=float(ends[-1]), log=name in self.logarithmic)
-                    for name, ends in self.axes.items()
-                    if name in _PARAMETERS
-                },
-                "regime",
-                each={"start": [str(start) for start in self.axes.get("start", [self.study.start])]},
-                runs=self.refinement.runs,
-                resolution=self.refinement.resolution,
-                store=store,
-                executor=executor,
-                seed=self.seed,
-                progress=progress,
-                attributes=self.attributes(),
-                categories={"regime": KINDS},
-                notes={"sweep": self.to_toml()},
-                retry_failed=retry_failed,
-                max_cases=self.max_cases,
-            )
-        return self.select(found)
+            return self.select(run_cases(self.study, self.axes, **options))
+        ends = {name: self.axes[name] for name in self.parameters}
+        box = {name: Span(low=float(a), high=float(b), log=name in self.logarithmic) for name, (a, b) in ends.items()}
+        each = {"start": [str(start) for start in self.axes.get("start", [self.study.start])]}
+        return self.select(refine(self.study, box, "regime", each=each, **asdict(self.refinement), **options))
 
     def select(self, found: xr.Dataset) -> xr.Dataset:
         """Of all that is stored of each case, what the file asks for."""
@@ -267,9 +247,9 @@ def sweep(
     """
     scales = rig.scales
     run: dict[str, Any] = {"cycles": cycles, "extensions": extensions, "max_cases": max_cases}
-    for name, given, unit in (("distance", distance, "m"), ("duration", duration, "s")):
-        if given is not None:
-            run[name] = _written(given, "" if scales is None else unit)
+    for name, length, unit in (("distance", distance, "m"), ("duration", duration, "s")):
+        if length is not None:
+            run[name] = _written(length, "" if scales is None else unit)
     document: dict[str, Any] = {"name": rig.name, "rig": dict(rig.document), "run": run, "axes": {}}
     for name, given in axes.items():
         unit = unit_of(name, scales)[1] if scales is not None and name in _PARAMETERS and name != "spread" else ""
