@@ -20,6 +20,7 @@ import xarray as xr
 
 import stickslip as ss
 from stickslip import cli, plot
+from stickslip import rig as rigs
 from stickslip.errors import InputError
 from stickslip.measure import regime
 from stickslip.simulate import Contacts, MasterEquation, Relaxed, Sliding
@@ -27,8 +28,8 @@ from stickslip.sweep import Span, Threads, _table, open_sweep, study, summary
 from stickslip.sweep.plan import Refinement, from_document, open_plan, plan_of, read_plan, with_theory
 
 ROOT = Path(__file__).parents[1]
-EXAMPLE = ROOT / "examples" / "phase_diagram.toml"
-BENCH = ROOT / "examples" / "pmma_slider.toml"
+EXAMPLE = rigs.EXAMPLES / "phase_diagram.toml"
+BENCH = rigs.EXAMPLES / "pmma_slider.toml"
 
 NATURAL = {
     "name": "small",

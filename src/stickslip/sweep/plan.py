@@ -1,7 +1,8 @@
 """Sweeps of a rig: from a file in TOML (rig, parameters to vary, what to measure) to a `Plan`, or from Python.
 
 >>> from stickslip.sweep.plan import read_plan
->>> plan = read_plan("examples/phase_diagram.toml")
+>>> from stickslip.rig import example
+>>> plan = read_plan(example("phase_diagram"))
 >>> plan.parameters, plan.total
 (('stiffness', 'velocity'), 3200)
 
@@ -42,7 +43,7 @@ from stickslip.units import Scales, si_unit
 if TYPE_CHECKING:
     import xarray as xr
 
-EXAMPLE = "examples/phase_diagram.toml"
+EXAMPLE = "`stickslip new phase_diagram`"
 SHORTEST, CYCLES = 120.0, 30.0
 """``x_s`` and cycles that a run lasts unless the file says otherwise: transients last 40 to 100 ``x_s``."""
 
