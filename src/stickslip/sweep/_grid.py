@@ -24,7 +24,7 @@ from stickslip.sweep._cases import (
     plain_attribute,
 )
 from stickslip.sweep._executors import Workers
-from stickslip.sweep._results import Grid, Summary, grid_dataset, head_of
+from stickslip.sweep._results import Grid, Summary, grid_dataset, head_of, summary
 from stickslip.sweep._run import MAX_CASES, Progress, Runner, check_size
 from stickslip.sweep._table import Table, writer_of
 
@@ -188,8 +188,9 @@ def status_of(store: str | PathLike[str]) -> Status:
             failed = sum(key in table.failed for key in keys)
             total = len(keys)
         else:
-            known, failed = len(table.keys), len(table.failed)
-            total = head.get("complete") or head["runs"] * len(Grid(head["each"]))
+            found = summary(_refine.replay(table))
+            known, failed = found.total, found.failed
+            total = max(known, head.get("complete") or head["runs"] * len(Grid(head["each"])))
         since = path.stat().st_mtime - head["started"]
         fresh = len(table.keys) - head["found"]
         return Status(

@@ -23,7 +23,7 @@ import socket
 import sqlite3
 import stat
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -40,7 +40,11 @@ PATIENCE = 60.0
 
 _HEAD = ""
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-_COLUMNS = "CREATE TABLE cases (key TEXT PRIMARY KEY, row TEXT NOT NULL, checksum TEXT NOT NULL) WITHOUT ROWID"
+_NEW = (
+    f"PRAGMA application_id = {FORMAT}",
+    f"PRAGMA user_version = {VERSION}",
+    "CREATE TABLE cases (key TEXT PRIMARY KEY, row TEXT NOT NULL, checksum TEXT NOT NULL) WITHOUT ROWID",
+)
 
 
 class Table:
@@ -86,12 +90,8 @@ class Table:
         return self
 
     def __exit__(self, *_: object) -> None:
-        try:
-            if self._writing:
-                self.commit()
-        finally:
-            self._connection.close()
-            self._held.close()
+        self._connection.close()
+        self._held.close()
 
     def __contains__(self, key: str) -> bool:
         return key in self.keys
@@ -112,12 +112,13 @@ class Table:
         if _is_there(path):  # read again: another may have written before the lock was ours
             self._read()
             _check_identity(path, self._stored["identity"], self.head["identity"])
+        self.head |= {"started": time.time(), "found": len(self.keys)}
+        if self._stored:
+            self._write_head()
         else:
             with _in_one_line(path):
                 self._connection = _connect(path, "rwc")
-                self._create()
-        self.head = {**self.head, "started": time.time(), "found": len(self.keys)}
-        self._write({_HEAD: json.dumps(self.head)})
+            self._create()
         self._stored = json.loads(json.dumps(self.head))
         self._writing = True
 
@@ -133,7 +134,7 @@ class Table:
         mine, theirs = ({**head, "started": 0, "found": 0} for head in (self.head, self._stored))
         if self.path is not None and json.loads(json.dumps(mine)) != theirs:
             self.claim()
-            self._write({_HEAD: json.dumps(self.head)})
+            self._write_head()
 
     def forget_failed(self) -> None:
         """Take failed cases for not run; their rows stay until others replace them."""
@@ -155,10 +156,10 @@ class Table:
 
     def rows(self) -> Iterator[tuple[str, dict[str, Any]]]:
         """All that is known, in the order of the keys."""
-        self._flush()
+        self.commit()
         with _in_one_line(self.path):
             for key, row in self._connection.execute("SELECT key, row FROM cases WHERE key > '' ORDER BY key"):
-                yield _text(key), json.loads(row)
+                yield key, json.loads(row)
 
     def until_commit(self) -> float | None:
         """Seconds until the next commit is due; None if there is nothing to commit."""
@@ -172,39 +173,32 @@ class Table:
         InputError
             If it cannot be written; what was written before is kept.
         """
-        self._flush()
-        self._committed = time.monotonic()
-
-    def _flush(self) -> None:
         if self._pending:
             self._write(self._pending)
-            self._pending = {}
+        self._pending = {}
+        self._committed = time.monotonic()
 
-    def _write(self, rows: Mapping[str, str]) -> None:
-        with _in_one_line(self.path):
-            self._connection.execute("BEGIN IMMEDIATE")
-            try:
-                self._connection.executemany(
-                    "INSERT OR REPLACE INTO cases VALUES (?, ?, ?)",
-                    ((key, row, _checksum(key.encode(), row.encode())) for key, row in rows.items()),
-                )
-                self._connection.execute("COMMIT")
-            except BaseException:
-                with suppress(sqlite3.Error):
-                    self._connection.execute("ROLLBACK")
-                raise
+    def _write_head(self) -> None:
+        self._write({_HEAD: json.dumps(self.head)})
 
     def _create(self) -> None:
-        """Make an empty table, whole or not at all."""
-        for line in (
-            "PRAGMA journal_mode = DELETE",
-            "BEGIN IMMEDIATE",
-            f"PRAGMA application_id = {FORMAT}",
-            f"PRAGMA user_version = {VERSION}",
-            _COLUMNS,
-            "COMMIT",
-        ):
-            self._connection.execute(line)
+        """Make a table with nothing but its head, whole or not at all."""
+        self._write({_HEAD: json.dumps(self.head)}, first=_NEW)
+
+    def _write(self, rows: Mapping[str, str], first: Sequence[str] = ()) -> None:
+        execute = self._connection.execute
+        with _in_one_line(self.path):
+            execute("BEGIN IMMEDIATE")
+            try:
+                for line in first:
+                    execute(line)
+                for key, row in rows.items():
+                    execute("INSERT OR REPLACE INTO cases VALUES (?, ?, ?)", (key, row, _checksum(key, row)))
+                execute("COMMIT")
+            except BaseException:
+                with suppress(sqlite3.Error):
+                    execute("ROLLBACK")
+                raise
 
     def _note(self, key: str, row: str) -> None:
         self.keys.add(key)
@@ -231,18 +225,14 @@ class Table:
             (health,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
             if health != "ok":
                 raise _damaged(path, str(health).splitlines()[-1])
-            connection.text_factory = bytes
             for key, row, checksum in connection.execute("SELECT key, row, checksum FROM cases"):
-                if not (type(key) is type(row) is type(checksum) is bytes) or checksum.decode("latin1") != _checksum(
-                    key, row
-                ):
+                if checksum != _checksum(key, row):
                     raise _damaged(path, "a row is not what was written")
-                if key:
-                    self._note(key.decode(), row.decode())
-                else:
+                if key == _HEAD:
                     self._stored = json.loads(row)
+                else:
+                    self._note(key, row)
             connection.execute("COMMIT")
-            connection.text_factory = str
         if not self._stored:
             raise _damaged(path, "its head is missing")
 
@@ -250,10 +240,10 @@ class Table:
 def is_store(path: Path) -> bool:
     """Whether a path looks like a store, whole or not: a file of sqlite, or the folder of an earlier version."""
     try:
-        if path.is_dir():
-            return _is_of_old(path)
+        if not path.is_file():
+            return path.is_dir() and _is_of_old(path)
         with path.open("rb") as file:
-            return path.is_file() and file.read(15) == b"SQLite format 3"
+            return file.read(15) == b"SQLite format 3"
     except OSError:
         return False
 
@@ -305,12 +295,8 @@ def _connect(path: Path, mode: str) -> sqlite3.Connection:
     )
 
 
-def _checksum(key: bytes, row: bytes) -> str:
-    return hashlib.blake2b(row, digest_size=8, key=key if len(key) <= 64 else hashlib.sha256(key).digest()).hexdigest()
-
-
-def _text(value: object) -> str:
-    return value.decode() if isinstance(value, bytes) else str(value)
+def _checksum(key: str, row: str) -> str:
+    return hashlib.blake2b(f"{key}\n{row}".encode(), digest_size=8).hexdigest()
 
 
 def _check_identity(path: Path, there: Mapping[str, str], here: Mapping[str, str]) -> None:
@@ -348,9 +334,11 @@ def _in_one_line(path: Path | None) -> Iterator[None]:
             raise InputError(
                 f"store = {str(path)!r}: is not the store of a sweep, or its beginning is damaged; choose another"
             ) from error
-        if isinstance(error, sqlite3.DatabaseError) and not isinstance(error, sqlite3.OperationalError):
-            raise _damaged(path, str(error)) from error
-        if code == "SQLITE_ERROR":  # a table or column that is not there
+        told = isinstance(error, sqlite3.OperationalError) and code not in (
+            "",
+            "SQLITE_ERROR",
+        )  # no text, no such table
+        if isinstance(error, sqlite3.Error) and not told:
             raise _damaged(path, str(error)) from error
         reason = error.strerror if isinstance(error, OSError) else str(error)
         if code.startswith(("SQLITE_FULL", "SQLITE_IOERR")) or getattr(error, "errno", None) in _FULL:
