@@ -94,6 +94,11 @@ class Pool:
         """Whether the pool was started here, and can be built anew."""
         return isinstance(self.given, (Threads, Processes))
 
+    @property
+    def is_remote(self) -> bool:
+        """Whether it is a cluster, or what else may lose a batch without a word."""
+        return not isinstance(self.given, (Threads, Processes, ThreadPoolExecutor, ProcessPoolExecutor))
+
     def submit(self, batch: Sequence[Values], seconds: float) -> Batch:
         """Hand in a batch of cases."""
         stopped = (self._stop.is_set,) if self._in_process else ()

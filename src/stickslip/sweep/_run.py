@@ -19,8 +19,8 @@ SECONDS = 0.5
 """Aim for the duration of a batch: long beside the cost of handing it out, short beside what a kill may cost."""
 LARGEST_BATCH = 1000
 OVERDUE = 30.0
-"""Seconds without any result after which an executor that is not ours is handed its batches once more: a cluster that
-lost a worker may have lost batches with it. The wait doubles each time, and is at least 10 times the longest batch."""
+"""Seconds without any result after which a cluster is handed its batches again: one that lost a worker may have lost
+batches with it. The wait is 4 times as long each time, and at least 10 times the longest batch."""
 MAX_CASES = 1_000_000
 """Cases beyond which a sweep is refused unless more are asked for: each takes about 1 kB of memory and of the store."""
 CHANCES = 3
@@ -160,10 +160,10 @@ class Runner:
             now = time.monotonic()
             if done:
                 heard, patience = now, max(OVERDUE, 10 * self._longest)
-            elif now - heard > patience and not pool.is_ours:
-                for cases in list(self._running.values()):
+            elif now - heard > patience and pool.is_remote:
+                for cases in {id(cases): cases for cases in self._running.values()}.values():
                     self._submit(pool, cases)
-                heard, patience = now, 2 * patience
+                heard, patience = now, 4 * patience
 
     def _fill(self, pool: Pool) -> bool:
         """Keep two batches per worker on the way; false if the pool is broken."""
@@ -202,7 +202,9 @@ class Runner:
         """Note what has finished; false if the pool has lost a worker."""
         intact = True
         for future in done:
-            cases = self._running.pop(future)
+            cases = self._running.pop(future, None)
+            if cases is None:  # its copy was quicker
+                continue
             try:
                 rows, seconds = future.result()
             except BrokenExecutor:
@@ -224,6 +226,9 @@ class Runner:
                 self._todo.extendleft(reversed(cases[len(rows) :]))
                 self._per_case = seconds / len(rows)
                 self._longest = max(self._longest, seconds)
+                for copy in [other for other, theirs in self._running.items() if theirs is cases]:
+                    del self._running[copy]
+                    copy.cancel()
         return intact
 
     def _note(self, i: int, row: str) -> None:
