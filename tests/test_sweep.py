@@ -17,6 +17,7 @@ import time
 import warnings
 from collections import Counter
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -396,6 +397,13 @@ def test_the_version_of_the_package_is_part_of_the_case(tmp_path, monkeypatch):
         run_cases(product, ONE, store=tmp_path / "s.sqlite")
 
 
+@contextmanager
+def changing(store):
+    """Change a store behind the back of the sweep."""
+    with closing(sqlite3.connect(store)) as connection, connection:
+        yield connection
+
+
 def refusals(store):
     """What is said of a store by all who open it, once each."""
     found = set()
@@ -408,7 +416,8 @@ def refusals(store):
 
 def test_what_is_no_store_is_refused_and_left_alone(tmp_path):
     (tmp_path / "notes.txt").write_text("mine, and long enough to be looked at as a database might be " * 20)
-    sqlite3.connect(tmp_path / "other.sqlite").execute("CREATE TABLE mine (x)").connection.close()
+    with changing(tmp_path / "other.sqlite") as connection:
+        connection.execute("CREATE TABLE mine (x)")
     (tmp_path / "photos").mkdir()
     (tmp_path / "old.zarr").mkdir()
     (tmp_path / "old.zarr" / "zarr.json").write_text("{}")
@@ -437,7 +446,7 @@ def test_an_empty_file_becomes_a_store(tmp_path):
 
 def test_a_store_of_another_format_is_refused(tmp_path):
     run_cases(product, ONE, store=tmp_path / "s.sqlite")
-    with sqlite3.connect(tmp_path / "s.sqlite") as connection:
+    with changing(tmp_path / "s.sqlite") as connection:
         connection.execute("PRAGMA user_version = 99")
     assert all("has format 99, but this is stickslip" in line for line in refusals(tmp_path / "s.sqlite"))
 
@@ -456,7 +465,7 @@ def test_a_store_of_another_format_is_refused(tmp_path):
 def test_a_store_that_was_changed_is_never_done(tmp_path, damage):
     store = tmp_path / "s.sqlite"
     run_cases(product, {"a": [3], "b": [2]}, store=store)
-    with sqlite3.connect(store) as connection:
+    with changing(store) as connection:
         connection.execute(damage)
     assert all("is damaged" in line for line in refusals(store))
 
@@ -464,7 +473,7 @@ def test_a_store_that_was_changed_is_never_done(tmp_path, damage):
 def test_a_store_that_lost_rows_is_not_done_and_gets_them_back(tmp_path):
     axes, store = {"a": range(4), "b": range(3)}, tmp_path / "s.sqlite"
     expected = run_cases(product, axes, store=store)
-    with sqlite3.connect(store) as connection:
+    with changing(store) as connection:
         connection.execute("DELETE FROM cases WHERE key LIKE '%1%'")
     assert summary(open_sweep(store)).missing == status_of(store).summary.missing == 6
     xr.testing.assert_identical(run_cases(product, axes, store=store), expected)
@@ -1059,7 +1068,7 @@ def test_refinement_goes_on_from_its_store_the_way_a_grid_does(tmp_path, monkeyp
     assert max(count.values()) == 1
     xr.testing.assert_identical(refine(counted, UNIT, "side", store=store, **options), expected)
     assert max(count.values()) == 1
-    with sqlite3.connect(store) as connection:
+    with changing(store) as connection:
         connection.execute("DELETE FROM cases WHERE key LIKE '%up%'")
     assert status_of(store).summary.missing > 30
     xr.testing.assert_identical(refine(counted, UNIT, "side", store=store, **options), expected)

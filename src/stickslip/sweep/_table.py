@@ -73,18 +73,11 @@ class Table:
         self._writing = False
         self._stored: dict[str, Any] = {}
         self._connection = sqlite3.connect(":memory:", isolation_level=None)
-        if path is None:
-            self._create()
-        elif _is_there(path):
-            self._read()
-            if head is not None:
-                _check_identity(path, self._stored["identity"], head["identity"])
-        elif head is None:
-            raise InputError(f"store = {str(path)!r}: there is no such file")
-        else:
-            self._create()  # in memory until something is to be written
-        if head is None:
-            self.head = self._stored
+        try:
+            self._open()
+        except BaseException:
+            self._connection.close()
+            raise
 
     def __enter__(self) -> Table:
         return self
@@ -108,7 +101,6 @@ class Table:
             return
         path = self.path
         self._held.enter_context(_locked(path))
-        self._connection.close()
         if _is_there(path):  # read again: another may have written before the lock was ours
             self._read()
             _check_identity(path, self._stored["identity"], self.head["identity"])
@@ -116,6 +108,7 @@ class Table:
         if self._stored:
             self._write_head()
         else:
+            self._connection.close()
             with _in_one_line(path):
                 self._connection = _connect(path, "rwc")
             self._create()
@@ -200,6 +193,18 @@ class Table:
                     execute("ROLLBACK")
                 raise
 
+    def _open(self) -> None:
+        if self.path is not None and _is_there(self.path):
+            self._read()
+            if self.head:
+                _check_identity(self.path, self._stored["identity"], self.head["identity"])
+            else:
+                self.head = self._stored
+        elif self.path is not None and not self.head:
+            raise InputError(f"store = {str(self.path)!r}: there is no such file")
+        else:
+            self._create()  # in memory until something is to be written
+
     def _note(self, key: str, row: str) -> None:
         self.keys.add(key)
         if row.startswith('{"error"'):
@@ -209,6 +214,7 @@ class Table:
         """Open the file and weigh every row; a table that lost or changed anything is refused."""
         path = self.path
         assert path is not None
+        self._connection.close()
         with _in_one_line(path):
             connection = self._connection = _connect(path, "rw")
             (form,), (version,) = (
