@@ -668,7 +668,7 @@ def test_kill_the_sweep(cases, tmp_path, executor):
     store = tmp_path / "s.sqlite"
     stored: set[tuple[int, float]] = set()
     for enough in (8, 25):
-        process = start(tmp_path, executor)
+        process = start(tmp_path, executor, pause="0.15")  # slow beside the looks at the store
         wait_for(lambda n=enough: store.exists() and len(finished(store)) >= n)
         process.kill()
         process.wait()

@@ -316,9 +316,10 @@ def _check_identity(path: Path, there: Mapping[str, str], here: Mapping[str, str
 
 
 def _damaged(path: Path, how: str) -> InputError:
+    short = " ".join(how.split())[:100]  # sqlite quotes what it stumbled over, line ends included
     return InputError(
-        f"store = {str(path)!r}: is damaged ({how}): what it holds cannot be trusted; put back a copy of it, or delete "
-        "it to start afresh"
+        f"store = {str(path)!r}: is damaged ({short}): what it holds cannot be trusted; put back a copy of it, or "
+        "delete it to start afresh"
     )
 
 
@@ -359,7 +360,7 @@ def _in_one_line(path: Path | None) -> Iterator[None]:
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         if path is None or isinstance(error, InputError):
             raise
-        raise _damaged(path, f"{type(error).__name__}: {error}"[:100]) from error
+        raise _damaged(path, f"{type(error).__name__}: {error}") from error
 
 
 def _lock_of(path: Path) -> Path:
