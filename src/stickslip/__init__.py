@@ -210,12 +210,15 @@ __all__ = [
     "slide",
     "stability_map",
     "static_friction",
+    "sweep",
     "transitions",
     "unstable_modes",
 ]
 
 
 def __getattr__(name: str) -> object:
+    if name == "sweep":  # a room that is its own public function
+        return import_module("stickslip.sweep")
     if name not in _HOME_OF:
         raise AttributeError(f"module 'stickslip' has no attribute {name!r}")
     value = getattr(import_module(f"stickslip.{_HOME_OF[name]}"), name)

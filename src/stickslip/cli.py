@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from stickslip.advise import Prediction
     from stickslip.rig import Rig
+    from stickslip.sweep import Progress
 
 app = App(
     name="stickslip",
@@ -233,8 +234,8 @@ def plot(
     force: str | None = None,
     time: str | None = None,
     step: float | None = None,
-    at: Annotated[str | None, Parameter(help="Of a sweep, the cut to draw: delay=0.1,start=cold.")] = None,
-    bistable: Annotated[bool, Parameter(help="Of a sweep: show where stick-slip dies, too.", negative="")] = False,
+    at: Annotated[str | None, Parameter(help="Of a sweep, the cut to draw: delay=0.1,start=sliding.")] = None,
+    bistable: Annotated[bool, Parameter(help="Of a sweep: also show where stick-slip ends.", negative="")] = False,
 ) -> None:
     """Draw a run, a measured trace or a sweep.
 
@@ -249,10 +250,13 @@ def plot(
     """
     from stickslip import measure as measures
     from stickslip import plot as drawing
+    from stickslip.sweep import is_store
 
     _check_target(output)
-    if data.is_dir():
-        theory = _draw_sweep(_cut(_open_sweep(data), at), output, bistable=bistable)
+    if is_store(data):
+        from stickslip.sweep.plan import open_plan
+
+        theory = _draw_sweep(_cut(open_plan(data), at), output, bistable=bistable)
         print(f"on top: {theory}\npicture: {output}")
         return
     trace = _read_data(data, force, time, step)
@@ -304,46 +308,52 @@ def map(
 
 @app.command
 def sweep(
-    file: Path,
+    file: Path | None = None,
     *,
-    store: Annotated[Path, Parameter(help="Directory of the results; if it is there, the sweep goes on.")],
+    store: Annotated[Path, Parameter(help="File of the results; if it is there, the sweep goes on.")],
+    status: Annotated[bool, Parameter(help="Run nothing: say how far the sweep is.", negative="")] = False,
     workers: Annotated[int | None, Parameter(help="Cases that run at a time; by default one per core.")] = None,
     processes: Annotated[bool, Parameter(help="Run them in processes, not in threads.", negative="")] = False,
     scheduler: Annotated[str | None, Parameter(help="Run them on a Dask cluster: tcp://HOST:PORT.")] = None,
     retry_failed: Annotated[bool, Parameter(help="Run cases again that failed before.", negative="")] = False,
     replot: Annotated[bool, Parameter(help="Run nothing: draw what the store holds.", negative="")] = False,
-    bistable: Annotated[bool, Parameter(help="Draw where stick-slip dies, too; takes seconds.", negative="")] = False,
+    bistable: Annotated[bool, Parameter(help="Also draw where stick-slip ends; takes seconds.", negative="")] = False,
     json: Json = False,
     plot: Plot = None,
 ) -> int:
-    """Run many cases over the knobs of a rig; a second start with the same store runs what is missing.
+    """Run many cases over the parameters of a rig; a second start with the same store runs what is missing.
 
     The exit code is 1 if cases failed: they are recorded, and the others are done.
 
     Parameters
     ----------
     file
-        A sweep file in TOML; `stickslip new phase_diagram` prints one.
+        A sweep file in TOML; `stickslip new phase_diagram` prints one. Not needed for --status.
     """
     from stickslip.sweep import plan as plans
+    from stickslip.sweep import status_of
 
     _check_target(plot)
+    if status:
+        found = status_of(store)
+        if json:
+            _print_json(_plain(found) | {"seconds_left": found.seconds_left})
+        else:
+            print(found)
+        return 0
+    if file is None:
+        raise InputError("sweep: which one? name a sweep file (`stickslip new phase_diagram` prints one)")
     plan = plans.read_plan(file)
     if replot and plot is None:
         raise InputError("--replot: needs --plot FILE, the picture to draw")
     if replot:
-        result = _open_sweep(store)
+        result = plans.open_plan(store)
         if not plans.plan_of(result).is_same(plan):
             raise InputError(f"store = {str(store)!r}: holds another sweep than {file}; draw it with `stickslip plot`")
     else:
-        with _executor(workers, processes, scheduler) as executor, _bar(plan.name) as report, _stoppable():
+        with _executor(workers, processes, scheduler) as executor, _told(plan.name) as report, _stoppable():
             try:
-                result = plan.run(
-                    store=store,
-                    executor=executor,
-                    progress=lambda p: report(p.finished / p.total),
-                    retry_failed=retry_failed,
-                )
+                result = plan.run(store=store, executor=executor, progress=report, retry_failed=retry_failed)
             except KeyboardInterrupt:
                 return _fail(f"interrupted; {_resume(store)}", code=130)
     theory = None if plot is None else _draw_sweep(result, plot, bistable=bistable)
@@ -462,8 +472,36 @@ def _executor(workers: int | None, processes: bool, scheduler: str | None) -> It
 
 
 @contextmanager
+def _told(title: str) -> Iterator[Callable[[Progress], None]]:
+    """How far a sweep is: a bar on a terminal; elsewhere, as in the log of a job, a line with the time now and then."""
+    if sys.stderr.isatty():
+        with _bar(title) as bar:
+            yield lambda p: bar(p.finished / p.total)
+        return
+    import time
+
+    from stickslip.sweep import in_words
+
+    begin = time.monotonic()
+    due = begin
+
+    def line(p: Progress) -> None:
+        nonlocal due
+        now = time.monotonic()
+        if now < due or p.finished == p.total:
+            return
+        due = now + _LINES_EVERY
+        words = f"{p.finished} of {p.total} cases" + (f", {p.failed} failed" if p.failed else "")
+        if fresh := p.finished - p.found:
+            words += f", about {in_words((now - begin) * (p.total - p.finished) / fresh)} left"
+        print(time.strftime("%Y-%m-%d %H:%M:%S"), f"{title}: {words}", file=sys.stderr, flush=True)
+
+    yield line
+
+
+@contextmanager
 def _stoppable() -> Iterator[None]:
-    """Take the signal that a cluster sends before it kills for a Ctrl-C: what is done is written down first."""
+    """Take the end of a job (SIGTERM) or of its terminal (SIGHUP) for a Ctrl-C: what is done is written down first."""
     import signal
     import threading
 
@@ -474,11 +512,14 @@ def _stoppable() -> Iterator[None]:
     def stop(_number: int, _frame: object) -> None:
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGTERM, stop)
+    # What is ignored stays so: `nohup` means it.
+    heeded = [n for n in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(n) != signal.SIG_IGN]
+    before = {n: signal.signal(n, stop) for n in heeded}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for n, handler in before.items():
+            signal.signal(n, handler)
 
 
 @contextmanager
@@ -488,7 +529,7 @@ def _dask(scheduler: str) -> Iterator[Any]:
     try:
         from distributed import Client
     except ImportError:
-        raise InputError("--scheduler needs the dask.distributed package: pip install stickslip[sweep]") from None
+        raise InputError("--scheduler needs the dask.distributed package: pip install 'stickslip[sweep]'") from None
     for name in [*logging.root.manager.loggerDict]:
         if name.startswith("distributed"):
             logging.getLogger(name).setLevel(logging.CRITICAL)  # what concerns the user is said in our line
@@ -503,13 +544,6 @@ def _dask(scheduler: str) -> Iterator[Any]:
         yield client
     finally:
         client.close(timeout=5)
-
-
-def _open_sweep(store: Path) -> xr.Dataset:
-    from stickslip.sweep import open_sweep
-    from stickslip.sweep import plan as plans
-
-    return plans.open_refined(store) if plans.is_refined(store) else open_sweep(store)
 
 
 def _cut(result: xr.Dataset, at: str | None) -> xr.Dataset:
@@ -541,12 +575,12 @@ def _draw_sweep(result: xr.Dataset, picture: Path, *, bistable: bool) -> str:
 
 def _resume(store: Path) -> str:
     """What is kept, and how to go on."""
-    from stickslip.sweep import open_sweep, summary
+    from stickslip.sweep import status_of
 
-    try:
-        kept = f"{summary(open_sweep(store))} are kept in {str(store)!r}"
-    except InputError:  # it had not begun, or is a refinement
-        kept = f"what was done is kept in {str(store)!r}" if store.exists() else "nothing was done yet"
+    if not store.exists():
+        return "nothing was done yet"
+    done = status_of(store).summary
+    kept = f"{done.done + done.failed} of {done.total} cases are kept in {str(store)!r}"
     return f"{kept}; the same command goes on from there"
 
 
@@ -574,6 +608,8 @@ def _report_sweep(result: xr.Dataset, store: Path, picture: Path | None, theory:
 
 
 _FAILURES_SHOWN = 5
+_LINES_EVERY = 30.0
+"""Seconds between two lines on the progress of a sweep."""
 _PATIENCE = "10s"
 """How long a scheduler is waited for."""
 

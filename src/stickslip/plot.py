@@ -524,7 +524,7 @@ _REGIMES: dict[str, tuple[str, str, str]] = {
     "not run": ("#FFFFFF", "", ""),
 }
 """Colour, mark and hatching of what a case of a sweep can be; light to dark in print without colour, too."""
-_STARTS = {"cold": "from a start at rest", "smooth": "from smooth sliding"}
+_STARTS = {"from rest": "from a start at rest", "sliding": "from smooth sliding"}
 _BOUNDARY = "linear boundary, computed"
 _HALO = [Stroke(linewidth=3.2, foreground="white"), Normal()]
 
@@ -536,7 +536,7 @@ def sweep_picture(data: xr.Dataset) -> Figure:
     Parameters
     ----------
     data : Dataset
-        A sweep with its ``regime``, or a refinement with the ``label`` of its runs; with ``edge_<axis>`` and
+        A sweep with its ``regime``, or a refinement with the regime of its runs; with ``edge_<axis>`` and
         ``band_<axis>...``, what theory says goes on top, see `stickslip.sweep.plan.with_theory`. Axes are in the order
         of the file: the first goes to the right. Where there are several seeds, a cell has the regime of all of them.
 
@@ -545,10 +545,10 @@ def sweep_picture(data: xr.Dataset) -> Figure:
     InputError
         If there are no regimes, or more than two axes beside seed and start.
     """
-    if "label" in data and "run" in data.dims:
-        return _refined_picture(data)
     if "regime" not in data:
         raise InputError("plot: this sweep holds no variable regime; measure it")
+    if "run" in data.dims:
+        return _refined_picture(data)
     axes = [str(dim) for dim in data["regime"].dims if dim not in ("seed", "start")]
     if len(axes) > 2:
         raise InputError(f"plot: this sweep has the axes {', '.join(axes)}: a picture holds two; select the others")
@@ -560,12 +560,21 @@ def sweep_picture(data: xr.Dataset) -> Figure:
 
 def _kinds(data: xr.Dataset) -> xr.DataArray:
     """What became of each case, in words."""
-    kinds = data["regime"].where(data["regime"] != "", "not run")
-    if "error" in data:
-        kinds = kinds.where(data["error"] == "", "failed")
-    if "case_key" in data:
-        kinds = kinds.where(data["case_key"] != 0, "not run")
-    return kinds
+    import xarray as xr
+
+    regime, status = data["regime"], data["status"]
+    kinds = xr.full_like(regime, "not run", dtype=object)
+    words = [word.replace("_", " ") for word in regime.flag_meanings.split()]
+    for code, word in zip(np.asarray(regime.flag_values).tolist(), words, strict=True):
+        kinds = kinds.where(regime != code, word)
+    kinds = kinds.where(status != _status(data, "failed"), "failed")
+    return kinds.where(status != _status(data, "not_run"), "not run")
+
+
+def _status(data: xr.Dataset, word: str) -> int:
+    """Code of a word in the status of a sweep."""
+    flags = data["status"].attrs
+    return int(np.asarray(flags["flag_values"])[flags["flag_meanings"].split().index(word)])
 
 
 def _phase_diagram(data: xr.Dataset, axes: list[str]) -> Figure:
@@ -683,7 +692,7 @@ def _refined_picture(data: xr.Dataset) -> Figure:
     legend: dict[str, Any] = {}
     for ax, start in panels:
         mine = data.isel(run=data["start"].to_numpy() == start, crossing=data["start_at"].to_numpy() == start)
-        label = np.where(mine["error"].to_numpy() == "", mine["label"].to_numpy(), "failed")
+        label = _kinds(mine).to_numpy()
         for kind, (colour, mark, _) in _REGIMES.items():
             here = label == kind
             if here.any():
