@@ -145,7 +145,7 @@ _UNCLEAR = {
 """Units that mean different things to different people."""
 
 
-def read_quantity(text: str, unit: str, example: str) -> float:
+def read_quantity(text: str, unit: str, example: str, *, bare: bool = False) -> float:
     """Read a quantity such as ``"4 MN/m"``: one number with a decimal point, then its unit; nothing else.
 
     A unit is made of the names of units, ``*`` or ``·``, one ``/``, and whole exponents: ``N*s/m``, ``N s`` never;
@@ -159,6 +159,8 @@ def read_quantity(text: str, unit: str, example: str) -> float:
         Unit in which the value is returned.
     example : str
         A quantity of this kind, for the message of an error.
+    bare : bool
+        Whether a number without a unit is taken, too, as one in `unit`: where the place itself names the unit.
 
     Returns
     -------
@@ -186,6 +188,8 @@ def read_quantity(text: str, unit: str, example: str) -> float:
         remedy = _remedy(text, _QUANTITY)
         raise InputError(remedy or f"cannot be read as a quantity, one number and its unit; write it as in {example!r}")
     if found[2] is None:
+        if bare:
+            return _nearest(Fraction(found[1]))
         raise InputError(f"has no unit; write it as in {example!r}")
     size, dimensions = _size_of(found[2])
     wanted, kind = _size_of(unit)
