@@ -356,7 +356,9 @@ def _column(place: str, table: _Table, what: str, wanted: str | int) -> int:
         elif re.fullmatch(r"[0-9]{1,9}", wanted.strip()):
             return _column(place, table, what, int(wanted))
         else:
-            near = difflib.get_close_matches(shortened(simple), [name.lower() for name in table.names if name], n=1, cutoff=0.5)
+            near = difflib.get_close_matches(
+                shortened(simple), [name.lower() for name in table.names if name], n=1, cutoff=0.5
+            )
             hint = f"did you mean {near[0]!r}? " if near else ""
             raise InputError(f"{place}: {what} = {shown(wanted)}: no such column; {hint}there are {table.listed()}")
     else:
