@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from stickslip import advise, cycles, measure, plot, rigid, store, theory
 from stickslip import rig as rigs
 from stickslip.door import read_quantity
-from stickslip.errors import InputError, UndecidedError, number, shown
+from stickslip.errors import InputError, UndecidedError, instance, number, shown
 from stickslip.explorer import documents
 from stickslip.model import Delay, Interface
 from stickslip.rig import Rig
@@ -39,6 +39,7 @@ Watch = Callable[[float], None]
 LARGEST_TRACE = 50_000_000
 """Bytes of a measured trace that the page may send."""
 _MOST_MARKED = 2_000  # slips; more cannot be told apart on a screen
+_FARTHEST = 1e3  # from the rig's own point, for the bistable band
 _COLUMNS = 9  # of the map, for the bistable band
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 
@@ -77,12 +78,14 @@ def edit(request: Plain, watch: Watch) -> Iterator[Plain]:
     """A document with knobs turned, in other units, or with the damping given in the other way."""
     del watch
     rig = documents.rig_of(request.get("document"))
-    if isinstance(values := request.get("turn"), dict):
+    if "turn" in request:
+        instance("turn", values := request["turn"], dict, "a table of knobs and values")
         yield {"document": documents.turned(rig, values)}
     elif "units" in request:
         yield {"document": documents.in_units(rig, request["units"])}
     else:
-        yield {"document": documents.with_damping(rig, bool(request.get("relative_damping")))}
+        instance("relative_damping", relative := request.get("relative_damping"), bool, "true or false")
+        yield {"document": documents.with_damping(rig, relative)}
 
 
 def _knobs(rig: Rig) -> dict[str, float]:
@@ -164,6 +167,10 @@ def _friction(rig: Rig) -> Plain:
     aged = replace(rig.interface, ageing=None)
     when = " (thresholds fully aged)" if rig.interface.ageing is not None else ""
     found: Plain = {"kinetic": None, "static": None, "words": []}
+    try:
+        documents.check_thresholds(rig)
+    except InputError as error:
+        return {**found, "words": [str(error)]}
     unit = 1.0 if rig.scales is None else rig.scales.unit("force")
     with suppress(InputError, UndecidedError):
         static = _static_friction(replace(aged, delay=Delay(0.0)))
@@ -172,8 +179,9 @@ def _friction(rig: Rig) -> Plain:
     if rig.velocity > 0:
         with suppress(InputError):
             kinetic = float(theory.kinetic_friction(rig.interface, rig.velocity))
-            found["kinetic"] = kinetic * unit
-            found["words"].append(f"F_k = {rig.in_units(kinetic, 'force')}")
+            if math.isfinite(kinetic):
+                found["kinetic"] = kinetic * unit
+                found["words"].append(f"F_k = {rig.in_units(kinetic, 'force')}")
     with suppress(InputError, UndecidedError):
         critical = _critical_stiffness(aged)
         ratio = rig.slider.stiffness / critical if critical > 0 else math.inf
@@ -200,6 +208,7 @@ def _critical_stiffness(interface: Interface) -> float:
 def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
     """The stability map over two knobs, in the rig's units."""
     rig = documents.rig_of(request.get("document"))
+    documents.check_thresholds(rig)
     over = _over(request)
     found = advise.chart(rig, over, request.get("around", 20.0), 56, watch)
     rate = found["growth_rate"].transpose(over[1], over[0])
@@ -241,11 +250,16 @@ def _shade(share: Array) -> Array:
 def band(request: Plain, watch: Watch) -> Iterator[Plain]:
     """The bistable band of the map, column by column."""
     rig = documents.rig_of(request.get("document"))
+    documents.check_thresholds(rig)
     over = _over(request)
     across, up = (next(knob for knob in KNOBS if knob.name == name) for name in over)
     (left, right), (low, high) = (_ends(request, key) for key in ("x", "y"))
     scale = {name: _unit(rig, name) for name in over}
     setting = Setting(interface=rig.interface, rig=rig.slider, velocity=rig.velocity)
+    for knob, key, ends in ((across, "x", (left, right)), (up, "y", (low, high))):
+        here = knob.get(setting) * scale[knob.name]
+        if not here / _FARTHEST <= ends[0] <= ends[1] <= here * _FARTHEST:
+            raise InputError(f"map: {key} = {list(ends)}: must lie within a factor of {_FARTHEST:g} of {here:.4g}")
     # From the middle outwards: the rig stands there.
     places = np.geomspace(left, right, _COLUMNS)
     order = sorted(range(_COLUMNS), key=lambda i: abs(i - _COLUMNS // 2))
@@ -274,6 +288,7 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
     """Verdict, numbers, margins and remedies."""
     rig = documents.rig_of(request.get("document"))
     documents.check_size(rig)
+    documents.check_thresholds(rig)
     found = advise.predict(rig, progress=watch)
     remedies = []
     for remedy, words in zip(found.remedies, found.remedy_lines(), strict=True):

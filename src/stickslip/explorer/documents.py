@@ -29,6 +29,8 @@ MOST_BREAKS = 2e7
 """Contacts times distance in ``x_s``: about as many breaks; a few seconds of work."""
 MOST_COHORTS = 1e5
 """The same for the master equation: cells times distance."""
+MOST_AGES = 2e5
+"""With ageing thresholds: cells times the times of ageing in a run."""
 AGEING_COSTS = 20.0
 """A contact whose threshold ages takes about this many times the work."""
 MOST_RADIANS = 2e6
@@ -39,8 +41,11 @@ MOST_PIECES = 1_000
 """Of a drive."""
 MOST_BINS = 1_000
 """Of an empirical law of thresholds."""
-NARROWEST = 1e-4
-"""Spread of the thresholds over their mean: what is computed for the page resolves it, in as many steps."""
+DECADES = 15
+"""Powers of ten of a number of the model, in natural units."""
+NARROWEST, WIDEST = 2e-3, 5.0
+"""Bounds on the spread of the thresholds over their mean, and on both in ``x_s``: theory takes its steps by the
+narrowest law and goes as far as the widest."""
 
 LARGEST_REQUEST = 1_000_000
 """Bytes of a message from the page, and of a document."""
@@ -148,6 +153,7 @@ def check_size(rig: Rig) -> None:
     distance = sum(0.5 * (abs(piece.start) + abs(piece.end)) * piece.duration for piece in pieces)
     ageing = 1.0 if rig.interface.ageing is None else AGEING_COSTS
     elsewhere = "for longer ones use `stickslip simulate`"
+    _check_decades(rig)
     if len(pieces) > MOST_PIECES:
         raise InputError(f"drive.pieces: must be at most {MOST_PIECES}, here {len(pieces)}, to stay live; {elsewhere}")
     for name in ("thresholds", "initial"):
@@ -156,9 +162,6 @@ def check_size(rig: Rig) -> None:
             raise InputError(
                 f"interface.{name}: must have at most {MOST_BINS} bins, here {len(law.weights)}, to stay live"
             )
-    thresholds = rig.interface.thresholds
-    if thresholds.standard_deviation() < NARROWEST * thresholds.moment(1):
-        raise InputError(f"interface.thresholds.spread: must be at least {NARROWEST:g} of the mean, to stay live")
     samples = 0.0 if rig.record.interval is None else rig.drive.duration / rig.record.interval
     if samples > MOST_SAMPLES:
         raise InputError(
@@ -178,6 +181,15 @@ def check_size(rig: Rig) -> None:
             f"simulation.cells = {rig.method.cells:g}: must be at most {MOST_COHORTS / distance:.3g} over a distance "
             f"of {distance:.4g} x_s, to stay live; {elsewhere}"
         )
+    if isinstance(rig.interface.ageing, model.Langevin):
+        # Thresholds take steps that are short against their time of ageing, at rest as in motion.
+        age = rig.interface.ageing.rate**-2
+        work = rig.method.count / MOST_BREAKS if isinstance(rig.method, Contacts) else rig.method.cells / MOST_AGES
+        if age < (least := work * rig.drive.duration):
+            raise InputError(
+                f"interface.ageing.time = {rig.in_units(age, 'time')}: must be at least {rig.in_units(least, 'time')} "
+                f"in a run of this length, to stay live; {elsewhere}"
+            )
     if rig.slider.mass > 0:
         turns = math.sqrt((rig.slider.stiffness + 1.0) / rig.slider.mass) * rig.drive.duration
         if turns > MOST_RADIANS:
@@ -186,6 +198,40 @@ def check_size(rig: Rig) -> None:
                 f"slider.mass = {rig.in_units(rig.slider.mass, 'mass')}: must be at least "
                 f"{rig.in_units(least, 'mass')} in a run of this length, to stay live; {elsewhere}"
             )
+
+
+def _check_decades(rig: Rig) -> None:
+    """Raise `InputError` if a number is so far from the scales of the interface that arithmetic fails."""
+    interface, slider, ageing = rig.interface, rig.slider, rig.interface.ageing
+    delay, thresholds = interface.delay, interface.thresholds
+    found = {
+        "slider.stiffness": [slider.stiffness],
+        "slider.mass": [slider.mass],
+        "slider.damping": [slider.damping],
+        "drive.velocity": [speed for piece in rig.drive.pieces for speed in (piece.start, piece.end)],
+        "drive.duration": [piece.duration for piece in rig.drive.pieces],
+        "interface.delay": [value for value in vars(delay).values() if isinstance(value, float)],
+        "interface.ageing": [value for value in vars(ageing).values() if isinstance(value, float)] if ageing else [],
+        "interface.thresholds": [thresholds.moment(1), thresholds.standard_deviation()],
+    }
+    for key, values in found.items():
+        for value in values:
+            never = key == "interface.delay" and math.isinf(value)
+            if not (value == 0 or never or 10.0**-DECADES <= abs(value) <= 10.0**DECADES):
+                raise InputError(
+                    f"{key}: is {value:.3g} in natural units; within {DECADES} decades of 1 it can be computed with"
+                )
+
+
+def check_thresholds(rig: Rig) -> None:
+    """Raise `InputError` if theory would keep the page waiting: it resolves the law of thresholds."""
+    thresholds = rig.interface.thresholds
+    mean, spread = thresholds.moment(1), thresholds.standard_deviation()
+    if not (spread >= NARROWEST * mean and mean + spread <= WIDEST):  # written so that NaN is refused
+        raise InputError(
+            f"interface.thresholds.spread = {spread:.4g}: must be at least {NARROWEST:g} of the mean "
+            f"({mean:.4g}), and both together at most {WIDEST:g}, for what theory says of them, to stay live"
+        )
 
 
 _KEY = re.compile(r"\b(?:slider|interface|drive|simulation|units|name|assumed)(?:\.[a-z_0-9]+)+")

@@ -21,7 +21,7 @@ const Fields = (() => {
   const delaySpread = {
     read: (doc) => (random(doc) ? at(doc, "interface.delay.spread") : undefined),
     write: (doc, value) => {
-      const mean = delay.read(doc), none = numeric(split(value)[0]) === 0;
+      const mean = delay.read(doc), [number, unit] = split(value), none = numeric(number) === 0 && !/\d/.test(unit);
       if (none) put(doc, "interface.delay", mean);
       else put(doc, "interface.delay", { negative: at(doc, "interface.delay.negative") ?? "clip",
         mean: mean ?? (doc.units === "natural" ? 0 : "0 ms"), spread: value });
