@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, cast
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, TypeAdapter, ValidationError, ValidationInfo
 
@@ -246,8 +246,8 @@ def _named(name: str) -> tuple[Fraction, dict[str, int]]:
     prefix, known, _ = min(registry.parse_unit_name(name), key=lambda way: way[0] != "", default=("", "", ""))
     if known not in (prefixed if prefix else prefixed | unprefixed):
         raise InputError(f"{name!r} is no unit known here; capitals matter, as in MN and mN")
-    size, base = registry.get_root_units(prefix + known)
-    return Fraction(size), {str(unit): int(power) for unit, power in dict(base._units).items()}
+    size, base = cast("tuple[Fraction, Any]", registry.get_root_units(prefix + known))
+    return Fraction(size), {str(unit): int(power) for unit, power in base._units.items()}
 
 
 @lru_cache(maxsize=1)
@@ -255,7 +255,7 @@ def _units() -> tuple[pint.UnitRegistry[Any], frozenset[str], frozenset[str]]:
     """Registry of pint, with exact sizes, and its names of the units that are taken with and without a prefix."""
     import pint
 
-    registry = pint.UnitRegistry(non_int_type=Fraction)
+    registry: pint.UnitRegistry[Any] = pint.UnitRegistry(non_int_type=Fraction)
     prefixed, unprefixed = (
         frozenset(registry.parse_unit_name(symbol)[0][1] for symbol in symbols) for symbols in (_PREFIXED, _UNPREFIXED)
     )

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from stickslip import model, thresholds
 from stickslip.door import Force, Lag, Length, Mass, Part, Rate, Stiffness, Time, Velocity, read_toml, validate
@@ -160,10 +160,20 @@ def to_toml(rig: Rig) -> str:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
+def _in_reach(value: float) -> float:
+    if value and not 10.0**-_DECADES <= abs(value) <= 10.0**_DECADES:  # NaN is in no range
+        raise ValueError(f"must be 0, or within {_DECADES} decades of 1")
+    return value
+
+
+_DECADES = 15  # beyond, squares and quotients of doubles overflow in the laws
+_Relative = Annotated[float, AfterValidator(_in_reach)]
+
+
 class _Gaussian(Part):
     law: Literal["gaussian"]
-    mean: float = 1.0
-    spread: float
+    mean: _Relative = 1.0
+    spread: _Relative
 
     def make(self) -> thresholds.Law:
         return thresholds.Gaussian(mean=self.mean, spread=self.spread)
@@ -171,8 +181,8 @@ class _Gaussian(Part):
 
 class _Uniform(Part):
     law: Literal["uniform"]
-    low: float
-    high: float
+    low: _Relative
+    high: _Relative
 
     def make(self) -> thresholds.Law:
         return thresholds.Uniform(low=self.low, high=self.high)
@@ -180,7 +190,7 @@ class _Uniform(Part):
 
 class _Exponential(Part):
     law: Literal["exponential"]
-    mean: float = 1.0
+    mean: _Relative = 1.0
 
     def make(self) -> thresholds.Law:
         return thresholds.Exponential(mean=self.mean)
@@ -188,8 +198,8 @@ class _Exponential(Part):
 
 class _Gamma(Part):
     law: Literal["gamma"]
-    mean: float = 1.0
-    spread: float
+    mean: _Relative = 1.0
+    spread: _Relative
 
     def make(self) -> thresholds.Law:
         return thresholds.Gamma(mean=self.mean, spread=self.spread)
@@ -197,8 +207,8 @@ class _Gamma(Part):
 
 class _LogNormal(Part):
     law: Literal["lognormal"]
-    mean: float = 1.0
-    spread: float
+    mean: _Relative = 1.0
+    spread: _Relative
 
     def make(self) -> thresholds.Law:
         return thresholds.LogNormal(mean=self.mean, spread=self.spread)
@@ -206,8 +216,8 @@ class _LogNormal(Part):
 
 class _Weibull(Part):
     law: Literal["weibull"]
-    scale: float = 1.0
-    shape: float
+    scale: _Relative = 1.0
+    shape: _Relative
 
     def make(self) -> thresholds.Law:
         return thresholds.Weibull(scale=self.scale, shape=self.shape)
@@ -215,11 +225,11 @@ class _Weibull(Part):
 
 class _Empirical(Part):
     law: Literal["empirical"]
-    samples: list[float] | None = None
+    samples: list[_Relative] | None = None
     """Measured values, to be put into a histogram."""
-    edges: list[float] | None = None
+    edges: list[_Relative] | None = None
     """Or the edges of a histogram."""
-    weights: list[float] | None = None
+    weights: list[_Relative] | None = None
     """With ``edges``: the weight of each bin."""
 
     @model_validator(mode="after")
@@ -259,20 +269,20 @@ _AnyDelay = Annotated[
 class _Langevin(Part):
     law: Literal["langevin"]
     time: Time
-    newborn: float = 0.0
+    newborn: _Relative = 0.0
     """Threshold of a newborn contact, relative to the mean."""
 
 
 class _ExponentialGrowth(Part):
     law: Literal["exponential"]
     time: Time
-    newborn: float = 0.0
+    newborn: _Relative = 0.0
     """Threshold of a newborn contact, relative to the mean."""
 
 
 class _LogarithmicGrowth(Part):
     law: Literal["logarithmic"]
-    slope: float
+    slope: _Relative
     time: Time
 
 

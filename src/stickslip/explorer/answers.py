@@ -84,8 +84,9 @@ def edit(request: Plain, watch: Watch) -> Iterator[Plain]:
     elif "units" in request:
         yield {"document": documents.in_units(rig, request["units"])}
     else:
-        instance("relative_damping", relative := request.get("relative_damping"), bool, "true or false")
-        yield {"document": documents.with_damping(rig, relative)}
+        relative = request.get("relative_damping")
+        instance("relative_damping", relative, bool, "true or false")
+        yield {"document": documents.with_damping(rig, relative is True)}
 
 
 def _knobs(rig: Rig) -> dict[str, float]:
