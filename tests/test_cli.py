@@ -184,6 +184,53 @@ def test_unusable_files(tmp_path, rig, sawtooth, capsys):
         assert len(line) > 25, line
 
 
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--force", "²"), "no such column"),
+        (("--force", "9" * 5_000), "no such column"),
+        (("--time", "²"), "no such column"),
+        (("--step", "1e-320"), "nearer to 0"),
+        (("--step", "1e308"), "at most"),
+        (("--step", "nan"), "finite"),
+        (("--step", "0,25"), "write '0.25': decimal point"),
+        (("--step", "9" * 5_000), "64 characters"),
+        (("--step", "1_0"), "cannot be read"),
+        (("--step", "4 kg"), "not in a unit of 's'"),
+        (("--after", "1,5"), "write '1.5'"),
+        (("--after", "inf"), "finite"),
+        (("--minimum-drop", "0x10"), "must be a number"),
+    ],
+    ids=lambda value: ascii(str(value)[:30]),
+)
+def test_numbers_of_options_are_read_by_the_grammar_of_quantities(sawtooth, capsys, arguments, words):
+    line = refused(capsys, "measure", sawtooth, *arguments)
+    assert words in line
+    assert len(line) < 420
+
+
+def test_whole_numbers_of_options_are_whole(rig, capsys):
+    for points in ("1_0", "10.5", "0x10", "1e2", "²", "9" * 5_000):
+        assert "must be a whole number" in refused(capsys, "map", rig, "--points", points)
+
+
+def test_the_step_of_a_trace_may_have_a_unit(tmp_path, capsys):
+    file = tmp_path / "forces.csv"
+    file.write_text("force\n" + "".join(f"{i % 20}\n" for i in range(400)))
+    printed = []
+    for step in ("10 ms", "0.01"):
+        assert run("measure", file, "--step", step) == 0
+        printed.append(capsys.readouterr().out)
+    assert printed[0] == printed[1]
+
+
+@pytest.mark.parametrize("content", ["x = " + "[" * 2_000, "x = " + "9" * 5_000, "x = 0x" + "f" * 5_000])
+def test_a_file_of_absurd_values_is_one_line(tmp_path, capsys, content):
+    file = tmp_path / "rig.toml"
+    file.write_text(content)
+    assert len(refused(capsys, "predict", file)) < 420
+
+
 @pytest.mark.parametrize("line", ["nan", "inf", "x"])
 def test_a_trace_with_too_many_rows_that_cannot_be_read(tmp_path, capsys, line):
     file = tmp_path / "trace.csv"

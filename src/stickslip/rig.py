@@ -20,12 +20,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from stickslip import model, thresholds
 from stickslip.door import Force, Lag, Length, Mass, Part, Rate, Stiffness, Time, Velocity, read_toml, validate
 from stickslip.drive import Drive, hold, ramp
-from stickslip.errors import InputError
+from stickslip.errors import InputError, shown
 from stickslip.simulate import Contacts, MasterEquation, Method, Record, Relaxed, Sliding, Start
 from stickslip.units import SI, Quantity, Scales, in_si
 
@@ -171,10 +171,20 @@ def to_toml(rig: Rig) -> str:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
+def _in_reach(value: float) -> float:
+    if value and not 10.0**-_DECADES <= abs(value) <= 10.0**_DECADES:  # NaN is in no range
+        raise ValueError(f"must be 0, or within {_DECADES} decades of 1")
+    return value
+
+
+_DECADES = 15  # beyond, squares and quotients of doubles overflow in the laws
+_Relative = Annotated[float, AfterValidator(_in_reach)]
+
+
 class _Gaussian(Part):
     law: Literal["gaussian"]
-    mean: float = 1.0
-    spread: float
+    mean: _Relative = 1.0
+    spread: _Relative
 
     def make(self) -> thresholds.Law:
         return thresholds.Gaussian(mean=self.mean, spread=self.spread)
@@ -182,8 +192,8 @@ class _Gaussian(Part):
 
 class _Uniform(Part):
     law: Literal["uniform"]
-    low: float
-    high: float
+    low: _Relative
+    high: _Relative
 
     def make(self) -> thresholds.Law:
         return thresholds.Uniform(low=self.low, high=self.high)
@@ -191,7 +201,7 @@ class _Uniform(Part):
 
 class _Exponential(Part):
     law: Literal["exponential"]
-    mean: float = 1.0
+    mean: _Relative = 1.0
 
     def make(self) -> thresholds.Law:
         return thresholds.Exponential(mean=self.mean)
@@ -199,8 +209,8 @@ class _Exponential(Part):
 
 class _Gamma(Part):
     law: Literal["gamma"]
-    mean: float = 1.0
-    spread: float
+    mean: _Relative = 1.0
+    spread: _Relative
 
     def make(self) -> thresholds.Law:
         return thresholds.Gamma(mean=self.mean, spread=self.spread)
@@ -208,8 +218,8 @@ class _Gamma(Part):
 
 class _LogNormal(Part):
     law: Literal["lognormal"]
-    mean: float = 1.0
-    spread: float
+    mean: _Relative = 1.0
+    spread: _Relative
 
     def make(self) -> thresholds.Law:
         return thresholds.LogNormal(mean=self.mean, spread=self.spread)
@@ -217,8 +227,8 @@ class _LogNormal(Part):
 
 class _Weibull(Part):
     law: Literal["weibull"]
-    scale: float = 1.0
-    shape: float
+    scale: _Relative = 1.0
+    shape: _Relative
 
     def make(self) -> thresholds.Law:
         return thresholds.Weibull(scale=self.scale, shape=self.shape)
@@ -226,11 +236,11 @@ class _Weibull(Part):
 
 class _Empirical(Part):
     law: Literal["empirical"]
-    samples: list[float] | None = None
+    samples: list[_Relative] | None = None
     """Measured values, to be put into a histogram."""
-    edges: list[float] | None = None
+    edges: list[_Relative] | None = None
     """Or the edges of a histogram."""
-    weights: list[float] | None = None
+    weights: list[_Relative] | None = None
     """With ``edges``: the weight of each bin."""
 
     @model_validator(mode="after")
@@ -270,20 +280,20 @@ _AnyDelay = Annotated[
 class _Langevin(Part):
     law: Literal["langevin"]
     time: Time
-    newborn: float = 0.0
+    newborn: _Relative = 0.0
     """Threshold of a newborn contact, relative to the mean."""
 
 
 class _ExponentialGrowth(Part):
     law: Literal["exponential"]
     time: Time
-    newborn: float = 0.0
+    newborn: _Relative = 0.0
     """Threshold of a newborn contact, relative to the mean."""
 
 
 class _LogarithmicGrowth(Part):
     law: Literal["logarithmic"]
-    slope: float
+    slope: _Relative
     time: Time
 
 
@@ -357,16 +367,19 @@ class _Simulation(Part):
     interval: Time | None = None
 
 
+_Words = Annotated[str, Field(max_length=2_000)]
+
+
 class _Document(Part):
-    name: str = "rig"
+    name: Annotated[str, Field(max_length=200)] = "rig"
     units: Literal["SI", "natural"] = "SI"
     """Natural: plain numbers, threshold force, contact stiffness and threshold stretching 1, all per contact."""
     slider: _Slider
     interface: _Interface
     drive: _Drive
     simulation: _Simulation = _Simulation()
-    assumed: dict[str, str] = Field(default_factory=dict)
-    source: str = ""
+    assumed: dict[str, _Words] = Field(default_factory=dict)
+    source: _Words = ""
     """Where the numbers come from."""
 
     def rig(self, document: Mapping[str, Any]) -> Rig:
@@ -412,7 +425,7 @@ class _Document(Part):
         node: Any = document
         for part in key.split("."):
             if not isinstance(node, Mapping) or part not in node:
-                raise InputError(f"assumed.{key!r}: names no key of this file; write it as 'interface.delay'")
+                raise InputError(f"assumed.{shown(key)}: names no key of this file; write it as 'interface.delay'")
             node = node[part]
 
     def _scales(self) -> Scales:
