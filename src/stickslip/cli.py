@@ -6,7 +6,7 @@ import json as jsonlib
 import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -27,6 +27,7 @@ app = App(
     help="Friction of interfaces made of many contacts: will it stick-slip, at which speeds, and what would stop it?",
     version=__version__,
     result_action="return_value",
+    suppress_keyboard_interrupt=False,  # what to say of one is ours
 )
 
 Json = Annotated[bool, Parameter(help="Print JSON for a machine to read.", negative="")]
@@ -36,7 +37,8 @@ Plot = Annotated[Path | None, Parameter(help="Also draw a picture: .png, .svg or
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code: 2 for input that cannot be used, 1 for a claim or case that fails."""
     try:
-        result = app(list(sys.argv[1:] if arguments is None else arguments), exit_on_error=False, print_error=False)
+        with _stoppable():
+            result = app(list(sys.argv[1:] if arguments is None else arguments), exit_on_error=False, print_error=False)
     except (InputError, UndecidedError) as error:
         return _fail(str(error))
     except CycloptsError as error:
@@ -76,7 +78,7 @@ def predict(rig: Path, *, verify: bool = False, json: Json = False, plot: Plot =
     from stickslip import measure as measures
     from stickslip import rig as rigs
 
-    _check_target(plot)
+    _check_outputs(plot, read=rig)
     described = rigs.read(rig)
     with _bar("predicting") as progress:
         found = advise.predict(described, verify=verify, progress=progress)
@@ -114,8 +116,7 @@ def simulate(
     from stickslip.simulate import repeat
     from stickslip.simulate import simulate as run_case
 
-    _check_target(plot)
-    _check_target(output)
+    _check_outputs(output, plot, read=rig)
     with _bar("simulating") as progress:
         if again:
             run = repeat(before := store.load(rig), progress=progress)
@@ -169,18 +170,16 @@ def measure(
     data
         A run (NetCDF), or a table in plain text with a column of force.
     """
+    from stickslip import files
     from stickslip import measure as measures
-    from stickslip import store
 
-    _check_target(plot)
-    _check_target(events)
+    _check_outputs(events, plot, read=data)
     trace = _read_data(data, force, time, step)
     catalogue = measures.events(trace, minimum_drop=minimum_drop)
     statistics = measures.event_statistics(catalogue)
     seen = measures.regime(trace, after=after)
     if events is not None:
-        with store.whole_file(events, example="slips.csv") as part:
-            part.write_text(_as_csv(catalogue))
+        files.write(events, _as_csv(catalogue).encode())
     if plot is not None:
         from stickslip import plot as drawing
 
@@ -232,7 +231,7 @@ def plot(
     from stickslip import measure as measures
     from stickslip import plot as drawing
 
-    _check_target(output)
+    _check_outputs(output, read=data)
     if data.is_dir():
         theory = _draw_sweep(_cut(_open_sweep(data), at), output, bistable=bistable)
         print(f"on top: {theory}\npicture: {output}")
@@ -269,7 +268,7 @@ def map(
     from stickslip import plot as drawing
     from stickslip import rig as rigs
 
-    _check_target(output)
+    _check_outputs(output, read=rig)
     names = tuple(part.strip() for part in over.split(","))
     if len(names) != 2:
         raise InputError(f"--over {over}: must name two knobs with a comma between, such as stiffness,velocity")
@@ -309,7 +308,7 @@ def sweep(
     """
     from stickslip.sweep import plan as plans
 
-    _check_target(plot)
+    _check_outputs(plot, read=file)
     plan = plans.read_plan(file)
     if replot and plot is None:
         raise InputError("--replot: needs --plot FILE, the picture to draw")
@@ -318,7 +317,7 @@ def sweep(
         if not plans.plan_of(result).is_same(plan):
             raise InputError(f"store = {str(store)!r}: holds another sweep than {file}; draw it with `stickslip plot`")
     else:
-        with _executor(workers, processes, scheduler) as executor, _bar(plan.name) as report, _stoppable():
+        with _executor(workers, processes, scheduler) as executor, _bar(plan.name) as report:
             try:
                 result = plan.run(
                     store=store,
@@ -356,11 +355,13 @@ def paper(
         raise InputError(f"{figure}: no such figure; there are {', '.join(FIGURES)}")
     if not directory.is_dir():
         raise InputError(f"--directory {directory}: no such directory")
+    picture, file = directory / f"{figure}.png", directory / f"{figure}.nc"
+    _check_outputs(picture, file)
     chosen = FIGURES[figure]
     with _bar(figure) as progress:
         data = chosen.compute(progress=progress, quick=quick)
-    picture = drawing.save(chosen.draw(data), directory / f"{figure}.png")
-    file = store.save(data, directory / f"{figure}.nc")
+    drawing.save(chosen.draw(data), picture)
+    store.save(data, file)
     claims = chosen.check(data) if check else ()
     failed = [claim for claim in claims if not claim.ok]
     if json:
@@ -445,7 +446,10 @@ def _executor(workers: int | None, processes: bool, scheduler: str | None) -> It
 
 @contextmanager
 def _stoppable() -> Iterator[None]:
-    """Take the signal that a cluster sends before it kills for a Ctrl-C: what is done is written down first."""
+    """Take for a Ctrl-C what a cluster sends before it kills, and what a terminal sends when it is closed.
+
+    A signal that is ignored, as under nohup, stays so.
+    """
     import signal
     import threading
 
@@ -456,11 +460,14 @@ def _stoppable() -> Iterator[None]:
     def stop(_number: int, _frame: object) -> None:
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGTERM, stop)
+    heard = [number for number in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(number) is signal.SIG_DFL]
+    for number in heard:
+        signal.signal(number, stop)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number in heard:
+            signal.signal(number, signal.SIG_DFL)
 
 
 @contextmanager
@@ -560,14 +567,21 @@ _PATIENCE = "10s"
 """How long a scheduler is waited for."""
 
 
-def _check_target(path: Path | None) -> None:
-    """Complain of a place that cannot be written before any work is done."""
-    if path is None:
-        return
-    if path.is_dir():
-        raise InputError(f"{path}: is a directory; give the name of a file")
-    if not path.absolute().parent.is_dir():
-        raise InputError(f"{path}: there is no directory {path.parent}; make it first")
+def _check_outputs(*outputs: Path | None, read: Path | None = None) -> None:
+    """Complain before any work is done of a place that cannot be written, or that holds the file that is read."""
+    from stickslip import files
+
+    taken: set[Path] = set()
+    for output in outputs:
+        if output is None:
+            continue
+        place = files.target(output)
+        with suppress(OSError):  # one of the two is not there
+            if read is not None and place.samefile(read):
+                raise InputError(f"{output}: is the file to be read; choose another name for what is written")
+        if place in taken:
+            raise InputError(f"{output}: is given for two outputs; choose another name for one of them")
+        taken.add(place)
 
 
 def _read_data(data: Path, force: str | None, time: str | None, step: float | None) -> xr.Dataset:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, TypeAdapter, ValidationError, ValidationInfo
 
+from stickslip import files
 from stickslip.errors import InputError
 
 if TYPE_CHECKING:
@@ -50,16 +51,7 @@ def read_toml(path: Path, kind: str, example: str) -> dict[str, Any]:
     InputError
         If the file is missing, empty, binary or no TOML.
     """
-    if not path.exists():
-        raise InputError(f"{path}: no such file")
-    if path.is_dir():
-        raise InputError(f"{path}: is a directory, not a {kind}")
-    try:
-        content = path.read_bytes() if path.stat().st_size <= LARGEST_FILE else None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    if content is None:
-        raise InputError(f"{path}: larger than {LARGEST_FILE // 1_000_000} MB: this is not a {kind}")
+    content = files.read(path, kind, largest=LARGEST_FILE)
     if not content.strip():
         raise InputError(f"{path}: is empty; see {example} for what a {kind} holds")
     try:

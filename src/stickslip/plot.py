@@ -15,6 +15,7 @@ Figures are plain `matplotlib.figure.Figure` objects, unknown to pyplot: nothing
 
 from __future__ import annotations
 
+import io
 import os
 import re
 from collections.abc import Iterator, Mapping
@@ -36,9 +37,9 @@ from matplotlib.rcsetup import cycler
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
+from stickslip import files
 from stickslip.errors import InputError
 from stickslip.measure import events as find_events
-from stickslip.store import whole_file
 
 Array = NDArray[np.float64]
 Scale = Literal["linear", "log"]
@@ -448,15 +449,16 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
     InputError
         If the suffix is none of these or the place cannot be written.
     """
-    target = Path(path)
-    kind = target.suffix.lower().removeprefix(".")
-    if kind not in _FORMATS and not os.path.isdir(target):
-        raise InputError(f"{target}: a picture is written as {', '.join('.' + f for f in _FORMATS)}, chosen by suffix")
+    files.target(path)
+    kind = Path(path).suffix.lower().removeprefix(".")
+    if kind not in _FORMATS:
+        raise InputError(f"{path}: a picture is written as {', '.join('.' + f for f in _FORMATS)}, chosen by suffix")
     # No date in the file: the same figure gives the same bytes.
     undated: Mapping[str, None] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})
-    with whole_file(target, example="run.png") as part, house_style():
-        figure.savefig(part, format=kind, metadata=dict(undated))
-    return target
+    picture = io.BytesIO()
+    with house_style():
+        figure.savefig(picture, format=kind, metadata=dict(undated))
+    return files.write(path, picture.getbuffer())
 
 
 def chart(found: xr.Dataset) -> Figure:

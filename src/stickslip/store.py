@@ -9,20 +9,21 @@ import hashlib
 import json
 import math
 import os
-import secrets
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stickslip import drive, model, thresholds, units
+from stickslip import drive, files, model, thresholds, units
 from stickslip.errors import InputError
 
 if TYPE_CHECKING:
     import xarray as xr
+
+LARGEST_RUN = 8_000_000_000
+"""Bytes that a run may have, as a file and in memory."""
 
 Plain = Any
 """What JSON can hold: None, bool, int, float, str, list, dict."""
@@ -120,40 +121,6 @@ def content_hash(value: object) -> str:
     return hashlib.sha256(json.dumps(encode(value), sort_keys=True).encode()).hexdigest()
 
 
-@contextmanager
-def whole_file(path: str | os.PathLike[str], *, example: str) -> Iterator[Path]:
-    """Write a file whole or not at all: what is written to the path given here is moved to its place when complete.
-
-    Parameters
-    ----------
-    path : path
-        Where the file is to be.
-    example : str
-        A name to propose where only a directory is given.
-
-    Raises
-    ------
-    InputError
-        If the place cannot be written.
-    """
-    target = Path(path)
-    if os.path.isdir(target):  # unlike Path.is_dir, it bears names too long for a file
-        raise InputError(f"{target}: is a directory; give the name of a file, such as {target / example}")
-    part = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
-    try:
-        part.touch(exist_ok=False)
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise InputError(f"{target}: cannot be written ({reason}); choose another place") from None
-    try:
-        yield part
-        part.replace(target)
-    except OSError as error:
-        raise InputError(f"{target}: cannot be written ({error.strerror or error}); nothing was left behind") from None
-    finally:
-        part.unlink(missing_ok=True)
-
-
 def save(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     """Write a Dataset as NetCDF, whole or not at all.
 
@@ -164,9 +131,9 @@ def save(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     """
     # What has no dimension, or is no number, cannot be compressed.
     numbers = [name for name, values in data.variables.items() if values.ndim > 0 and values.dtype.kind in "fiub"]
-    with whole_file(path, example="run.nc") as part:
-        data.to_netcdf(part, engine="h5netcdf", encoding={name: {"zlib": True, "complevel": 1} for name in numbers})
-    return Path(path)
+    # In memory first: where a disk is full, HDF5 spills its own messages and then crashes.
+    encoding = {name: {"zlib": True, "complevel": 1} for name in numbers}
+    return files.write(path, data.to_netcdf(engine="h5netcdf", encoding=encoding))
 
 
 def load(path: str | os.PathLike[str]) -> xr.Dataset:
@@ -181,15 +148,11 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     import xarray as xr
 
     source = Path(path)
+    files.size(source, "run", largest=LARGEST_RUN)
     try:
         known = is_netcdf(source)
-    except FileNotFoundError:
-        raise InputError(f"{source}: no such file") from None
-    except IsADirectoryError:
-        raise InputError(f"{source}: is a directory, not a file") from None
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise InputError(f"{source}: cannot be read ({reason})") from None
+    except OSError as error:
+        raise files.unreadable(source, error) from None
     if not known:
         raise InputError(f"{source}: is not a NetCDF file; a run is made with `stickslip simulate RIG -o run.nc`")
     try:
