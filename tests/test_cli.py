@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -247,6 +248,25 @@ def test_a_failed_write_leaves_the_old_file(rig, tmp_path, capsys, monkeypatch):
     assert "No space left" in refused(capsys, "simulate", rig, "-o", file)
     assert file.read_bytes() == before
     assert sorted(p.name for p in tmp_path.iterdir()) == ["rig.toml", "run.nc"]
+
+
+@pytest.mark.skipif(os.geteuid() != 0 or not shutil.which("mount"), reason="only root can mount a small disk")
+def test_a_full_disk_is_told_in_one_line(rig, tmp_path):
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", disk], check=False).returncode:
+        pytest.skip("nothing can be mounted here")
+    try:
+        command = [sys.executable, "-m", "stickslip.cli", "simulate", rig, "-o", disk / "run.nc"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == 2
+        assert done.stderr == (
+            f"stickslip: {disk}/run.nc: cannot be written (No space left on device); "
+            "nothing was lost, choose another place\n"
+        )
+        assert os.listdir(disk) == []
+    finally:
+        subprocess.run(["umount", disk], check=True)
 
 
 def heed_interrupts():
