@@ -11,7 +11,7 @@ PYTHON ?= $(shell for p in python3.11 python3 python3.12 python3.13 python; do \
 
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
-RIG := examples/pmma_slider.toml
+RIG := pmma_slider
 
 help:
 	@echo 'make demo      predict and simulate $(RIG), with pictures in demo/'
@@ -43,7 +43,7 @@ lint: $(VENV)/.dev
 	$(BIN)/lint-imports
 	$(BIN)/python tools/equations.py
 
-unit: $(VENV)/.dev
+unit: $(VENV)/.dev $(VENV)/.browser
 	$(BIN)/python -m pytest -q -n $(WORKERS) --dist loadfile -m "not slow"
 
 verify: $(VENV)/.dev
@@ -86,6 +86,11 @@ $(VENV)/.dev: pyproject.toml | $(VENV)/bin/python
 	@echo 'Installing stickslip and its development tools into $(VENV) (the first time takes some minutes)'
 	$(PIP) -e '.[dev]'
 	@touch $(VENV)/.runtime $(VENV)/.explorer $(VENV)/.docs $@
+
+# For the tests of the explorer; without a browser they are skipped, and the last line says so.
+$(VENV)/.browser: | $(VENV)/.dev
+	$(BIN)/python tools/chromium.py
+	@touch $@
 
 $(VENV)/.docs: pyproject.toml | $(VENV)/bin/python
 	$(PIP) -e '.[docs]'

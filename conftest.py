@@ -32,8 +32,8 @@ from sybil.parsers.abstract import DocTestStringParser
 from sybil.parsers.myst import CodeBlockParser
 
 ROOT = Path(__file__).parent
-SHARED = Path(os.environ.get("STICKSLIP_SHARED", ROOT.parent / "shared"))
-BENCH = SHARED / "data" / "guldstrand_force7.txt"  # measured by others; stays where it is
+BENCH = ROOT / "tests" / "data" / "guldstrand_force7.txt"  # measured by others
+RIGS = ROOT / "src" / "stickslip" / "examples"
 
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
@@ -42,15 +42,13 @@ os.environ["MPLBACKEND"] = "Agg"
 
 def _begin(namespace):
     folder = Path(tempfile.mkdtemp(prefix="stickslip-docs-"))
-    shutil.copytree(ROOT / "examples", folder / "examples", ignore=lambda _, names: [n for n in names if "." not in n])
-    shutil.copy(ROOT / "examples" / "pmma_slider.toml", folder)
+    shutil.copy(RIGS / "pmma_slider.toml", folder)
     stage = re.search(r"```toml\n(# stage\.toml\n.*?)```", (ROOT / "docs/howto/predict.md").read_text(), re.DOTALL)[1]
     for name in ("stage.toml", "rig.toml"):
         (folder / name).write_text(stage)
     teeth = [3.0 + 0.8 * (i % 55) / 54 if i % 55 < 52 else 3.8 - 0.26 * (i % 55 - 51) for i in range(2000)]
     (folder / "trace.csv").write_text("force [N]\n" + "\n".join(f"{f:.4f}" for f in teeth) + "\n")
-    if BENCH.exists():
-        shutil.copy(BENCH, folder / "force7.txt")
+    shutil.copy(BENCH, folder / "force7.txt")
     namespace.update(_folder=folder, _printed="")
 
 
@@ -61,8 +59,6 @@ def _end(namespace):
 @contextlib.contextmanager
 def _stage(example: Example):
     """In the page's folder, with what is printed kept for the block that follows."""
-    if "force7.txt" in example.parsed and not BENCH.exists():
-        pytest.skip(f"no {BENCH}; name the folder of measured data with STICKSLIP_SHARED")
     example.namespace["_printed"] = None
     with contextlib.chdir(example.namespace["_folder"]), contextlib.redirect_stdout(io.StringIO()) as printed:
         yield
@@ -165,3 +161,10 @@ def pytest_collection_modifyitems(items):
             before = item.example.document.text[: item.example.start].rstrip()
             if before.endswith("<!-- slow -->"):
                 item.add_marker("slow")
+
+
+def pytest_terminal_summary(terminalreporter):
+    without = [r for r in terminalreporter.stats.get("skipped", []) if "no chromium" in str(r.longrepr)]
+    if without:
+        reason = without[0].longrepr[2]
+        terminalreporter.write_line(f"{len(without)} tests were skipped for want of a browser: {reason}")

@@ -15,8 +15,7 @@ import stickslip as ss
 from stickslip import cli
 
 ROOT = Path(__file__).parents[1]
-SHARED = Path(os.environ.get("STICKSLIP_SHARED", ROOT.parent / "shared"))
-TRACE = SHARED / "data" / "guldstrand_force7.txt"
+TRACE = ROOT / "tests" / "data" / "guldstrand_force7.txt"
 
 SMALL = """
 name = "small"
@@ -85,7 +84,6 @@ def test_measure_tells_the_same_of_a_run(rig, tmp_path, capsys):
     assert len((tmp_path / "slips.csv").read_text().splitlines()) == 1 + measured["statistics"]["count"]
 
 
-@pytest.mark.skipif(not TRACE.exists(), reason="the measured trace is not here; set STICKSLIP_SHARED")
 def test_measure_reads_the_bench_trace(capsys):
     assert run("measure", TRACE, "--step", 0.25, "--json") == 0
     found = json.loads(capsys.readouterr().out)

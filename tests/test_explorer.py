@@ -24,7 +24,7 @@ for needed in ("starlette", "uvicorn", "plotly"):
 headless = pytest.importorskip("headless", reason="playwright is not installed")
 
 needs_browser = pytest.mark.skipif(headless.CHROMIUM is None, reason=headless.WHY_NOT)
-PMMA = Path(__file__).parents[1] / "examples" / "pmma_slider.toml"
+PMMA = rigs.example("pmma_slider")
 PICTURES = os.environ.get("STICKSLIP_SCREENSHOTS")
 """A folder, such as docs/images: the pictures of the docs are written there."""
 SCREEN, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}

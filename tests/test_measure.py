@@ -2,7 +2,6 @@
 
 import json
 import math
-import os
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ from hypothesis import strategies as st
 import stickslip as ss
 from stickslip.measure import amplitude, event_statistics, events, hysteresis, read_trace, regime, transitions
 
-SHARED = Path(os.environ.get("STICKSLIP_SHARED", Path(__file__).parents[1].parent / "shared"))
+TRACE = Path(__file__).parent / "data" / "guldstrand_force7.txt"
 
 
 # ----------------------------------------------------------------------------------------------- made-up forces
@@ -673,9 +672,8 @@ def test_paths_that_are_no_file_are_refused(tmp_path, monkeypatch):
 # ----------------------------------------------------------------------------------------------- a real bench
 
 
-@pytest.mark.skipif(not (SHARED / "data" / "guldstrand_force7.txt").exists(), reason="the measured trace is not here")
 def test_the_real_trace():
-    data = read_trace(SHARED / "data" / "guldstrand_force7.txt", step=0.25)
+    data = read_trace(TRACE, step=0.25)
     assert data.sizes["t"] == 4262
     assert json.loads(data.attrs["unreadable"]) == [{"line": 3295, "text": "NaN N1"}]
     statistics = event_statistics(events(data))

@@ -3,7 +3,6 @@
 import copy
 import math
 import tomllib
-from pathlib import Path
 
 import pytest
 
@@ -11,7 +10,7 @@ import stickslip as ss
 from stickslip import rig as rigs
 from stickslip.door import LARGEST_FILE
 
-EXAMPLE = Path(__file__).parents[1] / "examples" / "pmma_slider.toml"
+EXAMPLE = rigs.example("pmma_slider")
 
 
 @pytest.fixture

@@ -20,6 +20,7 @@ import xarray as xr
 
 import stickslip as ss
 from stickslip import cli, plot
+from stickslip import rig as rigs
 from stickslip.errors import InputError
 from stickslip.measure import regime
 from stickslip.simulate import Contacts, MasterEquation, Relaxed, Sliding
@@ -30,8 +31,8 @@ from stickslip.sweep.plan import from_document, plan_of, read_plan, with_theory
 pytest.importorskip("zarr", reason="the store of a sweep needs zarr: pip install stickslip[sweep]")
 
 ROOT = Path(__file__).parents[1]
-EXAMPLE = ROOT / "examples" / "phase_diagram.toml"
-BENCH = ROOT / "examples" / "pmma_slider.toml"
+EXAMPLE = rigs.EXAMPLES / "phase_diagram.toml"
+BENCH = rigs.EXAMPLES / "pmma_slider.toml"
 
 NATURAL = {
     "name": "small",

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -14,9 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import chromium
 from playwright.sync_api import Browser, Page, sync_playwright
 
-CHROMIUM = os.environ.get("CHROMIUM") or next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
+CHROMIUM = chromium.find()
 WHY_NOT = "no chromium on this machine; on Debian: apt-get install chromium (or name one with CHROMIUM=/path)"
 FLAGS = (
     "--no-sandbox",  # chromium as root, as in CI, has none

@@ -7,7 +7,7 @@ slips; with stiffer springs the slips get smaller and faster, until the block sl
 and why.
 
 Run it with ``python examples/practice/teaching_bench.py bench.png``; in the browser, ``stickslip explore
-examples/teaching_bench.toml`` has a slider for the spring.
+teaching_bench`` has a slider for the spring.
 """
 
 import sys

@@ -70,7 +70,7 @@ def predict(rig: Path, *, verify: bool = False, json: Json = False, plot: Plot =
     Parameters
     ----------
     rig
-        A rig file in TOML; see examples/pmma_slider.toml.
+        A rig file in TOML, or the name of an example: `stickslip new` lists them.
     verify
         Simulate the rig after each remedy with its own method.
     """
@@ -91,6 +91,24 @@ def predict(rig: Path, *, verify: bool = False, json: Json = False, plot: Plot =
         _print_json(_prediction_as_plain(found, described))
     else:
         _print_prediction(found, described, plot)
+
+
+@app.command
+def new(example: str | None = None) -> None:
+    """Print a rig file to start from: `stickslip new brake_pad > my.toml`.
+
+    Parameters
+    ----------
+    example
+        Name of a rig that comes with the package; without one, their names are listed.
+    """
+    from stickslip import rig as rigs
+
+    if example is None:
+        for name in rigs.examples():
+            print(f"{name:16} {rigs.read(rigs.example(name)).name}")
+    else:
+        print(rigs.example(example).read_text(encoding="utf-8"), end="")
 
 
 @app.command
@@ -304,7 +322,7 @@ def sweep(
     Parameters
     ----------
     file
-        A sweep file in TOML; see examples/phase_diagram.toml.
+        A sweep file in TOML; `stickslip new phase_diagram` prints one.
     """
     from stickslip.sweep import plan as plans
 

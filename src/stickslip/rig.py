@@ -1,7 +1,7 @@
 """The door for rigs: a TOML file in SI units (or natural ones) in, records of the model out, and back.
 
 >>> from stickslip.rig import read
->>> rig = read("examples/pmma_slider.toml")
+>>> rig = read(example("pmma_slider"))
 >>> rig.interface.delay, rig.velocity  # natural units
 (Delay(time=0.4), 1.0)
 >>> round(rig.scales.si(rig.slider.stiffness, "stiffness"))  # N/m
@@ -107,11 +107,17 @@ def engineering(value: float, unit: str) -> str:
 
 
 EXAMPLES = Path(__file__).parent / "examples"
-"""Folder of the rigs that come with the package, and of scripts about them."""
+"""Folder of the rigs that come with the package."""
+
+
+def examples() -> tuple[str, ...]:
+    """Names of the rigs that come with the package."""
+    # A sweep is no rig: it names one.
+    return tuple(sorted(f.stem for f in EXAMPLES.glob("*.toml") if "[slider]" in f.read_text(encoding="utf-8")))
 
 
 def example(name: str) -> Path:
-    """Return the file of a rig that comes with the package, such as ``"pmma_slider"``.
+    """Return the file of a rig or sweep that comes with the package, such as ``"pmma_slider"``.
 
     Raises
     ------
@@ -128,6 +134,9 @@ def example(name: str) -> Path:
 def read(path: str | os.PathLike[str]) -> Rig:
     """Read a rig from a TOML file.
 
+    The bare name of an example that comes with the package, such as ``"brake_pad"``, is read too where no file is
+    called so.
+
     Raises
     ------
     InputError
@@ -135,7 +144,9 @@ def read(path: str | os.PathLike[str]) -> Rig:
         names file, key, value and remedy.
     """
     source = Path(path)
-    return from_document(read_toml(source, "rig file", "examples/pmma_slider.toml"), source.name)
+    if not source.exists() and source.name == str(path) and source.name in examples():
+        source = example(source.name)
+    return from_document(read_toml(source, "rig file", "`stickslip new pmma_slider`"), source.name)
 
 
 def from_document(document: Mapping[str, Any], place: str = "rig") -> Rig:

@@ -36,7 +36,7 @@ QUANTITIES: Mapping[str, Quantity] = {knob.name: quantity(knob.unit) for knob in
 """Knobs of the theory of stability, and what they are."""
 
 _BENCH = Scales(force=768.0, stretching=2e-6, time=5e-3)
-"""Scales for a rig in natural units that is to be shown in SI: those of examples/pmma_slider.toml."""
+"""Scales for a rig in natural units that is to be shown in SI: those of the example pmma_slider."""
 
 
 # ---------------------------------------------------------------------------------------------------------------------

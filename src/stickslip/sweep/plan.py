@@ -1,7 +1,8 @@
 """The door for sweep files: a rig, the knobs to turn and what to look at, in TOML; a `Plan` out.
 
 >>> from stickslip.sweep.plan import read_plan
->>> plan = read_plan("examples/phase_diagram.toml")
+>>> from stickslip.rig import example
+>>> plan = read_plan(example("phase_diagram"))
 >>> plan.knobs, plan.total
 (('stiffness', 'velocity'), 3200)
 
@@ -42,7 +43,7 @@ from stickslip.units import Scales, si_unit
 if TYPE_CHECKING:
     import xarray as xr
 
-EXAMPLE = "examples/phase_diagram.toml"
+EXAMPLE = "`stickslip new phase_diagram`"
 SHORTEST, CYCLES = 120.0, 30.0
 """``x_s`` and cycles that a run lasts unless the file says otherwise: transients last 40 to 100 ``x_s``."""
 REFINED = "refined.nc"
