@@ -37,7 +37,7 @@ def test_number_takes_nothing_else(value):
         (3, {"above": 0, "at_most": 1}, "place = 3: must be a finite number above 0 and at most 1"),
         (-1, {"above": 0, "hint": "in N"}, "place = -1: must be a finite number above 0 (in N)"),
         ("1", {"above": 0, "hint": "in N"}, "place = '1': must be a number above 0 (in N)"),
-        (10**400, {"above": 0}, "place = an integer of 401 digits: must be a number above 0"),
+        (10**400, {"above": 0}, "place = an integer of about 401 digits: must be a number above 0"),
     ],
 )
 def test_number_names_place_value_and_remedy(value, bounds, message):

@@ -4,23 +4,30 @@ from __future__ import annotations
 
 import json as jsonlib
 import math
+import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, CycloptsError, Parameter, Token
 
 from stickslip import __version__
-from stickslip.errors import InputError, UndecidedError
+from stickslip.errors import InputError, UndecidedError, shortened, shown
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from stickslip.advise import Prediction
     from stickslip.rig import Rig
+
+LONGEST_LINE = 400
+"""Characters of an error on the terminal."""
+
+Value = TypeVar("Value")
 
 app = App(
     name="stickslip",
@@ -30,7 +37,41 @@ app = App(
     suppress_keyboard_interrupt=False,  # what to say of one is ours
 )
 
+
+def _number(_type: object, tokens: Sequence[Token]) -> float:
+    from stickslip.door import read_number
+
+    return _told(read_number, tokens[0].value)
+
+
+def _whole(_type: object, tokens: Sequence[Token]) -> int:
+    def read(text: str) -> int:
+        if not re.fullmatch(r"[-+]?[0-9]{1,15}", text):
+            raise InputError("must be a whole number, such as 40")
+        return int(text)
+
+    return _told(read, tokens[0].value)
+
+
+def _seconds(_type: object, tokens: Sequence[Token]) -> float:
+    from stickslip.door import read_quantity
+
+    return _told(partial(read_quantity, unit="s", example="0.5 ms", bare=True), tokens[0].value)
+
+
+def _told(read: Callable[[str], Value], text: str) -> Value:
+    """Read the value of an option; an error shows it."""
+    try:
+        return read(text)
+    except InputError as error:
+        raise InputError(f"{shown(text)}: {error}") from None
+
+
 Json = Annotated[bool, Parameter(help="Print JSON for a machine to read.", negative="")]
+Step = Annotated[
+    float | None,
+    Parameter(help="Time from one row to the next, where there is none: 0.5 ms, or in s.", converter=_seconds),
+]
 Plot = Annotated[Path | None, Parameter(help="Also draw a picture: .png, .svg or .pdf.")]
 
 
@@ -54,7 +95,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _fail(message: str, code: int = 2) -> int:
-    print("stickslip: " + " ".join(message.split()), file=sys.stderr)
+    line = " ".join(message.split())
+    print("stickslip: " + (line if len(line) <= LONGEST_LINE else f"{line[: LONGEST_LINE - 3]}..."), file=sys.stderr)
     return code
 
 
@@ -174,9 +216,11 @@ def measure(
     *,
     force: Annotated[str | None, Parameter(help="Column of the force, by name or number from 1.")] = None,
     time: Annotated[str | None, Parameter(help="Column of the time, by name or number from 1.")] = None,
-    step: Annotated[float | None, Parameter(help="Seconds from one row to the next, where there is no time.")] = None,
-    minimum_drop: Annotated[float | None, Parameter(help="Smallest drop that counts as a slip.")] = None,
-    after: Annotated[float | None, Parameter(help="Judge the regime after this time only.")] = None,
+    step: Step = None,
+    minimum_drop: Annotated[
+        float | None, Parameter(help="Smallest drop that counts as a slip.", converter=_number)
+    ] = None,
+    after: Annotated[float | None, Parameter(help="Judge the regime after this time only.", converter=_number)] = None,
     events: Annotated[Path | None, Parameter(help="Write the catalogue of slips as CSV.")] = None,
     json: Json = False,
     plot: Plot = None,
@@ -231,7 +275,7 @@ def plot(
     kind: Literal["overview", "phase", "stretchings", "energy"] = "overview",
     force: str | None = None,
     time: str | None = None,
-    step: float | None = None,
+    step: Step = None,
     at: Annotated[str | None, Parameter(help="Of a sweep, the cut to draw: delay=0.1,start=cold.")] = None,
     bistable: Annotated[bool, Parameter(help="Of a sweep: show where stick-slip dies, too.", negative="")] = False,
 ) -> None:
@@ -269,8 +313,8 @@ def map(
     rig: Path,
     *,
     over: Annotated[str, Parameter(help="Two knobs, such as stiffness,velocity.")] = "stiffness,velocity",
-    around: Annotated[float, Parameter(help="Factor on either side of the rig's own point.")] = 30.0,
-    points: Annotated[int, Parameter(help="Points of the map along each knob.")] = 80,
+    around: Annotated[float, Parameter(help="Factor on either side of the rig's own point.", converter=_number)] = 30.0,
+    points: Annotated[int, Parameter(help="Points of the map along each knob.", converter=_whole)] = 80,
     bistable: Annotated[bool, Parameter(help="Show where stick-slip lasts beside it, too.", negative="")] = False,
     output: Annotated[Path, Parameter(alias="-o", help="The picture.")] = Path("map.png"),
     json: Json = False,
@@ -289,7 +333,9 @@ def map(
     _check_outputs(output, read=rig)
     names = tuple(part.strip() for part in over.split(","))
     if len(names) != 2:
-        raise InputError(f"--over {over}: must name two knobs with a comma between, such as stiffness,velocity")
+        raise InputError(
+            f"--over {shortened(over)}: must name two knobs with a comma between, such as stiffness,velocity"
+        )
     described = rigs.read(rig)
     with _bar("mapping") as progress:
         found = advise.chart(described, (names[0], names[1]), around, points, bistable=bistable, progress=progress)
@@ -306,7 +352,9 @@ def sweep(
     file: Path,
     *,
     store: Annotated[Path, Parameter(help="Directory of the results; if it is there, the sweep goes on.")],
-    workers: Annotated[int | None, Parameter(help="Cases that run at a time; by default one per core.")] = None,
+    workers: Annotated[
+        int | None, Parameter(help="Cases that run at a time; by default one per core.", converter=_whole)
+    ] = None,
     processes: Annotated[bool, Parameter(help="Run them in processes, not in threads.", negative="")] = False,
     scheduler: Annotated[str | None, Parameter(help="Run them on a Dask cluster: tcp://HOST:PORT.")] = None,
     retry_failed: Annotated[bool, Parameter(help="Run cases again that failed before.", negative="")] = False,
@@ -405,7 +453,7 @@ def paper(
 def explore(
     rig: Path | None = None,
     *,
-    port: Annotated[int | None, Parameter(help="Port on this machine; 0 for any free one.")] = None,
+    port: Annotated[int | None, Parameter(help="Port on this machine; 0 for any free one.", converter=_whole)] = None,
     browser: Annotated[bool, Parameter(help="Open the page in the browser.")] = True,
 ) -> None:
     """Open the browser app: move a slider and see sliding turn into stick-slip.
@@ -521,17 +569,23 @@ def _open_sweep(store: Path) -> xr.Dataset:
 
 def _cut(result: xr.Dataset, at: str | None) -> xr.Dataset:
     """Select from a sweep, each axis at the value nearest to the one given."""
+    from stickslip.door import read_number
+
     for part in (at or "").split(",") if at else ():
         name, _, value = (word.strip() for word in part.partition("="))
         if name not in result.dims or not value:
             axes = ", ".join(str(dim) for dim in result.dims)
-            raise InputError(f"--at {part}: must be an axis and a value, as in delay=0.1; this sweep has {axes}")
+            raise InputError(
+                f"--at {shortened(part)}: must be an axis and a value, as in delay=0.1; this sweep has {axes}"
+            )
         numbers = result[name].dtype.kind in "iuf"
         try:
-            result = result.sel({name: float(value)}, method="nearest") if numbers else result.sel({name: value})
+            result = result.sel({name: read_number(value)}, method="nearest") if numbers else result.sel({name: value})
+        except InputError as error:
+            raise InputError(f"--at {shortened(part)}: {error}") from None
         except (KeyError, ValueError):
             there = ", ".join(str(item) for item in result[name].values.tolist())
-            raise InputError(f"--at {part}: no such value; this sweep has {there}") from None
+            raise InputError(f"--at {shortened(part)}: no such value; this sweep has {there}") from None
     return result
 
 
@@ -612,11 +666,7 @@ def _read_data(data: Path, force: str | None, time: str | None, step: float | No
         if "F_d" not in run or "t" not in run.coords:
             raise InputError(f"{data}: holds no run: there is no force F_d along a time t in it")
         return _in_its_units(run)
-    return measures.read_trace(data, force=_column(force), time=_column(time), step=step)
-
-
-def _column(name: str | None) -> str | int | None:
-    return int(name) if name is not None and name.isdigit() else name
+    return measures.read_trace(data, force=force, time=time, step=step)
 
 
 def _in_its_units(run: xr.Dataset) -> xr.Dataset:

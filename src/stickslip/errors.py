@@ -7,6 +7,7 @@ as it is.
 from __future__ import annotations
 
 import math
+import reprlib
 from numbers import Integral, Real
 from types import UnionType
 
@@ -17,6 +18,27 @@ class InputError(ValueError):
 
 class UndecidedError(RuntimeError):
     """The question has no answer on the evidence at hand; the message gives the evidence."""
+
+
+LONGEST_SHOWN = 60
+"""Characters of a value that a message shows."""
+
+
+def shortened(text: str) -> str:
+    """Return a text as far as a message shows it."""
+    return text if len(text) <= LONGEST_SHOWN else f"{text[: LONGEST_SHOWN - 3]}..."
+
+
+def shown(value: object) -> str:
+    """Return a value as a message shows it: as in Python, cut where it is long, large or deep."""
+    if isinstance(value, str):  # a long one is cut before it is turned into its form in Python
+        return shortened(repr(value[:LONGEST_SHOWN])) if len(value) <= LONGEST_SHOWN else f"{value[:40]!r}..."
+    if isinstance(value, Integral) and abs(int(value)) >= 10**LONGEST_SHOWN:
+        return f"an integer of about {math.floor(int(value).bit_length() * math.log10(2)) + 1} digits"
+    try:
+        return shortened(reprlib.repr(value))
+    except Exception:  # a value may hold anything
+        return f"a {type(value).__name__}"
 
 
 def number(
@@ -52,11 +74,11 @@ def number(
     """
     wanted = _range_in_words(above, at_least, below, at_most) + (f" ({hint})" if hint else "")
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise InputError(f"{place} = {value!r}: must be a number{wanted}")
+        raise InputError(f"{place} = {shown(value)}: must be a number{wanted}")
     try:
         result = float(value) + 0.0  # minus zero becomes zero: equal numbers are to look alike in a file, too
     except OverflowError:
-        raise InputError(f"{place} = an integer of {len(str(value))} digits: must be a number{wanted}") from None
+        raise InputError(f"{place} = {shown(value)}: must be a number{wanted}") from None
     out_of_range = (
         math.isnan(result)
         or (math.isinf(result) and not infinite)
@@ -82,7 +104,7 @@ def whole(place: str, value: object, *, at_least: int, at_most: int | None = Non
 def instance(place: str, value: object, kind: type | UnionType | tuple[type, ...], hint: str) -> None:
     """Raise `InputError` unless `value` is of the kind asked for; a class is no value (a Protocol would take it)."""
     if isinstance(value, type) or not isinstance(value, kind):
-        raise InputError(f"{place} = {value!r}: must be {hint}")
+        raise InputError(f"{place} = {shown(value)}: must be {hint}")
 
 
 def _range_in_words(above: float | None, at_least: float | None, below: float | None, at_most: float | None) -> str:

@@ -25,7 +25,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from stickslip import model, thresholds
 from stickslip.door import Force, Lag, Length, Mass, Part, Rate, Stiffness, Time, Velocity, read_toml, validate
 from stickslip.drive import Drive, hold, ramp
-from stickslip.errors import InputError
+from stickslip.errors import InputError, shown
 from stickslip.simulate import Contacts, MasterEquation, Method, Record, Relaxed, Sliding, Start
 from stickslip.units import SI, Quantity, Scales, in_si
 
@@ -357,16 +357,19 @@ class _Simulation(Part):
     interval: Time | None = None
 
 
+_Words = Annotated[str, Field(max_length=2_000)]
+
+
 class _Document(Part):
-    name: str = "rig"
+    name: Annotated[str, Field(max_length=200)] = "rig"
     units: Literal["SI", "natural"] = "SI"
     """Natural: plain numbers, threshold force, contact stiffness and threshold stretching 1, all per contact."""
     slider: _Slider
     interface: _Interface
     drive: _Drive
     simulation: _Simulation = _Simulation()
-    assumed: dict[str, str] = Field(default_factory=dict)
-    source: str = ""
+    assumed: dict[str, _Words] = Field(default_factory=dict)
+    source: _Words = ""
     """Where the numbers come from."""
 
     def rig(self, document: Mapping[str, Any]) -> Rig:
@@ -412,7 +415,7 @@ class _Document(Part):
         node: Any = document
         for part in key.split("."):
             if not isinstance(node, Mapping) or part not in node:
-                raise InputError(f"assumed.{key!r}: names no key of this file; write it as 'interface.delay'")
+                raise InputError(f"assumed.{shown(key)}: names no key of this file; write it as 'interface.delay'")
             node = node[part]
 
     def _scales(self) -> Scales:

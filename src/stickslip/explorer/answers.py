@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 
 from stickslip import advise, cycles, measure, plot, rigid, store, theory
 from stickslip import rig as rigs
-from stickslip.errors import InputError, UndecidedError
+from stickslip.door import read_quantity
+from stickslip.errors import InputError, UndecidedError, number, shown
 from stickslip.explorer import documents
 from stickslip.model import Delay, Interface
 from stickslip.rig import Rig
@@ -79,7 +80,7 @@ def edit(request: Plain, watch: Watch) -> Iterator[Plain]:
     if isinstance(values := request.get("turn"), dict):
         yield {"document": documents.turned(rig, values)}
     elif "units" in request:
-        yield {"document": documents.in_units(rig, str(request["units"]))}
+        yield {"document": documents.in_units(rig, request["units"])}
     else:
         yield {"document": documents.with_damping(rig, bool(request.get("relative_damping")))}
 
@@ -200,7 +201,7 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
     """The stability map over two knobs, in the rig's units."""
     rig = documents.rig_of(request.get("document"))
     over = _over(request)
-    found = advise.chart(rig, over, float(request.get("around", 20.0)), 56, watch)
+    found = advise.chart(rig, over, request.get("around", 20.0), 56, watch)
     rate = found["growth_rate"].transpose(over[1], over[0])
     values = rate.to_numpy()
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 1.0
@@ -242,7 +243,7 @@ def band(request: Plain, watch: Watch) -> Iterator[Plain]:
     rig = documents.rig_of(request.get("document"))
     over = _over(request)
     across, up = (next(knob for knob in KNOBS if knob.name == name) for name in over)
-    (left, right), (low, high) = ((float(edge) for edge in request[key]) for key in ("x", "y"))
+    (left, right), (low, high) = (_ends(request, key) for key in ("x", "y"))
     scale = {name: _unit(rig, name) for name in over}
     setting = Setting(interface=rig.interface, rig=rig.slider, velocity=rig.velocity)
     # From the middle outwards: the rig stands there.
@@ -298,9 +299,18 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
 def _over(request: Plain) -> tuple[str, str]:
     over = request.get("over")
     known = [knob.name for knob in KNOBS]
-    if not isinstance(over, list) or len(over) != 2 or over[0] == over[1] or not set(over) <= set(known):
-        raise InputError(f"map: over = {over!r}: must be two different knobs of {', '.join(known)}")
+    if not isinstance(over, list) or len(over) != 2 or over[0] == over[1] or any(name not in known for name in over):
+        raise InputError(f"map: over = {shown(over)}: must be two different knobs of {', '.join(known)}")
     return (str(over[0]), str(over[1]))
+
+
+def _ends(request: Plain, key: str) -> tuple[float, float]:
+    """Both ends of an axis of the map."""
+    ends = request.get(key)
+    if not isinstance(ends, list) or len(ends) != 2:
+        raise InputError(f"map: {key} = {shown(ends)}: must be the two ends of an axis")
+    low = number(f"map: {key}", ends[0], above=0)
+    return low, number(f"map: {key}", ends[1], above=low)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -315,20 +325,16 @@ def trace(content: bytes, name: str, options: Mapping[str, str], width: int) -> 
     step = None
     if text := options.get("step", "").strip():
         try:
-            step = float(text)
-        except ValueError:
-            raise InputError(f"step = {text!r}: must be a number (s from one row to the next)") from None
-    columns = {
-        key: int(text) if text.isdigit() else text
-        for key in ("force", "time")
-        if (text := options.get(key, "").strip())
-    }
+            step = read_quantity(text, "s", "0.5 ms", bare=True)
+        except InputError as error:
+            raise InputError(f"step = {shown(text)}: {error}") from None
+    columns = {key: text for key in ("force", "time") if (text := options.get(key, "").strip())}
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "trace"
         file.write_bytes(content)
         try:
             data = measure.read_trace(
-                file, force=columns.get("force"), time=None if step else columns.get("time"), step=step
+                file, force=columns.get("force"), time=None if step is not None else columns.get("time"), step=step
             )
         except InputError as error:
             raise InputError(str(error).replace(str(file), name)) from None
@@ -358,12 +364,12 @@ FORMATS = {
 }
 
 
-def download(document: object, form: str) -> bytes:
+def download(document: object, form: str, watch: Watch) -> bytes:
     """Return the rig as TOML, its run as NetCDF, or a picture of that."""
     rig = documents.rig_of(document)
     if form == "toml":
         return rigs.to_toml(rig).encode()
-    made = _run(rig, lambda _share: None)
+    made = _run(rig, watch)
     made.attrs["rig"] = rigs.to_toml(rig)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / f"run.{form}"

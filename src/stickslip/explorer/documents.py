@@ -5,6 +5,7 @@ What the page shows in a field is what stands in the document; every check is ma
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import tomllib
@@ -14,11 +15,12 @@ from typing import Any
 
 from stickslip import model
 from stickslip import rig as rigs
-from stickslip.errors import InputError
+from stickslip.errors import InputError, number, shown
 from stickslip.model import PaperCase, RandomDelay
 from stickslip.rig import Rig
 from stickslip.simulate import Contacts
 from stickslip.stability import KNOBS
+from stickslip.thresholds import Empirical
 from stickslip.units import SI, Quantity, Scales, quantity
 
 Document = dict[str, Any]
@@ -31,6 +33,23 @@ AGEING_COSTS = 20.0
 """A contact whose threshold ages takes about this many times the work."""
 MOST_RADIANS = 2e6
 """Angle that the held slider's oscillation turns through in a run."""
+MOST_SAMPLES = 200_000
+"""Of a run; by default there are 50,000 at most, and a screen shows some thousands."""
+MOST_PIECES = 1_000
+"""Of a drive."""
+MOST_BINS = 1_000
+"""Of an empirical law of thresholds."""
+NARROWEST = 1e-4
+"""Spread of the thresholds over their mean: what is computed for the page resolves it, in as many steps."""
+
+LARGEST_REQUEST = 1_000_000
+"""Bytes of a message from the page, and of a document."""
+MOST_ITEMS = 100_000
+"""Numbers, texts and tables in a message."""
+DEEPEST = 12
+"""Tables within tables in a message."""
+LONGEST_TEXT = 2_000
+"""Characters of a text in a message."""
 
 QUANTITIES: Mapping[str, Quantity] = {knob.name: quantity(knob.unit) for knob in KNOBS}
 """Knobs of the theory of stability, and what they are."""
@@ -42,6 +61,58 @@ _BENCH = Scales(force=768.0, stretching=2e-6, time=5e-3)
 # ---------------------------------------------------------------------------------------------------------------------
 # In
 # ---------------------------------------------------------------------------------------------------------------------
+
+
+def from_json(content: str | bytes) -> object:
+    """Read what a page sends: JSON of bounded size, depth and numbers.
+
+    Raises
+    ------
+    InputError
+        If it is anything else.
+    """
+    if len(content) > LARGEST_REQUEST:
+        raise InputError(f"this message has {len(content) / 1e6:.1f} MB, more than {LARGEST_REQUEST / 1e6:g}")
+    try:
+        found = json.loads(content, parse_int=_integer, parse_constant=_no_constant)
+    except InputError:
+        raise
+    except (ValueError, RecursionError):
+        raise InputError("this message is no JSON, or nested too deep") from None
+    level, count = [found], 0
+    for _ in range(DEEPEST):
+        count += len(level)
+        if count > MOST_ITEMS:
+            raise InputError(f"this message holds more than {MOST_ITEMS} items")
+        inner: list[object] = []
+        for item in level:
+            if isinstance(item, str):
+                _check_text(item)
+            elif isinstance(item, Mapping):
+                inner += [*item, *item.values()]
+            elif isinstance(item, list):
+                inner += item
+        level = inner
+        if not level:
+            return found
+    raise InputError(f"this message is nested more than {DEEPEST} levels deep")
+
+
+def _integer(text: str) -> int:
+    if len(text) > 20:
+        raise InputError(f"{text[:20]}...: a whole number in a message has at most 20 digits")
+    return int(text)
+
+
+def _no_constant(text: str) -> object:
+    raise InputError(f"{text}: a number in a message must be finite")
+
+
+def _check_text(text: str) -> None:
+    if len(text) > LONGEST_TEXT:
+        raise InputError(f"{shown(text)}: a text in a message has at most {LONGEST_TEXT} characters")
+    if re.search(r"[\x00-\x08\x0b-\x1f\x7f\ud800-\udfff]", text):
+        raise InputError(f"{shown(text)}: holds characters that are no text")
 
 
 def rig_of(document: object) -> Rig:
@@ -77,6 +148,24 @@ def check_size(rig: Rig) -> None:
     distance = sum(0.5 * (abs(piece.start) + abs(piece.end)) * piece.duration for piece in pieces)
     ageing = 1.0 if rig.interface.ageing is None else AGEING_COSTS
     elsewhere = "for longer ones use `stickslip simulate`"
+    if len(pieces) > MOST_PIECES:
+        raise InputError(f"drive.pieces: must be at most {MOST_PIECES}, here {len(pieces)}, to stay live; {elsewhere}")
+    for name in ("thresholds", "initial"):
+        law = getattr(rig.interface, name)
+        if isinstance(law, Empirical) and len(law.weights) > MOST_BINS:
+            raise InputError(
+                f"interface.{name}: must have at most {MOST_BINS} bins, here {len(law.weights)}, to stay live"
+            )
+    thresholds = rig.interface.thresholds
+    if thresholds.standard_deviation() < NARROWEST * thresholds.moment(1):
+        raise InputError(f"interface.thresholds.spread: must be at least {NARROWEST:g} of the mean, to stay live")
+    samples = 0.0 if rig.record.interval is None else rig.drive.duration / rig.record.interval
+    if samples > MOST_SAMPLES:
+        raise InputError(
+            f"simulation.interval = {rig.in_units(rig.record.interval or 0.0, 'time')}: must be at least "
+            f"{rig.in_units(rig.drive.duration / MOST_SAMPLES, 'time')} in a run of this length ({MOST_SAMPLES} "
+            f"samples), to stay live; {elsewhere}"
+        )
     if isinstance(rig.method, Contacts):
         most = MOST_BREAKS / (ageing * max(distance, 1.0))
         if rig.method.count > most:
@@ -181,9 +270,8 @@ def turned(rig: Rig, values: Mapping[str, Any]) -> Document:
     slider, interface, drive = (_table(document, name) for name in ("slider", "interface", "drive"))
     for name, value in values.items():
         if name not in QUANTITIES:
-            raise InputError(f"{name!r}: is no knob; there are {', '.join(QUANTITIES)}")
-        if not isinstance(value, (int, float)) or not math.isfinite(value) or value <= 0:
-            raise InputError(f"{name} = {value!r}: must be a number above 0")
+            raise InputError(f"{shown(name)}: is no knob; there are {', '.join(QUANTITIES)}")
+        value = number(name, value, above=0)
         natural = value if rig.scales is None else rig.scales.natural(value, QUANTITIES[name])
         if name in ("stiffness", "mass", "damping"):
             # A knob is turned at constant eta, as on the map.
@@ -236,7 +324,7 @@ def in_units(rig: Rig, units: str) -> Document:
     A rig in natural units has no scales; it gets those of the PMMA bench among the examples.
     """
     if units not in ("SI", "natural"):
-        raise InputError(f"units = {units!r}: must be 'SI' or 'natural'")
+        raise InputError(f"units = {shown(units)}: must be 'SI' or 'natural'")
     document = deepcopy(dict(rig.document))
     if (units == "natural") == (rig.scales is None):
         return document

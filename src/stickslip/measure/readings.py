@@ -19,7 +19,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from stickslip import files
-from stickslip.errors import InputError, number
+from stickslip.errors import InputError, number, shortened, shown
 from stickslip.measure.arrays import FEWEST_READINGS, Array
 
 LARGEST_FILE = 100_000_000  # bytes
@@ -80,7 +80,7 @@ def read_trace(
     """
     place = str(path)
     if step is not None:
-        step = number("step", step, above=0, hint="s from one row to the next")
+        step = number("step", step, at_least=1e-12, at_most=1e12, hint="s from one row to the next")
         if time is not None:
             raise InputError(f"{place}: both step = {step:g} and time = {time!r} are given; leave one out")
     table = _Table.of(place, _text(place), delimiter, decimal)
@@ -341,17 +341,19 @@ def _column(place: str, table: _Table, what: str, wanted: str | int) -> int:
             raise InputError(f"{place}: {what} = {wanted!r}: {len(same)} columns have this name; give the number")
         if same:
             index = same[0]
-        elif wanted.strip().isdecimal():
+        elif re.fullmatch(r"[0-9]{1,9}", wanted.strip()):
             return _column(place, table, what, int(wanted))
         else:
-            near = difflib.get_close_matches(simple, [name.lower() for name in table.names if name], n=1, cutoff=0.5)
+            near = difflib.get_close_matches(
+                shortened(simple), [name.lower() for name in table.names if name], n=1, cutoff=0.5
+            )
             hint = f"did you mean {near[0]!r}? " if near else ""
-            raise InputError(f"{place}: {what} = {wanted!r}: no such column; {hint}there are {table.listed()}")
+            raise InputError(f"{place}: {what} = {shown(wanted)}: no such column; {hint}there are {table.listed()}")
     else:
         index = int(wanted) - 1
         if isinstance(wanted, bool) or not 0 <= index < len(table.names):
             raise InputError(
-                f"{place}: {what} = {wanted!r}: no such column; counted from 1, there are {table.listed()}"
+                f"{place}: {what} = {shown(wanted)}: no such column; counted from 1, there are {table.listed()}"
             )
     if index not in table.numeric:
         raise InputError(
