@@ -16,16 +16,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 from cyclopts import App, CycloptsError, Parameter, Token
 
 from stickslip import __version__
-from stickslip.errors import InputError, UndecidedError, shortened, shown
+from stickslip.errors import InputError, UndecidedError, one_line, shortened, shown
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from stickslip.advise import Prediction
     from stickslip.rig import Rig
-
-LONGEST_LINE = 400
-"""Characters of an error on the terminal."""
 
 Value = TypeVar("Value")
 
@@ -95,8 +92,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _fail(message: str, code: int = 2) -> int:
-    line = " ".join(message.split())
-    print("stickslip: " + (line if len(line) <= LONGEST_LINE else f"{line[: LONGEST_LINE - 3]}..."), file=sys.stderr)
+    print(f"stickslip: {one_line(message)}", file=sys.stderr)
     return code
 
 
@@ -246,7 +242,10 @@ def measure(
         from stickslip import plot as drawing
 
         drawing.save(drawing.overview(trace, events=catalogue), plot)
-    unreadable = jsonlib.loads(trace.attrs.get("unreadable", "[]"))
+    try:
+        unreadable = jsonlib.loads(trace.attrs.get("unreadable", "[]"))
+    except (ValueError, TypeError, RecursionError):
+        raise InputError(f"{data}: its attribute 'unreadable' is damaged; measure the trace again") from None
     if json:
         _print_json(
             {
@@ -487,10 +486,11 @@ def _bar(title: str) -> Iterator[Callable[[float], None]]:
         yield lambda _share: None
         return
     from rich.console import Console
+    from rich.markup import escape
     from rich.progress import Progress
 
     with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(title, total=1.0)
+        task = bar.add_task(escape(title), total=1.0)
         yield lambda share: bar.update(task, completed=share)
 
 
@@ -675,9 +675,7 @@ def _in_its_units(run: xr.Dataset) -> xr.Dataset:
 
     if "rig" not in run.attrs:
         return run
-    import tomllib
-
-    return rigs.from_document(tomllib.loads(run.attrs["rig"]), "the rig in this run").in_its_units(run)
+    return rigs.from_text(run.attrs["rig"], "the rig in this run").in_its_units(run)
 
 
 def _as_csv(catalogue: xr.Dataset) -> str:
@@ -738,17 +736,23 @@ def _prediction_as_plain(found: Prediction, rig: Rig) -> dict[str, Any]:
 def _print_prediction(found: Prediction, rig: Rig, picture: Path | None) -> None:
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
-    # In a pipe nobody knows the width of the page: keep the lines of a table whole.
-    console = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 140)
-    console.print(f"[bold]{rig.name}[/bold]: {found.verdict}\n")
-    console.print(str(found.regime) + "\n", markup=False)
+    # In a pipe nobody knows the width of the page: keep the lines of a table whole. What users write is no markup.
+    width = None if sys.stdout.isatty() else 140
+    console = Console(highlight=False, markup=False, emoji=False, soft_wrap=True, width=width)
+
+    def titled(title: str, rest: str) -> None:
+        console.print(Text.assemble((title, "bold"), rest))
+
+    titled(rig.name, f": {found.verdict}\n")
+    console.print(f"{found.regime}\n")
     numbers = Table(box=None, show_header=False, pad_edge=False)
     for name, text in found.numbers():
         numbers.add_row(name, text)
     console.print(numbers)
     if found.margins:
-        console.print("\n[bold]Margins[/bold] of smooth sliding, each knob turned alone (linear stability)")
+        titled("\nMargins", " of smooth sliding, each knob turned alone (linear stability)")
         table = Table(box=None, pad_edge=False)
         for title in ("knob", "now", "nearest edge below", "nearest edge above"):
             table.add_column(title)
@@ -756,17 +760,17 @@ def _print_prediction(found: Prediction, rig: Rig, picture: Path | None) -> None
             table.add_row(*row)
         console.print(table)
     if found.remedies:
-        console.print("\n[bold]Remedies[/bold], one change at a time, the smallest first")
+        titled("\nRemedies", ", one change at a time, the smallest first")
         for line in found.remedy_lines():
-            console.print(f"- {line}", markup=False)
+            console.print(f"- {line}")
     elif found.ill:
         console.print("\nNo single change within the ranges searched gives smooth sliding.")
     if rig.assumed:
-        console.print("\n[bold]Assumed[/bold], not measured:")
+        titled("\nAssumed", ", not measured:")
         for key, how in rig.assumed.items():
-            console.print(f"- {key}: {how}", markup=False)
+            console.print(f"- {key}: {how}")
     if picture is not None:
-        console.print(f"\npicture: {picture}", markup=False)
+        console.print(f"\npicture: {picture}")
 
 
 if __name__ == "__main__":

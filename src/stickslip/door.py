@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 from pydantic import BaseModel, BeforeValidator, ConfigDict, TypeAdapter, ValidationError, ValidationInfo
 
 from stickslip import files
-from stickslip.errors import InputError, shortened, shown
+from stickslip.errors import InputError, extreme, shortened, shown
 
 if TYPE_CHECKING:
     import pint
@@ -60,19 +60,23 @@ def read_toml(path: Path, kind: str, example: str) -> dict[str, Any]:
         raise InputError(f"{path}: is empty; see {example} for what a {kind} holds")
     try:
         text = content.decode()
-        if "\0" in text:
-            raise InputError(f"{path}: is a binary file; a {kind} is TOML text")
-        return tomllib.loads(text)
     except UnicodeDecodeError:
-        raise InputError(f"{path}: is a binary file; a {kind} is TOML text") from None
+        text = "\0"
+    if "\0" in text:
+        raise InputError(f"{path}: is a binary file; a {kind} is TOML text")
+    return parse_toml(text, str(path), kind)
+
+
+def parse_toml(text: str, place: str, kind: str) -> dict[str, Any]:
+    """Read TOML text; `place` begins the message of an error, and `kind` is what the text should be."""
+    try:
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: is not valid TOML: {shortened(str(error))}") from None
+        raise InputError(f"{place}: is not valid TOML: {shortened(str(error))}") from None
     except RecursionError:
-        raise InputError(f"{path}: is nested too deep; a {kind} has tables in tables, three levels at most") from None
-    except InputError:
-        raise
+        raise InputError(f"{place}: is nested too deep; a {kind} has tables in tables, three levels at most") from None
     except ValueError:  # Python reads no integer of more than 4300 digits
-        raise InputError(f"{path}: holds a whole number of thousands of digits; no {kind} needs one") from None
+        raise InputError(f"{place}: holds a whole number of thousands of digits; no {kind} needs one") from None
 
 
 def validate(kind: type[Document], content: Mapping[str, Any], place: str, *, natural: bool) -> Document:
@@ -297,6 +301,8 @@ def quantity(unit: str, example: str, sign: Literal["above 0", "at least 0", ""]
         result = _read(value, natural=bool(info.context and info.context["natural"]))
         if not math.isfinite(result):
             raise ValueError("must be finite")
+        if refusal := extreme(result):
+            raise ValueError(f"{refusal} (in {unit})")
         if (sign == "above 0" and result <= 0) or (sign == "at least 0" and result < 0):
             raise ValueError(f"must be {sign}")
         return result

@@ -13,7 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from stickslip.errors import InputError
+from stickslip.errors import InputError, instance
 
 _KINDS = {
     stat.S_IFDIR: "a directory",
@@ -47,6 +47,7 @@ def size(path: str | os.PathLike[str], kind: str, *, largest: int) -> int:
     InputError
         If there is no such file, it is a directory, a device, a pipe or a socket, or it is larger than that.
     """
+    instance("path", path, (str, os.PathLike), "the name of a file")
     try:
         found = os.stat(path)
     except FileNotFoundError:
@@ -88,6 +89,7 @@ def target(path: str | os.PathLike[str]) -> Path:
     InputError
         If something else is there, if it is read-only (for root, too), or if nothing can be written there.
     """
+    instance("path", path, (str, os.PathLike), "the name of a file")
     try:
         place = Path(os.path.realpath(path))
         found = place.stat()

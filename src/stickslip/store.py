@@ -5,11 +5,15 @@ A result carries, as one JSON string in its attribute ``provenance``, all that i
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import json
 import math
 import os
-from collections.abc import Mapping
+import sys
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from importlib.metadata import version
@@ -103,13 +107,13 @@ def read_provenance(data: xr.Dataset) -> dict[str, Any]:
     InputError
         If the Dataset has none, or one that cannot be read.
     """
-    text = data.attrs.get("provenance")
+    text = getattr(data, "attrs", {}).get("provenance")
     if not isinstance(text, str):
         raise InputError("this file has no provenance: it is not a run made by stickslip; analyse it with `measure`")
     try:
         content = json.loads(text)
         content["call"], content["arguments"]
-    except (json.JSONDecodeError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         raise InputError("the provenance in this file is damaged; make the run again") from None
     if not isinstance(content["call"], str) or not isinstance(content["arguments"], dict):
         raise InputError("the provenance in this file is damaged; make the run again")
@@ -144,24 +148,52 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     InputError
         If there is no such file or it is not NetCDF.
     """
-    import h5py
-    import xarray as xr
-
+    files.size(path, "run", largest=LARGEST_RUN)
     source = Path(path)
-    files.size(source, "run", largest=LARGEST_RUN)
     try:
         known = is_netcdf(source)
     except OSError as error:
         raise files.unreadable(source, error) from None
     if not known:
         raise InputError(f"{source}: is not a NetCDF file; a run is made with `stickslip simulate RIG -o run.nc`")
+    found = _read_netcdf(source)
+    if isinstance(found, str):
+        raise InputError(f"{source}: cannot be read as NetCDF ({found}); the file may be damaged")
+    return found
+
+
+def _read_netcdf(source: Path) -> xr.Dataset | str:
+    """Read a Dataset, or say why it cannot be; whatever the libraries below print is kept back."""
+    import h5py
+    import xarray as xr
+
+    with _silence():
+        try:
+            h5py.File(source, mode="r").close()  # h5netcdf prints a traceback of its own over a file that is cut short
+            # A time is a number here; its unit may be anything in a damaged file.
+            with xr.open_dataset(source, engine="h5netcdf", decode_times=False) as data:
+                if data.nbytes > LARGEST_RUN:
+                    return f"it unfolds to {data.nbytes / 1e9:.3g} GB, more than {LARGEST_RUN / 1e9:g}"
+                for holder in (data, *data.variables.values()):
+                    for text in (word for item in holder.attrs.items() for word in item if isinstance(word, str)):
+                        text.encode()  # a byte that has changed may stand for no letter
+                return data.load()
+        except Exception as error:  # a damaged file fails in many ways
+            return str(error).splitlines()[0] if str(error) else type(error).__name__
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Keep back warnings, and tracebacks of objects that fail while they are taken down."""
+    before = sys.unraisablehook
+    sys.unraisablehook = lambda _: None
     try:
-        h5py.File(source, mode="r").close()  # h5netcdf prints a traceback of its own over a file that is cut short
-        with xr.open_dataset(source, engine="h5netcdf") as data:
-            return data.load()
-    except Exception as error:  # a damaged file fails in many ways
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"{source}: cannot be read as NetCDF ({reason}); the file may be damaged") from None
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+            gc.collect()
+    finally:
+        sys.unraisablehook = before
 
 
 def is_netcdf(path: str | os.PathLike[str]) -> bool:
