@@ -7,7 +7,7 @@ import math
 import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from functools import partial
 from pathlib import Path
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 from cyclopts import App, CycloptsError, Parameter, Token
 
 from stickslip import __version__
-from stickslip.errors import InputError, UndecidedError, shortened, shown
+from stickslip.errors import InputError, UndecidedError, one_line, shortened, shown
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -25,9 +25,6 @@ if TYPE_CHECKING:
     from stickslip.rig import Rig
     from stickslip.sweep import Progress
 
-LONGEST_LINE = 400
-"""Characters of an error on the terminal."""
-
 Value = TypeVar("Value")
 
 app = App(
@@ -35,6 +32,7 @@ app = App(
     help="Friction of interfaces made of many contacts: will it stick-slip, at which speeds, and what would stop it?",
     version=__version__,
     result_action="return_value",
+    suppress_keyboard_interrupt=False,  # what to say of one is ours
 )
 
 
@@ -78,7 +76,8 @@ Plot = Annotated[Path | None, Parameter(help="Also draw a picture: .png, .svg or
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code: 2 for input that cannot be used, 1 for a claim or case that fails."""
     try:
-        result = app(list(sys.argv[1:] if arguments is None else arguments), exit_on_error=False, print_error=False)
+        with _stoppable():
+            result = app(list(sys.argv[1:] if arguments is None else arguments), exit_on_error=False, print_error=False)
     except (InputError, UndecidedError) as error:
         return _fail(str(error))
     except CycloptsError as error:
@@ -94,8 +93,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _fail(message: str, code: int = 2) -> int:
-    line = " ".join(message.split())
-    print("stickslip: " + (line if len(line) <= LONGEST_LINE else f"{line[: LONGEST_LINE - 3]}..."), file=sys.stderr)
+    print(f"stickslip: {one_line(message)}", file=sys.stderr)
     return code
 
 
@@ -119,7 +117,7 @@ def predict(rig: Path, *, verify: bool = False, json: Json = False, plot: Plot =
     from stickslip import measure as measures
     from stickslip import rig as rigs
 
-    _check_target(plot)
+    _check_outputs(plot, read=rig)
     described = rigs.read(rig)
     with _bar("predicting") as progress:
         found = advise.predict(described, verify=verify, progress=progress)
@@ -175,8 +173,7 @@ def simulate(
     from stickslip.simulate import repeat
     from stickslip.simulate import simulate as run_case
 
-    _check_target(plot)
-    _check_target(output)
+    _check_outputs(output, plot, read=rig)
     with _bar("simulating") as progress:
         if again:
             run = repeat(before := store.load(rig), progress=progress)
@@ -232,23 +229,24 @@ def measure(
     data
         A run (NetCDF), or a table in plain text with a column of force.
     """
+    from stickslip import files
     from stickslip import measure as measures
-    from stickslip import store
 
-    _check_target(plot)
-    _check_target(events)
+    _check_outputs(events, plot, read=data)
     trace = _read_data(data, force, time, step)
     catalogue = measures.events(trace, minimum_drop=minimum_drop)
     statistics = measures.event_statistics(catalogue)
     seen = measures.regime(trace, after=after)
     if events is not None:
-        with store.whole_file(events, example="slips.csv") as part:
-            part.write_text(_as_csv(catalogue))
+        files.write(events, _as_csv(catalogue).encode())
     if plot is not None:
         from stickslip import plot as drawing
 
         drawing.save(drawing.overview(trace, events=catalogue), plot)
-    unreadable = jsonlib.loads(trace.attrs.get("unreadable", "[]"))
+    try:
+        unreadable = jsonlib.loads(trace.attrs.get("unreadable", "[]"))
+    except (ValueError, TypeError, RecursionError):
+        raise InputError(f"{data}: its attribute 'unreadable' is damaged; measure the trace again") from None
     if json:
         _print_json(
             {
@@ -296,7 +294,7 @@ def plot(
     from stickslip import plot as drawing
     from stickslip.sweep import is_store
 
-    _check_target(output)
+    _check_outputs(output, read=data)
     if is_store(data):
         from stickslip.sweep.plan import open_plan
 
@@ -335,7 +333,7 @@ def map(
     from stickslip import plot as drawing
     from stickslip import rig as rigs
 
-    _check_target(output)
+    _check_outputs(output, read=rig)
     names = tuple(part.strip() for part in over.split(","))
     if len(names) != 2:
         raise InputError(
@@ -381,7 +379,7 @@ def sweep(
     from stickslip.sweep import plan as plans
     from stickslip.sweep import status_of
 
-    _check_target(plot)
+    _check_outputs(plot, read=file)
     if status:
         found = status_of(store)
         if json:
@@ -432,11 +430,13 @@ def paper(
         raise InputError(f"{figure}: no such figure; there are {', '.join(FIGURES)}")
     if not directory.is_dir():
         raise InputError(f"--directory {directory}: no such directory")
+    picture, file = directory / f"{figure}.png", directory / f"{figure}.nc"
+    _check_outputs(picture, file)
     chosen = FIGURES[figure]
     with _bar(figure) as progress:
         data = chosen.compute(progress=progress, quick=quick)
-    picture = drawing.save(chosen.draw(data), directory / f"{figure}.png")
-    file = store.save(data, directory / f"{figure}.nc")
+    drawing.save(chosen.draw(data), picture)
+    store.save(data, file)
     claims = chosen.check(data) if check else ()
     failed = [claim for claim in claims if not claim.ok]
     if json:
@@ -496,10 +496,11 @@ def _bar(title: str) -> Iterator[Callable[[float], None]]:
         yield lambda _share: None
         return
     from rich.console import Console
+    from rich.markup import escape
     from rich.progress import Progress
 
     with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(title, total=1.0)
+        task = bar.add_task(escape(title), total=1.0)
         yield lambda share: bar.update(task, completed=share)
 
 
@@ -549,7 +550,10 @@ def _told(title: str) -> Iterator[Callable[[Progress], None]]:
 
 @contextmanager
 def _stoppable() -> Iterator[None]:
-    """Take the end of a job (SIGTERM) or of its terminal (SIGHUP) for a Ctrl-C: what is done is written down first."""
+    """Take for a Ctrl-C what a cluster sends before it kills, and what a terminal sends when it is closed.
+
+    A signal that is ignored, as under nohup, stays so.
+    """
     import signal
     import threading
 
@@ -668,14 +672,21 @@ _PATIENCE = "10s"
 """How long a scheduler is waited for."""
 
 
-def _check_target(path: Path | None) -> None:
-    """Complain of a place that cannot be written before any work is done."""
-    if path is None:
-        return
-    if path.is_dir():
-        raise InputError(f"{path}: is a directory; give the name of a file")
-    if not path.absolute().parent.is_dir():
-        raise InputError(f"{path}: there is no directory {path.parent}; make it first")
+def _check_outputs(*outputs: Path | None, read: Path | None = None) -> None:
+    """Complain before any work is done of a place that cannot be written, or that holds the file that is read."""
+    from stickslip import files
+
+    taken: set[Path] = set()
+    for output in outputs:
+        if output is None:
+            continue
+        place = files.target(output)
+        with suppress(OSError):  # one of the two is not there
+            if read is not None and place.samefile(read):
+                raise InputError(f"{output}: is the file to be read; choose another name for what is written")
+        if place in taken:
+            raise InputError(f"{output}: is given for two outputs; choose another name for one of them")
+        taken.add(place)
 
 
 def _read_data(data: Path, force: str | None, time: str | None, step: float | None) -> xr.Dataset:
@@ -697,9 +708,7 @@ def _in_its_units(run: xr.Dataset) -> xr.Dataset:
 
     if "rig" not in run.attrs:
         return run
-    import tomllib
-
-    return rigs.from_document(tomllib.loads(run.attrs["rig"]), "the rig in this run").in_its_units(run)
+    return rigs.from_text(run.attrs["rig"], "the rig in this run").in_its_units(run)
 
 
 def _as_csv(catalogue: xr.Dataset) -> str:
@@ -760,17 +769,23 @@ def _prediction_as_plain(found: Prediction, rig: Rig) -> dict[str, Any]:
 def _print_prediction(found: Prediction, rig: Rig, picture: Path | None) -> None:
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
-    # In a pipe nobody knows the width of the page: keep the lines of a table whole.
-    console = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 140)
-    console.print(f"[bold]{rig.name}[/bold]: {found.verdict}\n")
-    console.print(str(found.regime) + "\n", markup=False)
+    # In a pipe nobody knows the width of the page: keep the lines of a table whole. What users write is no markup.
+    width = None if sys.stdout.isatty() else 140
+    console = Console(highlight=False, markup=False, emoji=False, soft_wrap=True, width=width)
+
+    def titled(title: str, rest: str) -> None:
+        console.print(Text.assemble((title, "bold"), rest))
+
+    titled(rig.name, f": {found.verdict}\n")
+    console.print(f"{found.regime}\n")
     numbers = Table(box=None, show_header=False, pad_edge=False)
     for name, text in found.numbers():
         numbers.add_row(name, text)
     console.print(numbers)
     if found.margins:
-        console.print("\n[bold]Margins[/bold] of smooth sliding, each knob turned alone (linear stability)")
+        titled("\nMargins", " of smooth sliding, each knob turned alone (linear stability)")
         table = Table(box=None, pad_edge=False)
         for title in ("knob", "now", "nearest edge below", "nearest edge above"):
             table.add_column(title)
@@ -778,17 +793,17 @@ def _print_prediction(found: Prediction, rig: Rig, picture: Path | None) -> None
             table.add_row(*row)
         console.print(table)
     if found.remedies:
-        console.print("\n[bold]Remedies[/bold], one change at a time, the smallest first")
+        titled("\nRemedies", ", one change at a time, the smallest first")
         for line in found.remedy_lines():
-            console.print(f"- {line}", markup=False)
+            console.print(f"- {line}")
     elif found.ill:
         console.print("\nNo single change within the ranges searched gives smooth sliding.")
     if rig.assumed:
-        console.print("\n[bold]Assumed[/bold], not measured:")
+        titled("\nAssumed", ", not measured:")
         for key, how in rig.assumed.items():
-            console.print(f"- {key}: {how}", markup=False)
+            console.print(f"- {key}: {how}")
     if picture is not None:
-        console.print(f"\npicture: {picture}", markup=False)
+        console.print(f"\npicture: {picture}")
 
 
 if __name__ == "__main__":

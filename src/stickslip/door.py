@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, cast
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, TypeAdapter, ValidationError, ValidationInfo
 
-from stickslip.errors import InputError, shortened, shown
+from stickslip import files
+from stickslip.errors import InputError, extreme, shortened, shown
 
 if TYPE_CHECKING:
     import pint
@@ -54,33 +55,28 @@ def read_toml(path: Path, kind: str, example: str) -> dict[str, Any]:
     InputError
         If the file is missing, empty, binary or no TOML.
     """
-    if not path.exists():
-        raise InputError(f"{path}: no such file")
-    if path.is_dir():
-        raise InputError(f"{path}: is a directory, not a {kind}")
-    try:
-        content = path.read_bytes() if path.stat().st_size <= LARGEST_FILE else None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    if content is None:
-        raise InputError(f"{path}: larger than {LARGEST_FILE // 1_000_000} MB: this is not a {kind}")
+    content = files.read(path, kind, largest=LARGEST_FILE)
     if not content.strip():
         raise InputError(f"{path}: is empty; see {example} for what a {kind} holds")
     try:
         text = content.decode()
-        if "\0" in text:
-            raise InputError(f"{path}: is a binary file; a {kind} is TOML text")
-        return tomllib.loads(text)
     except UnicodeDecodeError:
-        raise InputError(f"{path}: is a binary file; a {kind} is TOML text") from None
+        text = "\0"
+    if "\0" in text:
+        raise InputError(f"{path}: is a binary file; a {kind} is TOML text")
+    return parse_toml(text, str(path), kind)
+
+
+def parse_toml(text: str, place: str, kind: str) -> dict[str, Any]:
+    """Read TOML text; `place` begins the message of an error, and `kind` is what the text should be."""
+    try:
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: is not valid TOML: {shortened(str(error))}") from None
+        raise InputError(f"{place}: is not valid TOML: {shortened(str(error))}") from None
     except RecursionError:
-        raise InputError(f"{path}: is nested too deep; a {kind} has tables in tables, three levels at most") from None
-    except InputError:
-        raise
+        raise InputError(f"{place}: is nested too deep; a {kind} has tables in tables, three levels at most") from None
     except ValueError:  # Python reads no integer of more than 4300 digits
-        raise InputError(f"{path}: holds a whole number of thousands of digits; no {kind} needs one") from None
+        raise InputError(f"{place}: holds a whole number of thousands of digits; no {kind} needs one") from None
 
 
 def validate(kind: type[Document], content: Mapping[str, Any], place: str, *, natural: bool) -> Document:
@@ -305,6 +301,8 @@ def quantity(unit: str, example: str, sign: Literal["above 0", "at least 0", ""]
         result = _read(value, natural=bool(info.context and info.context["natural"]))
         if not math.isfinite(result):
             raise ValueError("must be finite")
+        if refusal := extreme(result):
+            raise ValueError(f"{refusal} (in {unit})")
         if (sign == "above 0" and result <= 0) or (sign == "at least 0" and result < 0):
             raise ValueError(f"must be {sign}")
         return result

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
-from stickslip.errors import InputError, instance, number
+from stickslip.errors import InputError, instance, number, shown
 from stickslip.thresholds import Gaussian, Law
 
 Array = NDArray[np.float64]
@@ -95,9 +95,11 @@ class RandomDelay(DelayLaw):
     def __post_init__(self) -> None:
         object.__setattr__(self, "mean", number("RandomDelay.mean", self.mean, at_least=0))
         object.__setattr__(self, "spread", number("RandomDelay.spread", self.spread, above=0))
+        if self.spread < 1e-9 * self.mean:
+            raise InputError(f"RandomDelay.spread = {self.spread:g}: too small beside {self.mean:g}; use Delay instead")
         if self.negative not in get_args(NegativeDelay):
             allowed = ", ".join(get_args(NegativeDelay))
-            raise InputError(f"RandomDelay.negative = {self.negative!r}: must be one of {allowed}")
+            raise InputError(f"RandomDelay.negative = {shown(self.negative)}: must be one of {allowed}")
 
     def _parts(self) -> tuple[float, list[tuple[float, float]]]:
         """Weight of the atom at zero, and (weight, mean) of each Gaussian cut off below zero."""

@@ -15,6 +15,7 @@ Figures are plain `matplotlib.figure.Figure` objects, unknown to pyplot: nothing
 
 from __future__ import annotations
 
+import io
 import os
 import re
 from collections.abc import Iterator, Mapping
@@ -30,15 +31,17 @@ from matplotlib.axis import Axis, YAxis
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import ListedColormap, SymLogNorm
 from matplotlib.figure import Figure
+from matplotlib.mathtext import MathTextParser
 from matplotlib.patches import Patch
 from matplotlib.patheffects import Normal, Stroke
 from matplotlib.rcsetup import cycler
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
+from stickslip import files
 from stickslip.errors import InputError
 from stickslip.measure import events as find_events
-from stickslip.store import whole_file
+from stickslip.measure.arrays import check_numbers
 
 Array = NDArray[np.float64]
 Scale = Literal["linear", "log"]
@@ -126,6 +129,15 @@ def _as_symbol(found: re.Match[str]) -> str:
     return f"${found[1]}_{{\\mathrm{{{found[2]}}}}}$" if found[1] else f"${found[3]}$"
 
 
+def _drawable(text: str) -> str:
+    """Return a text with its dollar signs as they are, if it is no formula that can be drawn."""
+    try:
+        MathTextParser("path").parse(text)
+    except ValueError:
+        return text.replace("$", r"\$")
+    return text
+
+
 def label(variable: xr.DataArray, *, units: str | None = None, most: int = 200) -> str:
     """Return the label of an axis: long name and unit of a variable.
 
@@ -139,7 +151,7 @@ def label(variable: xr.DataArray, *, units: str | None = None, most: int = 200) 
     """
     name = str(variable.attrs.get("long_name", "" if variable.name is None else variable.name))
     units = str(variable.attrs.get("units", "")) if units is None else units
-    unit = unit_text(units)
+    name, unit = _drawable(name), _drawable(unit_text(units))
     words = [(word, len(word)) for word in name.split()]
     if unit:
         words.append((f"({unit})", len(units) + 2))
@@ -290,6 +302,8 @@ def stretchings(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the snapshots of the law of stretchings ``Q(x)`` that a run recorded."""
     if "Q" not in run or set(run["Q"].dims) != {"snapshot", "x"}:
         raise InputError("plot: this run holds no snapshots; record them with Record(snapshots=(1.0, 2.0))")
+    for name in ("Q", "snapshot", "x"):
+        check_numbers("plot", run[name])
     ax = new_axes() if ax is None else ax
     count = run.sizes["snapshot"]
     colours = mpl.colormaps["cividis"](np.linspace(0.0, 0.9, count)) if count > len(PALETTE) else PALETTE
@@ -419,6 +433,8 @@ def _variable(data: xr.Dataset, name: str, along: str) -> xr.DataArray:
         raise InputError(f"plot: {name} has the dimensions {data[name].dims}: must be along {along} alone; select one")
     if data.sizes[along] == 0:
         raise InputError(f"plot: {name} is empty")
+    check_numbers("plot", data[name])
+    check_numbers("plot", data[along])
     return data[name]
 
 
@@ -448,15 +464,16 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
     InputError
         If the suffix is none of these or the place cannot be written.
     """
-    target = Path(path)
-    kind = target.suffix.lower().removeprefix(".")
-    if kind not in _FORMATS and not os.path.isdir(target):
-        raise InputError(f"{target}: a picture is written as {', '.join('.' + f for f in _FORMATS)}, chosen by suffix")
+    files.target(path)
+    kind = Path(path).suffix.lower().removeprefix(".")
+    if kind not in _FORMATS:
+        raise InputError(f"{path}: a picture is written as {', '.join('.' + f for f in _FORMATS)}, chosen by suffix")
     # No date in the file: the same figure gives the same bytes.
     undated: Mapping[str, None] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})
-    with whole_file(target, example="run.png") as part, house_style():
-        figure.savefig(part, format=kind, metadata=dict(undated))
-    return target
+    picture = io.BytesIO()
+    with house_style():
+        figure.savefig(picture, format=kind, metadata=dict(undated))
+    return files.write(path, picture.getbuffer())
 
 
 def chart(found: xr.Dataset) -> Figure:

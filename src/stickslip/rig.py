@@ -23,9 +23,22 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from stickslip import model, thresholds
-from stickslip.door import Force, Lag, Length, Mass, Part, Rate, Stiffness, Time, Velocity, read_toml, validate
+from stickslip.door import (
+    Force,
+    Lag,
+    Length,
+    Mass,
+    Part,
+    Rate,
+    Stiffness,
+    Time,
+    Velocity,
+    parse_toml,
+    read_toml,
+    validate,
+)
 from stickslip.drive import Drive, hold, ramp
-from stickslip.errors import InputError, shown
+from stickslip.errors import InputError, instance, shown
 from stickslip.simulate import Contacts, MasterEquation, Method, Record, Relaxed, Sliding, Start
 from stickslip.units import SI, Quantity, Scales, in_si
 
@@ -157,6 +170,12 @@ def from_document(document: Mapping[str, Any], place: str = "rig") -> Rig:
         return content.rig(document)
     except InputError as error:
         raise InputError(f"{place}: {error}") from None
+
+
+def from_text(text: object, place: str = "rig") -> Rig:
+    """Make a rig of the text that `to_toml` wrote; `place` begins the message of an error."""
+    instance(place, text, str, "the text of a rig file")
+    return from_document(parse_toml(str(text), place, "rig file"), place)
 
 
 def to_toml(rig: Rig) -> str:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from stickslip import store
 from stickslip.drive import Drive, ForceAbove, ForceBelow, Piece, Travel, hold
-from stickslip.errors import InputError, instance, number, whole
+from stickslip.errors import InputError, instance, number, sequence, whole
 from stickslip.model import Delay, DelayLaw, ExponentialGrowth, Interface, Langevin, Slider
 from stickslip.theory import ageing_constants, gaussian_ageing, growth_law, lives
 from stickslip.thresholds import Law, SteadyState, panels
@@ -67,7 +67,7 @@ class Contacts:
         # 1e8 contacts take some 15 GB.
         count = whole("Contacts.count", self.count, at_least=1, at_most=100_000_000, hint="number of contacts N")
         object.__setattr__(self, "count", count)
-        object.__setattr__(self, "seed", whole("Contacts.seed", self.seed, at_least=0))
+        object.__setattr__(self, "seed", whole("Contacts.seed", self.seed, at_least=0, at_most=2**128))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,6 +92,7 @@ class MasterEquation:
     def __post_init__(self) -> None:
         cells = whole("MasterEquation.cells", self.cells, at_least=10, at_most=100_000, hint="cohorts per x_s")
         object.__setattr__(self, "cells", cells)
+        instance("MasterEquation.memoryless", self.memoryless, bool, "True or False")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,7 +141,8 @@ class Record:
     def __post_init__(self) -> None:
         if self.interval is not None:
             object.__setattr__(self, "interval", number("Record.interval", self.interval, above=0))
-        times = tuple(number(f"Record.snapshots[{i}]", t, at_least=0) for i, t in enumerate(self.snapshots))
+        looks = sequence("Record.snapshots", self.snapshots, "times, such as (1.0, 2.5)")
+        times = tuple(number(f"Record.snapshots[{i}]", t, at_least=0) for i, t in enumerate(looks))
         object.__setattr__(self, "snapshots", tuple(sorted(times)))
         object.__setattr__(self, "bins", whole("Record.bins", self.bins, at_least=1, at_most=100_000))
 
@@ -223,6 +225,8 @@ def simulate(
         solver.
     """
     _check(interface, slider, drive, method, record, start)
+    if progress is not None:
+        instance("simulate: progress", progress, Callable, "a function of the share that is done")
     # Ageing contacts are followed in steps; samples finer than these show no more.
     times = _sample_times(slider, drive, record, angle=0.1 if interface.ageing is None else 0.35)
     motion = _Motion(interface, slider, drive, start, record, times)
@@ -280,7 +284,12 @@ def case_of(run: xr.Dataset) -> dict[str, Any]:
     content = store.read_provenance(run)
     if content["call"] != "simulate":
         raise InputError(f"this file was made by {content['call']!r}, not by `simulate`")
-    decoded: dict[str, Any] = store.decode(content["arguments"], records())
+    try:
+        decoded: dict[str, Any] = store.decode(content["arguments"], records())
+    except RecursionError:
+        decoded = {}
+    if set(decoded) != {"interface", "slider", "drive", "method", "record", "start"}:
+        raise InputError("the provenance in this file is damaged; make the run again")
     return decoded
 
 
@@ -420,6 +429,8 @@ class _Snapshot:
         if not self.cells:
             counts, _ = np.histogram(self.stretching, edges, weights=self.share)
             return np.asarray(counts / np.diff(edges))
+        if self.stretching.size == 0:  # nothing is attached
+            return np.zeros(edges.size - 1)
         order = np.argsort(self.stretching)
         x, total = self.stretching[order], np.cumsum(self.share[order])
         between = np.append(0.5 * (x[1:] + x[:-1]), x[-1])
@@ -482,10 +493,21 @@ def _follow(motion: _Motion, method: Method, progress: Progress | None) -> None:
         first = motion.filled
         begin = engine.pull(pull, lambda t: report(min(t / total, 1.0)))
         sampled = slice(first, motion.filled)
+        _check_finite(motion, sampled)
         motion.drive_velocity[sampled] = pull.velocity(motion.times[sampled])
         motion.drive_position[sampled] = pull.displacement(motion.times[sampled])
         position = float(pull.displacement(np.asarray(begin)))
     report(1.0)
+
+
+def _check_finite(motion: _Motion, sampled: slice) -> None:
+    motions = motion.rows[sampled, : _COLUMNS.index("attached") + 1]
+    lost = np.flatnonzero(~np.isfinite(motions).all(axis=1))
+    if lost.size:
+        raise InputError(
+            f"simulate: from t = {motion.times[sampled][lost[0]]:g} on the numbers of the run are not finite: the rig "
+            f"has scales too far apart ({motion.slider}, drive of velocity {motion.drive.pieces[0].start:g})"
+        )
 
 
 def _engine(motion: _Motion, method: Method) -> _Engine:

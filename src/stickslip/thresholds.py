@@ -21,13 +21,23 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
-from stickslip.errors import InputError, instance, number, whole
+from stickslip.errors import InputError, instance, number, numbers, sequence, whole
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 NEGLIGIBLE = 1e-16
 """Probability below which the tail of a law is left out of a table (double precision of a probability)."""
+
+LARGEST_STRETCHING = 1e12
+"""In ``x_s``: beyond any law of contacts."""
+
+
+def _stretching(place: str, value: object, *, above: float | None = None, at_least: float | None = None) -> float:
+    """Check a stretching; the twentieth power of the largest is still a number."""
+    if above is None and at_least is None:
+        at_least = -LARGEST_STRETCHING
+    return number(place, value, above=above, at_least=at_least, at_most=LARGEST_STRETCHING, hint="in x_s")
 
 
 @runtime_checkable
@@ -126,8 +136,8 @@ class Gaussian(Law):
     lower: float = -math.inf
 
     def __post_init__(self) -> None:
-        _set(self, "mean", number("Gaussian.mean", self.mean))
-        _set(self, "spread", number("Gaussian.spread", self.spread, at_least=0))
+        _set(self, "mean", _stretching("Gaussian.mean", self.mean))
+        _set(self, "spread", _stretching("Gaussian.spread", self.spread, at_least=0))
         _set(self, "lower", number("Gaussian.lower", self.lower, infinite=True))
         if self._beyond_lower() < 1e-6:
             raise InputError(
@@ -230,8 +240,8 @@ class Uniform(Law):
     high: float
 
     def __post_init__(self) -> None:
-        _set(self, "low", number("Uniform.low", self.low))
-        _set(self, "high", number("Uniform.high", self.high, above=self.low))
+        _set(self, "low", _stretching("Uniform.low", self.low))
+        _set(self, "high", _stretching("Uniform.high", self.high, above=self.low))
 
     def density(self, x: ArrayLike) -> Array:
         """Probability density at `x`."""
@@ -275,7 +285,7 @@ class Exponential(Law):
     mean: float
 
     def __post_init__(self) -> None:
-        _set(self, "mean", number("Exponential.mean", self.mean, above=0))
+        _set(self, "mean", _stretching("Exponential.mean", self.mean, above=0))
 
     def density(self, x: ArrayLike) -> Array:
         """Probability density at `x`."""
@@ -320,8 +330,8 @@ class Gamma(Law):
     spread: float
 
     def __post_init__(self) -> None:
-        _set(self, "mean", number("Gamma.mean", self.mean, above=0))
-        _set(self, "spread", number("Gamma.spread", self.spread, above=0))
+        _set(self, "mean", _stretching("Gamma.mean", self.mean, above=0))
+        _set(self, "spread", _stretching("Gamma.spread", self.spread, above=0))
 
     @property
     def shape(self) -> float:
@@ -377,8 +387,8 @@ class LogNormal(Law):
     spread: float
 
     def __post_init__(self) -> None:
-        _set(self, "mean", number("LogNormal.mean", self.mean, above=0))
-        _set(self, "spread", number("LogNormal.spread", self.spread, above=0))
+        _set(self, "mean", _stretching("LogNormal.mean", self.mean, above=0))
+        _set(self, "spread", _stretching("LogNormal.spread", self.spread, above=0))
 
     @property
     def log_spread(self) -> float:
@@ -442,7 +452,7 @@ class Weibull(Law):
     shape: float
 
     def __post_init__(self) -> None:
-        _set(self, "scale", number("Weibull.scale", self.scale, above=0))
+        _set(self, "scale", _stretching("Weibull.scale", self.scale, above=0))
         _set(self, "shape", number("Weibull.shape", self.shape, at_least=0.1))
 
     def density(self, x: ArrayLike) -> Array:
@@ -508,8 +518,11 @@ class Empirical(Law):
     weights: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        edges = tuple(number(f"Empirical.edges[{i}]", e) for i, e in enumerate(self.edges))
-        weights = [number(f"Empirical.weights[{i}]", w, at_least=0) for i, w in enumerate(self.weights)]
+        edges, weights = (
+            sequence(f"Empirical.{name}", getattr(self, name), "a list of numbers") for name in ("edges", "weights")
+        )
+        edges = tuple(_stretching(f"Empirical.edges[{i}]", edge) for i, edge in enumerate(edges))
+        weights = tuple(number(f"Empirical.weights[{i}]", weight, at_least=0) for i, weight in enumerate(weights))
         if len(edges) != len(weights) + 1 or len(weights) == 0:
             raise InputError(
                 f"Empirical: {len(edges)} edges and {len(weights)} weights: must be one edge more than weights"
@@ -540,11 +553,8 @@ class Empirical(Law):
         InputError
             If there are fewer than two different values, or one is not finite.
         """
-        try:
-            values = np.ravel(np.asarray(samples, dtype=float))
-        except (TypeError, ValueError):
-            values = np.empty(0)
-        if values.size == 0 or not np.all(np.isfinite(values)) or np.ptp(values) == 0:
+        values = np.ravel(numbers("Empirical.from_samples", samples))
+        if np.ptp(values) == 0:
             raise InputError("Empirical.from_samples: needs at least two different values, all finite")
         if bins is not None:
             bins = whole("Empirical.from_samples: bins", bins, at_least=1, at_most=10_000_000)

@@ -172,22 +172,30 @@ class _Initial(NamedTuple):
 
 def _initial(contacts: Contacts, X: Array) -> _Initial:
     """The contacts of the start: those still there, and those that break for the first time."""
-    inside, x, survivors, scale = _survivors(contacts, X)
     known = contacts.reach[:, None]
-    breaking = np.where(x >= known, scale * contacts.density(np.maximum(x, known)), 0.0)
     values = np.zeros((4, X.size))
-    values[:, inside] = [
-        np.sum(term, axis=0) for term in (x * survivors, -survivors, breaking, survivors - x * breaking)
-    ]
+    for block in _blocks(contacts, X):
+        inside, x, survivors, scale = _survivors(contacts, X[block])
+        breaking = np.where(x >= known, scale * contacts.density(np.maximum(x, known)), 0.0)
+        values[:, block][:, inside] = [
+            np.sum(term, axis=0) for term in (x * survivors, -survivors, breaking, survivors - x * breaking)
+        ]
     values[1] += contacts.weight.sum()
     return _Initial(*values)
 
 
 def _initial_breaks(contacts: Contacts, X: Array) -> Array:
     broken = np.full_like(X, contacts.weight.sum())
-    inside, _, survivors, _ = _survivors(contacts, X)
-    broken[inside] -= np.sum(survivors, axis=0)
+    for block in _blocks(contacts, X):
+        inside, _, survivors, _ = _survivors(contacts, X[block])
+        broken[block][inside] -= np.sum(survivors, axis=0)
     return broken
+
+
+def _blocks(contacts: Contacts, X: Array) -> list[slice]:
+    """Parts of the positions for which a table by node of the start and position takes some 10 MB."""
+    size = max(1_000_000 // contacts.stretching.size, 1)
+    return [slice(begin, begin + size) for begin in range(0, X.size, size)]
 
 
 def _survivors(contacts: Contacts, X: Array) -> tuple[Mask, Array, Array, Array]:

@@ -8,12 +8,22 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from stickslip.errors import InputError
+from stickslip.errors import LARGEST, InputError, instance
 
 Array = NDArray[np.float64]
 
 FEWEST_READINGS = 16
 CONSTANT_DRIVE = 0.01  # relative change of the drive's velocity that still counts as constant
+
+
+def check_numbers(place: str, variable: xr.DataArray) -> None:
+    """Raise `InputError` if a variable holds no numbers, or one that is too large to be multiplied."""
+    if variable.dtype.kind not in "fiu":
+        raise InputError(f"{place}: {variable.name} holds values of type {variable.dtype}, no numbers")
+    values = np.asarray(variable.values, dtype=float)
+    largest = float(np.max(np.abs(values), where=np.isfinite(values), initial=0.0))
+    if largest > LARGEST:
+        raise InputError(f"{place}: {variable.name} = {largest:g}: must be at most {LARGEST:g} in size")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,8 +41,12 @@ class Trace:
     @classmethod
     def of(cls, data: xr.Dataset) -> Trace:
         """Take them from a Dataset; `InputError` if it holds no force, or values that are not finite."""
+        instance("measure: data", data, xr.Dataset, "a Dataset, such as simulate() and read_trace() return")
         if "F_d" not in data or "t" not in data["F_d"].dims:
             raise InputError("measure: need a Dataset with the variable F_d along t; read a file with read_trace()")
+        for name in ("t", "F_d", "X", "velocity", "drive_velocity", "attached"):
+            if name in data:
+                check_numbers("measure", data[name])
         t = np.asarray(data["t"].values, dtype=float)
         if t.size < FEWEST_READINGS:
             raise InputError(f"measure: {t.size} samples of F_d are too few to judge; {FEWEST_READINGS} is the least")

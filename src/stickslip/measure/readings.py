@@ -18,6 +18,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from stickslip import files
 from stickslip.errors import InputError, number, shortened, shown
 from stickslip.measure.arrays import FEWEST_READINGS, Array
 
@@ -120,22 +121,9 @@ def read_trace(
 
 def _text(place: str) -> str:
     """The file as text, or one clear line on why it is none."""
-    path = Path(place)
-    try:
-        if path.is_dir():
-            raise InputError(f"{place}: is a folder; name the file with the force trace")
-        size = path.stat().st_size
-        if size == 0:
-            raise InputError(f"{place}: is empty; it should hold a column of forces")
-        if size > LARGEST_FILE:
-            raise InputError(
-                f"{place}: has {size / 1e6:.0f} MB, more than {LARGEST_FILE / 1e6:.0f}; keep every n-th row, or a part"
-            )
-        raw = path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(f"{place}: no such file; check the name and the folder") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{place}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
+    raw = files.read(place, "force trace", largest=LARGEST_FILE)
+    if not raw:
+        raise InputError(f"{place}: is empty; it should hold a column of forces")
     if raw.startswith((b"\x89HDF", b"CDF")):
         raise InputError(f"{place}: is a NetCDF or HDF5 file, not a table in text; open it as a run")
     if raw.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):

@@ -339,7 +339,9 @@ def _without_falls(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]
         return "smooth sliding", f"the force swings by {100 * swing / mean:.3g} % of its mean"
     if found.dismissed:
         relative = f"the force wavers by {100 * swing / mean:.3g} % of its mean, without a beat and without fast slips"
-        if swing > MOST_NOISE * mean:
+        if mean == 0 and swing == 0:
+        return "undecided", "the force is 0 throughout"
+    if swing > MOST_NOISE * mean:
             return "undecided", f"{relative}: too much for noise, and no stick-slip"
         second = float(np.ptp(trace.force[trace.force.size // 2 :]))
         if seen.trend > 3 or (seen.trend < 1 / 3 and second > SMALL * mean):
@@ -354,6 +356,8 @@ def _without_falls(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]
         )
     if swing > 2.0 * found.smallest and swing > SMALL * mean:
         return "undecided", "too short: the force swings, but shows no complete fall in the window"
+    if mean == 0 and swing == 0:
+        return "undecided", "the force is 0 throughout"
     if swing > MOST_NOISE * mean:
         return (
             "undecided",

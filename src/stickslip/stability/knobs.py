@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.errors import InputError, UndecidedError, number
+from stickslip.errors import InputError, UndecidedError, instance, number, sequence, shown
 from stickslip.model import Delay, Interface, Langevin, RandomDelay
 from stickslip.stability.aged import AgedResponse
 from stickslip.stability.modes import Neutral, neutral_frequencies
@@ -316,7 +316,7 @@ def critical_velocities(interface: Interface, rig: Rig, between: tuple[float, fl
         searched. There may be several windows of instability: all are found that are wider than a sixteenth of a
         decade, and most narrower ones.
     """
-    return critical(VELOCITY, interface, rig, between[0], between=between)
+    return critical(VELOCITY, interface, rig, check_range(VELOCITY, between)[0], between=between)
 
 
 def critical_spring(interface: Interface, rig: Rig, velocity: float) -> float:
@@ -391,7 +391,9 @@ def critical_delay(
         If smooth sliding is stable all through the range, or unstable already at its lower end; the message
         gives it.
     """
-    return _first_loss(DELAY, interface, rig, velocity, between, interface.threshold_law.moment(1) / velocity)
+    instance("critical_delay: interface", interface, Interface, "an Interface")
+    speed = number("velocity", velocity, above=0, hint="in x_s per time")
+    return _first_loss(DELAY, interface, rig, speed, between, interface.threshold_law.moment(1) / speed)
 
 
 def critical_mass(interface: Interface, rig: Rig, velocity: float, between: tuple[float, float]) -> Crossings:
@@ -429,8 +431,11 @@ def _first_loss(
 
 def check_range(knob: Knob, between: tuple[float, float]) -> tuple[float, float]:
     """Return the range of a knob, or raise `InputError`."""
-    low = number("between[0]", between[0], above=0, hint=knob.unit)
-    return low, number("between[1]", between[1], above=low, hint=knob.unit)
+    ends = sequence("between", between, "two values, such as (0.1, 10)")
+    if len(ends) != 2:
+        raise InputError(f"between = {shown(between)}: must be two values, such as (0.1, 10)")
+    low = number("between[0]", ends[0], above=0, hint=knob.unit)
+    return low, number("between[1]", ends[1], above=low, hint=knob.unit)
 
 
 class _Point(NamedTuple):

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stickslip.errors import InputError, UndecidedError, number
+from stickslip.errors import InputError, UndecidedError, instance, number, shown
 from stickslip.model import Delay, DelayLaw, Interface
 from stickslip.stability.aged import AgedResponse, aged_response
 from stickslip.thresholds import Exponential, Gamma, Gaussian, Law, LogNormal, Weibull
@@ -69,7 +69,10 @@ def dynamic_stiffness(interface: Interface, velocity: float, s: ArrayLike) -> Co
     error is about 1e-12, for laws with very heavy tails down to 1e-8 at small `s`; with thresholds that age 2e-4.
     """
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
-    points = np.asarray(s, dtype=complex)
+    try:
+        points = np.asarray(s, dtype=complex)
+    except (TypeError, ValueError):
+        raise InputError(f"s = {shown(s)}: must be a complex number, or an array of them (in 1/time)") from None
     response = respond(interface)
     if isinstance(response, AgedResponse):
         return response.exact(speed, points)
@@ -206,6 +209,7 @@ def respond(interface: Interface) -> Response | AgedResponse:
     InputError
         If the interface has no steady sliding, or one whose response is not known.
     """
+    instance("interface", interface, Interface, "an Interface")
     if interface.ageing is not None:
         return aged_response(interface)
     return _respond(_key(interface.threshold_law), _key(interface.delay))
