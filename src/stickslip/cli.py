@@ -156,6 +156,9 @@ def measure(
     force: Annotated[str | None, Parameter(help="Column of the force, by name or number from 1.")] = None,
     time: Annotated[str | None, Parameter(help="Column of the time, by name or number from 1.")] = None,
     step: Annotated[float | None, Parameter(help="Seconds from one row to the next, where there is no time.")] = None,
+    displacement: Annotated[str | None, Parameter(help="Column of the displacement, by name or number.")] = None,
+    load: Annotated[str | None, Parameter(help="Column of the normal load, or the load itself: '20 N'.")] = None,
+    flip: Annotated[bool, Parameter(help="Change the sign of the force.", negative="")] = False,
     minimum_drop: Annotated[float | None, Parameter(help="Smallest drop that counts as a slip.")] = None,
     after: Annotated[float | None, Parameter(help="Judge the regime after this time only.")] = None,
     events: Annotated[Path | None, Parameter(help="Write the catalogue of slips as CSV.")] = None,
@@ -174,7 +177,7 @@ def measure(
 
     _check_target(plot)
     _check_target(events)
-    trace = _read_data(data, force, time, step)
+    trace = _read_data(data, force, time, step, displacement=displacement, load=load, flip=flip)
     catalogue = measures.events(trace, minimum_drop=minimum_drop)
     statistics = measures.event_statistics(catalogue)
     seen = measures.regime(trace, after=after)
@@ -570,7 +573,16 @@ def _check_target(path: Path | None) -> None:
         raise InputError(f"{path}: there is no directory {path.parent}; make it first")
 
 
-def _read_data(data: Path, force: str | None, time: str | None, step: float | None) -> xr.Dataset:
+def _read_data(
+    data: Path,
+    force: str | None,
+    time: str | None,
+    step: float | None,
+    *,
+    displacement: str | None = None,
+    load: str | None = None,
+    flip: bool = False,
+) -> xr.Dataset:
     """Read a run, in its units, or a measured trace."""
     from stickslip import measure as measures
     from stickslip import store
@@ -580,11 +592,7 @@ def _read_data(data: Path, force: str | None, time: str | None, step: float | No
         if "F_d" not in run or "t" not in run.coords:
             raise InputError(f"{data}: holds no run: there is no force F_d along a time t in it")
         return _in_its_units(run)
-    return measures.read_trace(data, force=_column(force), time=_column(time), step=step)
-
-
-def _column(name: str | None) -> str | int | None:
-    return int(name) if name is not None and name.isdigit() else name
+    return measures.read_trace(data, force=force, time=time, displacement=displacement, load=load, step=step, flip=flip)
 
 
 def _in_its_units(run: xr.Dataset) -> xr.Dataset:

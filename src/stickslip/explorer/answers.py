@@ -318,11 +318,7 @@ def trace(content: bytes, name: str, options: Mapping[str, str], width: int) -> 
             step = float(text)
         except ValueError:
             raise InputError(f"step = {text!r}: must be a number (s from one row to the next)") from None
-    columns = {
-        key: int(text) if text.isdigit() else text
-        for key in ("force", "time")
-        if (text := options.get(key, "").strip())
-    }
+    columns = {key: text for key in ("force", "time") if (text := options.get(key, "").strip())}
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "trace"
         file.write_bytes(content)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import xarray as xr
@@ -67,35 +68,25 @@ class Trace:
             sign=sign,
         )
 
-    def part(self, begin: float) -> Trace:
-        """What comes from a time on."""
-        inside = self.t >= begin
-
-        def cut(values: Array | None) -> Array | None:
-            return None if values is None else values[inside]
-
-        return Trace(
-            t=self.t[inside],
-            force=self.force[inside],
-            X=cut(self.X),
-            velocity=cut(self.velocity),
-            drive=cut(self.drive),
-            attached=cut(self.attached),
-            sign=self.sign,
-        )
+    def part(self, begin: float, end: float = math.inf) -> Trace:
+        """What comes from a time on, up to another."""
+        inside = slice(*np.searchsorted(self.t, [begin, end], side="left").tolist())
+        along = {
+            field.name: None if (values := getattr(self, field.name)) is None else values[inside]
+            for field in fields(self)
+            if field.name != "sign"
+        }
+        return replace(self, **along)
 
 
 def turns(force: Array, smallest: float) -> tuple[list[int], list[int]]:
-    """Alternating peaks and troughs such that each fall and rise between them is at least `smallest`.
+    """Alternating peaks and troughs such that each drop and rise between them is at least `smallest`.
 
-    Returns the falls only: index of the peak and index of the trough.
+    Returns the drops only: index of the peak (of a flat one, its end) and index of the trough.
     """
-    change = np.sign(np.diff(force))
-    moving = np.flatnonzero(change)
-    if moving.size == 0:
+    where = _extremes(force, smallest)
+    if where.size == 0:
         return [], []
-    sign = change[moving]
-    where = np.concatenate([[0], moving[np.flatnonzero(sign[1:] != sign[:-1])] + 1, [moving[-1] + 1]])
     index, value = where.tolist(), force[where].tolist()
     peaks: list[int] = []
     troughs: list[int] = []
@@ -117,3 +108,30 @@ def turns(force: Array, smallest: float) -> tuple[list[int], list[int]]:
     if len(troughs) < len(peaks):
         troughs.append(index[low])
     return peaks, troughs
+
+
+def _extremes(force: Array, smallest: float) -> NDArray[np.intp]:
+    """Ends and local extremes of a force, without pairs of them that lie within a larger drop or rise.
+
+    Millions of samples of noise leave a few extremes that way, a third of the pairs going at each pass.
+    """
+    moving = np.flatnonzero(force[1:] != force[:-1])
+    if moving.size == 0:
+        return moving
+    rising = force[moving + 1] > force[moving]
+    turn = np.flatnonzero(rising[1:] != rising[:-1])
+    # The end of a flat peak, and the start of a flat trough: the drop between them is what moves.
+    inner = np.where(rising[turn], moving[turn + 1], moving[turn] + 1)
+    where = np.concatenate([[0], inner, [moving[-1] + 1]])
+    while where.size > 8:
+        step = np.abs(np.diff(force[where]))
+        inside = (step[1:-1] < smallest) & (step[1:-1] <= step[:-2]) & (step[1:-1] < step[2:])
+        if not inside.any():
+            break
+        keep = np.ones(where.size, dtype=bool)
+        first = (
+            np.flatnonzero(inside) + 1
+        )  # strict on one side: no two neighbours go at once, and the first of equal extremes stays
+        keep[first] = keep[first + 1] = False
+        where = where[keep]
+    return where
