@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import stickslip as ss
-from stickslip.measure import amplitude, event_statistics, events, hysteresis, read_trace, regime, transitions
+from stickslip.measure import amplitude, drops, hysteresis, read_trace, regime, statistics, transitions
 
 SHARED = Path(os.environ.get("STICKSLIP_SHARED", Path(__file__).parents[1].parent / "shared"))
 
@@ -64,11 +64,11 @@ def with_motion(t, force, *, stiffness=2.0, velocity=1.0):
 def test_a_sawtooth_has_the_slips_it_was_made_of(drop, period, level, cycles):
     t, force = even_sawtooth(period=period, drop=drop, cycles=cycles, step=period / 100, fall=0.04 * period)
     if level < 0:  # a load cell that counts pull as negative
-        found = events(trace(t, level - 2 * drop - (force - 0.1)))
+        found = drops(trace(t, level - 2 * drop - (force - 0.1)))
         assert found.sizes["event"] == cycles
         assert np.all(found.force_after > found.force_before)
     else:
-        found = events(trace(t, force + level))
+        found = drops(trace(t, force + level))
     assert found.sizes["event"] == cycles
     np.testing.assert_allclose(found["drop"], drop, rtol=0.05)
     np.testing.assert_allclose(found["recurrence"][1:], period, rtol=0.021)
@@ -80,7 +80,7 @@ def test_the_units_of_force_and_time_do_not_matter():
     rng = np.random.default_rng(1)
     t, force = even_sawtooth()
     force = force + rng.normal(0.0, 0.01, t.size)
-    natural, scaled = events(trace(t, force)), events(trace(60.0 * t, 1e4 * force))
+    natural, scaled = drops(trace(t, force)), drops(trace(60.0 * t, 1e4 * force))
     np.testing.assert_allclose(scaled["drop"], 1e4 * natural["drop"])
     np.testing.assert_allclose(scaled["start"], 60.0 * natural["start"])
     assert scaled.attrs["minimum_drop"] == pytest.approx(1e4 * natural.attrs["minimum_drop"])
@@ -90,7 +90,7 @@ def test_slips_are_counted_through_noise_and_rounding():
     rng = np.random.default_rng(2)
     t, force = even_sawtooth(cycles=60, step=0.05)
     noisy = np.round(force + rng.normal(0.0, 0.02, t.size), 2)
-    found = events(trace(t, noisy))
+    found = drops(trace(t, noisy))
     assert found.sizes["event"] == 60
     assert found.attrs["noise"] == pytest.approx(0.02, rel=0.3)  # the median bend is one of a few rounded values
     assert found["drop"].mean() == pytest.approx(0.7, rel=0.08)
@@ -98,11 +98,11 @@ def test_slips_are_counted_through_noise_and_rounding():
 
 def test_small_slips_beside_large_ones_are_kept():
     t = np.arange(0.0, 60.0, 0.05)
-    drops = np.array([5.0, 4.0, 1.0, 0.7, 6.0, 3.0, 0.7, 5.0])
+    sizes = np.array([5.0, 4.0, 1.0, 0.7, 6.0, 3.0, 0.7, 5.0])
     when = np.array([7.0, 14.0, 18.0, 22.0, 33.0, 40.0, 44.0, 55.0])
     peaks = np.array([11.0, 11.5, 10.0, 10.5, 14.0, 12.0, 11.0, 13.0])
-    found = events(trace(t, sawtooth(t, list(zip(when, peaks, strict=True)), drops, fall=0.3)))
-    np.testing.assert_allclose(found["drop"], drops, atol=0.2)
+    found = drops(trace(t, sawtooth(t, list(zip(when, peaks, strict=True)), sizes, fall=0.3)))
+    np.testing.assert_allclose(found["drop"], sizes, atol=0.2)
 
 
 def ringing(t, *, period=1.5, omega=140.0, decay=15.0):
@@ -115,7 +115,7 @@ def test_ringing_belongs_to_the_slip_before_it(motion):
     t = np.arange(0.75, 15.75, 0.002)
     force = 0.2 + ringing(t)
     data = with_motion(t, force) if motion else trace(t, force)
-    found = events(data)
+    found = drops(data)
     assert found.sizes["event"] == 10
     np.testing.assert_allclose(found["recurrence"][1:], 1.5, atol=0.01)
     np.testing.assert_allclose(found["drop"], 0.9, atol=0.03)
@@ -124,24 +124,21 @@ def test_ringing_belongs_to_the_slip_before_it(motion):
 
 def test_slip_length_and_peak_velocity_come_with_the_motion():
     t, force = even_sawtooth(drop=0.7, fall=0.06)
-    found = events(with_motion(t, force, stiffness=2.0))
+    found = drops(with_motion(t, force, stiffness=2.0))
     # 5 % of the fall are left out on either side
     np.testing.assert_allclose(found["slip"], 0.35 + 0.06, atol=0.06)
     np.testing.assert_allclose(found["peak_velocity"], 1.0 + 0.7 / 0.06 / 2.0, rtol=0.01)
-    assert "slip" not in events(trace(t, force))
-    statistics = event_statistics(found)
-    assert statistics.count == 12
-    assert statistics.slip is not None
-    assert statistics.recurrence.mean == pytest.approx(1.5, abs=0.01)
-    assert statistics.loading_rate.mean == pytest.approx(0.7 / 1.44, rel=0.1)
-    assert "12 events" in str(statistics)
+    assert "slip" not in drops(trace(t, force))
+    assert found.attrs["count"] == 12
+    assert found["recurrence"].attrs["mean"] == pytest.approx(1.5, abs=0.01)
+    assert found["loading_rate"].attrs["mean"] == pytest.approx(0.7 / 1.44, rel=0.1)
 
 
 def test_falls_cut_off_at_the_ends_are_left_out_and_counted():
     t, force = even_sawtooth(cycles=10)
     whole = trace(t, force)
     cut = whole.sel(t=slice(1.53, 13.53))  # starts and ends in the middle of a fall
-    found = events(cut)
+    found = drops(cut)
     assert found.sizes["event"] == 7
     assert found.attrs["cut"] == 2
 
@@ -150,17 +147,17 @@ def test_noise_alone_has_no_events_unless_asked_for():
     rng = np.random.default_rng(3)
     t = np.arange(20_000) * 0.01
     white = trace(t, 5.0 + rng.normal(0.0, 0.1, t.size))
-    assert events(white).sizes["event"] == 0
+    assert drops(white).sizes["event"] == 0
     slow = trace(t, 0.5 + 0.003 * contact_noise(rng, t.size))
-    found = events(slow)
+    found = drops(slow)
     assert found.sizes["event"] == 0
     assert "noise of the contacts" in found.attrs["criterion"]
-    asked = events(slow, minimum_drop=0.003)
+    asked = drops(slow, minimum_drop=0.003)
     assert asked.sizes["event"] > 10
     assert float(asked["drop"].min()) >= 0.003
-    statistics = event_statistics(found)
-    assert statistics.count == 0
-    assert math.isnan(statistics.drop.mean)
+    assert found.attrs["count"] == 0
+    assert math.isnan(found["drop"].attrs["mean"])
+    assert statistics(found) == []
 
 
 def contact_noise(rng, size, *, memory=0.99):
@@ -174,10 +171,10 @@ def contact_noise(rng, size, *, memory=0.99):
 def test_a_wrong_minimum_drop_is_refused(drop):
     t, force = even_sawtooth()
     with pytest.raises(ss.InputError, match="minimum_drop"):
-        events(trace(t, force), minimum_drop=drop)
+        drops(trace(t, force), minimum_drop=drop)
 
 
-@pytest.mark.parametrize("measure", [events, regime])
+@pytest.mark.parametrize("measure", [drops, regime])
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
@@ -194,10 +191,19 @@ def test_data_that_cannot_be_measured_are_refused(measure, spoil, message):
         measure(spoil(trace(np.round(t, 6), force)))
 
 
-def test_statistics_want_a_catalogue():
+def test_statistics_carry_their_units():
     t, force = even_sawtooth()
-    with pytest.raises(ss.InputError, match="events"):
-        event_statistics(trace(t, force))
+    data = trace(t, force)
+    data["F_d"].attrs["units"], data["t"].attrs["units"] = "N", "s"
+    told = dict(statistics(drops(data)))
+    assert told["drop"].startswith("0.7 ± ")
+    assert " N (CV " in told["drop"]
+    assert " s (CV " in told["recurrence"]
+    assert " N/s (CV " in told["loading rate"]
+    data["F_d"].attrs["units"] = "1"
+    told = dict(statistics(drops(data)))
+    assert told["force before"].split(" (CV")[0].endswith("0")
+    assert " 1/s (CV " in told["loading rate"]
 
 
 # ----------------------------------------------------------------------------------------------- regime, made up
@@ -209,18 +215,18 @@ def wave(*, growth=0.0, size=0.2, omega=5.0, end=100.0, mean=0.4, noise=0.0):
     return with_motion(t, force + noise * np.random.default_rng(4).normal(size=t.size), stiffness=5.0)
 
 
-def test_a_lasting_sine_is_a_small_oscillation():
+def test_a_lasting_sine_is_a_sustained_oscillation():
     result = regime(wave())
-    assert result.kind == "small oscillation"
+    assert result.kind == "sustained oscillation"
     assert result.period == pytest.approx(2 * math.pi / 5.0, rel=0.01)
     assert result.peak_to_peak == pytest.approx(0.4, rel=0.01)
     assert result.trend == pytest.approx(1.0, abs=0.01)
-    assert result.fall_share == pytest.approx(0.5, abs=0.02)
+    assert result.slip_phase == pytest.approx(0.5, abs=0.02)
     assert result.largest_velocity == pytest.approx(1.2, rel=0.01)
     assert result.window == pytest.approx((60.0, 100.0), abs=0.02)
 
 
-@pytest.mark.parametrize(("growth", "word"), [(0.02, "grows"), (-0.02, "shrinks"), (-0.005, "shrinks")])
+@pytest.mark.parametrize(("growth", "word"), [(0.02, "grows"), (-0.02, "decays"), (-0.005, "decays")])
 def test_an_oscillation_that_changes_is_undecided(growth, word):
     size = 0.2 if growth > 0 else 0.2 * math.exp(100 * growth)
     result = regime(wave(growth=growth, size=size, mean=0.1 if growth == -0.02 else 0.4))
@@ -252,7 +258,7 @@ def test_slow_creep_between_slips_is_stick_slip_not_smooth():
     assert float(data.velocity.min()) > 0.8
     result = regime(data)
     assert result.kind == "stick-slip"
-    assert "regular" in result.reason
+    assert "periodic" in result.reason
     assert result.attached_swing == 0.0
     assert "stick-slip" in str(result)
 
@@ -331,7 +337,7 @@ def test_a_drive_that_pulls_the_other_way_gives_the_same_answer():
     assert back.kind == there.kind
     assert back.mean_force == -there.mean_force
     assert back.drive_velocity == -1.0
-    np.testing.assert_allclose(events(mirrored)["drop"], events(data)["drop"])
+    np.testing.assert_allclose(drops(mirrored)["drop"], drops(data)["drop"])
 
 
 def test_after_sets_the_window():
@@ -366,7 +372,7 @@ def run(stiffness, delay, *, method=COHORTS, duration=100.0, damping=200.0, velo
         (2.0, 0.2, {"stick-slip"}),
         (5.0, 0.1, {"smooth sliding"}),
         (5.0, 0.2, {"smooth sliding", "undecided"}),
-        (5.0, 0.3, {"small oscillation"}),
+        (5.0, 0.3, {"sustained oscillation"}),
     ],
 )
 def test_the_regimes_of_fig_4(method, stiffness, delay, kinds):
@@ -399,13 +405,13 @@ def test_few_contacts_make_noise_but_no_other_regime(count, seed):
     method = ss.Contacts(count, seed=seed)
     assert regime(run(2.0, 0.0, method=method)).kind == "smooth sliding"
     assert regime(run(2.0, 0.2, method=method)).kind == "stick-slip"
-    assert regime(run(5.0, 0.3, method=method)).kind == "small oscillation"
+    assert regime(run(5.0, 0.3, method=method)).kind == "sustained oscillation"
 
 
 def test_a_ringing_run_has_one_event_per_cycle():
     data = run(2.0, 0.1, damping=42.4, method=ss.Contacts(2000, seed=1), duration=60.0)
     for each in (data, data[["F_d"]]):
-        found = events(each)
+        found = drops(each)
         cycle = float(found["recurrence"].median())
         assert cycle == pytest.approx(1.35, abs=0.03)
         assert found.sizes["event"] == pytest.approx(60.0 / cycle, abs=2)
@@ -533,14 +539,15 @@ def test_the_real_trace():
     data = read_trace(SHARED / "data" / "guldstrand_force7.txt", step=0.25)
     assert data.sizes["t"] == 4262
     assert json.loads(data.attrs["unreadable"]) == [{"line": 3295, "text": "NaN N1"}]
-    statistics = event_statistics(events(data))
-    assert 150 <= statistics.count <= 190
-    assert 2.6 <= statistics.drop.mean <= 3.6
-    assert 5.3 <= statistics.recurrence.mean <= 6.8
-    assert 0.24 <= statistics.recurrence.variation <= 0.36
-    assert statistics.force_before.mean == pytest.approx(11.8, abs=0.2)
-    assert statistics.force_after.mean == pytest.approx(8.7, abs=0.2)
-    assert statistics.loading_rate.mean == pytest.approx(0.55, abs=0.06)
+    found = drops(data)
+    mean = {name: column.attrs.get("mean") for name, column in found.data_vars.items()}
+    assert found.attrs["count"] == 168
+    assert 2.6 <= mean["drop"] <= 3.6
+    assert 5.3 <= mean["recurrence"] <= 6.8
+    assert 0.24 <= found["recurrence"].attrs["std"] / mean["recurrence"] <= 0.36
+    assert mean["force_before"] == pytest.approx(11.8, abs=0.2)
+    assert mean["force_after"] == pytest.approx(8.7, abs=0.2)
+    assert mean["loading_rate"] == pytest.approx(0.55, abs=0.06)
     result = regime(data)
     assert result.kind == "stick-slip"
     assert "irregular" in result.reason
@@ -564,5 +571,5 @@ def test_a_slip_that_overshoots_is_not_taken_for_ringing():
         },
         coords={"t": ("t", t, {"units": "time"})},
     )
-    assert events(run).sizes["event"] == cycles
+    assert drops(run).sizes["event"] == cycles
     assert regime(run).kind == "stick-slip"

@@ -448,7 +448,7 @@ def meshes_of(ax):
 
 def test_a_phase_diagram_shows_every_kind_of_cell():
     result = from_document(NATURAL).run()
-    kinds = ["smooth sliding", "stick-slip", "small oscillation", "undecided", "smooth sliding", "stick-slip"]
+    kinds = ["smooth sliding", "stick-slip", "sustained oscillation", "undecided", "smooth sliding", "stick-slip"]
     result["regime"] = (("stiffness", "velocity", "start"), np.array([kinds, kinds], dtype=object).T.reshape(3, 2, 2))
     result["error"][0, 0, 0] = "ValueError: no"
     result["case_key"][2, 1, 1] = 0
@@ -456,7 +456,7 @@ def test_a_phase_diagram_shows_every_kind_of_cell():
     names = [text.get_text() for text in figure.legends[0].get_texts()]
     assert names == [
         "smooth sliding",
-        "small oscillation",
+        "sustained oscillation",
         "stick-slip",
         "undecided",
         "failed",

@@ -78,7 +78,7 @@ class Verdict:
     ----------
     lasts : bool or None
         None if the evidence does not suffice, for the reason given.
-    kind : {"stick-slip", "small oscillation", "smooth sliding", "undecided"}
+    kind : {"stick-slip", "sustained oscillation", "smooth sliding", "undecided"}
         Of the motion at the end. Stick-slip: the slider reaches at least 3.5 times the velocity of the drive, as in
         `stickslip.measure.regime`.
     reason : str
@@ -379,7 +379,7 @@ def _settle(ride: _Ride, patience: int = PATIENCE) -> tuple[Verdict, _Ride, _Loo
     if answer is False:
         kind = "smooth sliding"
     elif answer and last.amplitude > floor:
-        kind = "stick-slip" if fastest >= SLIP_VELOCITY else "small oscillation"
+        kind = "stick-slip" if fastest >= SLIP_VELOCITY else "sustained oscillation"
     change = math.log(last.amplitude / looks[-2].amplitude) if len(looks) > 1 and last.amplitude > 0 else math.nan
     verdict = Verdict(
         lasts=answer,

@@ -516,7 +516,7 @@ def chart(found: xr.Dataset) -> Figure:
 
 _REGIMES: dict[str, tuple[str, str, str]] = {
     "smooth sliding": ("#DDEBF3", "o", ""),
-    "small oscillation": (ORANGE, "^", ""),
+    "sustained oscillation": (ORANGE, "^", ""),
     "stick-slip": (BLUE, "s", ""),
     "undecided": ("#FFFFFF", "d", "/////////"),
     "seeds differ": ("#FFFFFF", "d", "......."),

@@ -10,6 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
+from stickslip.store import read_provenance
 
 Array = NDArray[np.float64]
 
@@ -19,7 +20,11 @@ CONSTANT_DRIVE = 0.01  # relative change of the drive's velocity that still coun
 
 @dataclass(frozen=True, kw_only=True)
 class Trace:
-    """The arrays of a Dataset, as the functions here need them; forces and motion along the drive's direction."""
+    """The arrays of a Dataset, as the functions here need them; forces and motion along the drive's direction.
+
+    `largest` is the largest force in all of the data: the static friction, where they hold a slip or the first
+    loading. `contacts` is their number in a run of single contacts.
+    """
 
     t: Array
     force: Array
@@ -28,6 +33,10 @@ class Trace:
     drive: Array | None
     attached: Array | None
     sign: float
+    largest: float
+    contacts: int | None = None
+    displacement: Array | None = None
+    time_unit: str = ""
 
     @classmethod
     def of(cls, data: xr.Dataset) -> Trace:
@@ -41,7 +50,7 @@ class Trace:
             raise InputError("measure: the times t must be finite and rising")
         arrays = {
             name: np.asarray(data[name].values, dtype=float) if name in data else None
-            for name in ("F_d", "X", "velocity", "drive_velocity", "attached")
+            for name in ("F_d", "X", "velocity", "drive_velocity", "attached", "displacement")
         }
         for name, values in arrays.items():
             if values is None:
@@ -66,6 +75,10 @@ class Trace:
             drive=None if drive is None else sign * drive,
             attached=arrays["attached"],
             sign=sign,
+            largest=float(np.max(sign * force)),
+            contacts=_contacts(data),
+            displacement=arrays["displacement"],
+            time_unit={"": "", "time": " time units"}.get(unit := str(data["t"].attrs.get("units", "")), f" {unit}"),
         )
 
     def part(self, begin: float, end: float = math.inf) -> Trace:
@@ -74,9 +87,18 @@ class Trace:
         along = {
             field.name: None if (values := getattr(self, field.name)) is None else values[inside]
             for field in fields(self)
-            if field.name != "sign"
+            if field.name not in ("sign", "largest", "contacts", "time_unit")
         }
         return replace(self, **along)
+
+
+def _contacts(data: xr.Dataset) -> int | None:
+    """How many contacts a run was made with, as its provenance says; None for other data."""
+    try:
+        count = read_provenance(data)["arguments"]["method"]["count"]
+    except (InputError, KeyError, TypeError):
+        return None
+    return count if isinstance(count, int) and count > 0 else None
 
 
 def turns(force: Array, smallest: float) -> tuple[list[int], list[int]]:
