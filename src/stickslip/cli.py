@@ -73,7 +73,6 @@ def predict(rig: Path, *, verify: bool = False, json: Json = False, plot: Plot =
         Simulate the rig after each remedy with its own method.
     """
     from stickslip import advise
-    from stickslip import measure as measures
     from stickslip import rig as rigs
 
     _check_target(plot)
@@ -84,7 +83,7 @@ def predict(rig: Path, *, verify: bool = False, json: Json = False, plot: Plot =
         from stickslip import plot as drawing
 
         shown = described.in_its_units(found.run)
-        drawing.save(drawing.overview(shown, events=measures.events(shown)), plot)
+        drawing.save(drawing.overview(shown), plot)
     if json:
         _print_json(_prediction_as_plain(found, described))
     else:
@@ -160,7 +159,7 @@ def measure(
     load: Annotated[str | None, Parameter(help="Column of the normal load, or the load itself: '20 N'.")] = None,
     flip: Annotated[bool, Parameter(help="Change the sign of the force.", negative="")] = False,
     minimum_drop: Annotated[float | None, Parameter(help="Smallest drop that counts as a slip.")] = None,
-    after: Annotated[float | None, Parameter(help="Judge the regime after this time only.")] = None,
+    after: Annotated[float | None, Parameter(help="Look at what comes after this time only.")] = None,
     events: Annotated[Path | None, Parameter(help="Write the catalogue of slips as CSV.")] = None,
     json: Json = False,
     plot: Plot = None,
@@ -178,8 +177,7 @@ def measure(
     _check_target(plot)
     _check_target(events)
     trace = _read_data(data, force, time, step, displacement=displacement, load=load, flip=flip)
-    catalogue = measures.events(trace, minimum_drop=minimum_drop)
-    statistics = measures.event_statistics(catalogue)
+    catalogue = measures.drops(trace, minimum_drop=minimum_drop, after=after)
     seen = measures.regime(trace, after=after)
     if events is not None:
         with store.whole_file(events, example="slips.csv") as part:
@@ -193,7 +191,12 @@ def measure(
         _print_json(
             {
                 "regime": _plain(seen),
-                "statistics": _plain(statistics),
+                "statistics": {
+                    str(name): {key: _plain(column.attrs[key]) for key in ("mean", "std", "units")}
+                    for name, column in catalogue.data_vars.items()
+                    if "mean" in column.attrs
+                }
+                | {"count": catalogue.attrs["count"]},
                 "events": {str(name): _plain(catalogue[name].to_numpy()) for name in catalogue.variables},
                 "unreadable": unreadable,
             }
@@ -201,7 +204,9 @@ def measure(
         return
     print(seen)
     print()
-    print(statistics)
+    print(f"{catalogue.attrs['count']} slips; mean ± standard deviation:")
+    for name, text in measures.statistics(catalogue):
+        print(f"{name}: {text}")
     if note := trace.attrs.get("note"):
         print(f"note: {note}")
     for what, where in (("slips", events), ("picture", plot)):
@@ -232,7 +237,6 @@ def plot(
     kind
         What to draw of a run.
     """
-    from stickslip import measure as measures
     from stickslip import plot as drawing
 
     _check_target(output)
@@ -242,7 +246,7 @@ def plot(
         return
     trace = _read_data(data, force, time, step)
     if kind == "overview":
-        figure: Any = drawing.overview(trace, events=measures.events(trace))
+        figure: Any = drawing.overview(trace)
     else:
         draw = {"phase": drawing.phase_portrait, "stretchings": drawing.stretchings, "energy": drawing.energy}[kind]
         figure = draw(trace).get_figure(root=True)

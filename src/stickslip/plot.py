@@ -37,7 +37,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
-from stickslip.measure import events as find_events
+from stickslip.measure import drops
 from stickslip.store import whole_file
 
 Array = NDArray[np.float64]
@@ -182,7 +182,7 @@ def force_trace(
     ax : Axes, optional
         Where to draw; by default a new figure.
     events : Dataset, optional
-        Slips to mark, from `stickslip.measure.events`.
+        Slips to mark, from `stickslip.drops`.
     color : str
 
     Raises
@@ -358,7 +358,7 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None) -> Figure:
     run : Dataset
         A run or a measured trace.
     events : Dataset, optional
-        Slips to mark; by default those that `stickslip.measure.events` finds.
+        Slips to mark; by default those that `stickslip.drops` finds.
 
     Raises
     ------
@@ -366,7 +366,7 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None) -> Figure:
         If the Dataset has no driving force, or too little of it to look for slips.
     """
     _variable(run, "F_d", "t")
-    events = find_events(run) if events is None else events
+    events = drops(run) if events is None else events
     panels = [name for name in ("velocity", "attached") if name in run]
     figure = new_figure(PAGE, 2.2 + 1.7 * len(panels))
     axes = figure.subplots(1 + len(panels), 1, sharex=True, squeeze=False)[:, 0]

@@ -11,18 +11,15 @@ driven slider creeps at ``v K/(K + k N_c)`` between slips, so rest tells nothing
 
 from stickslip.measure.catalogue import drops, statistics
 from stickslip.measure.periods import Cycles, find_cycles
-from stickslip.measure.ramps import Transitions, amplitude, hysteresis, transitions
+from stickslip.measure.ramps import transitions
 from stickslip.measure.readings import read_trace
 from stickslip.measure.verdict import Regime, regime
 
 __all__ = [
     "Cycles",
     "Regime",
-    "Transitions",
-    "amplitude",
     "drops",
     "find_cycles",
-    "hysteresis",
     "read_trace",
     "regime",
     "statistics",
