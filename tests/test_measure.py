@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 
 import stickslip as ss
 from stickslip.measure import drops, read_trace, regime, statistics, transitions
+from stickslip.measure.arrays import turns
 
 SHARED = Path(os.environ.get("STICKSLIP_SHARED", Path(__file__).parents[1].parent / "shared"))
 
@@ -416,6 +418,273 @@ def test_a_ringing_run_has_one_event_per_cycle():
         assert cycle == pytest.approx(1.35, abs=0.03)
         assert found.sizes["event"] == pytest.approx(60.0 / cycle, abs=2)
         assert float(found["recurrence"][3:].min()) > 1.2
+
+
+# ----------------------------------------------------------------------------------------------- rigs once misread
+
+RIGS = {
+    # Sawtooth, then the slider rings for long: eta/Omega of .03 to .1.
+    "rings 56": (
+        ss.Interface(thresholds=ss.Uniform(low=1 - 3**0.5 * 0.0363, high=1 + 3**0.5 * 0.0363), delay=ss.Delay(0.28133)),
+        ss.Slider(stiffness=0.10183, mass=2.3339e-5, damping=4.4319),
+        151.5,
+    ),
+    "rings 50": (
+        ss.Interface(
+            thresholds=ss.Gamma(mean=1.0, spread=0.3385),
+            delay=ss.RandomDelay(mean=0.88491, spread=0.374725, negative="fold"),
+        ),
+        ss.Slider(stiffness=0.031341, mass=1.4543e-5, damping=3.9135),
+        460.7,
+    ),
+    # A large and a small drop in each cycle.
+    "two drops 70": (
+        ss.Interface(thresholds=ss.Gamma(mean=1.0, spread=0.2978), delay=ss.Delay(0.85202)),
+        ss.Slider(stiffness=0.47383, mass=0.026935, damping=0.042596),
+        120.0,
+    ),
+    "two drops 99": (
+        ss.Interface(thresholds=ss.LogNormal(mean=1.0, spread=0.2391), delay=ss.Delay(0.87978)),
+        ss.Slider(stiffness=1.0136, mass=0.019282, damping=1.3687),
+        120.0,
+    ),
+    "aged 1021": (
+        ss.Interface(thresholds=ss.Gaussian(mean=1.0, spread=0.0599), ageing=ss.Langevin(rate=1.64)),
+        ss.Slider(stiffness=2.5797, mass=9.0606e-4, damping=5.3295),
+        60.0,
+    ),
+    "aged 1015": (
+        ss.Interface(thresholds=ss.Gaussian(mean=1.0, spread=0.2546), ageing=ss.Langevin(rate=0.6333)),
+        ss.Slider(stiffness=0.22663, mass=1.5564e-5, damping=6.3198),
+        65.0,
+    ),
+    # Without a delay nothing can grow: what fluctuates is noise of the contacts, however fast.
+    "noise 64": (
+        ss.Interface(thresholds=ss.Weibull(scale=1.0874688, shape=5.1335692)),
+        ss.Slider(stiffness=0.1806, mass=1.2771e-6, damping=5.8861),
+        120.0,
+    ),
+    "noise 0": (
+        ss.Interface(thresholds=ss.LogNormal(mean=1.0, spread=0.1298)),
+        ss.Slider(stiffness=0.022419, mass=2.958e-7, damping=346.81),
+        200.0,
+    ),
+    # Four growing modes; the noise of 2000 contacts shakes a sustained oscillation.
+    "shaken 67": (
+        ss.Interface(thresholds=ss.Gamma(mean=1.0, spread=0.077), delay=ss.Delay(0.03931)),
+        ss.Slider(stiffness=0.39341, mass=0.0055601, damping=0.55264),
+        120.0,
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "count", "seed", "kind", "period"),
+    [
+        ("rings 56", 2000, 56, "stick-slip", 8.7),
+        ("rings 50", 2000, 50, "stick-slip", 20.4),
+        ("two drops 70", 2000, 70, "stick-slip", 3.51),
+        ("two drops 99", 2000, 99, "stick-slip", 2.30),
+        ("aged 1021", 2000, 1021, "stick-slip", 1.49),
+        pytest.param("aged 1015", 2000, 1015, "stick-slip", 2.22, marks=pytest.mark.slow),
+        ("noise 64", 2000, 3, "smooth sliding", None),
+        pytest.param("noise 64", 100_000, 3, "smooth sliding", None, marks=pytest.mark.slow),
+        ("noise 0", 2000, 3, "smooth sliding", None),
+        ("noise 0", 10_000, 3, "smooth sliding", None),
+        ("shaken 67", 2000, 67, "sustained oscillation", None),
+        ("shaken 67", 2000, 2, "sustained oscillation", None),
+        ("shaken 67", 2000, 3, "sustained oscillation", None),
+        ("shaken 67", 2000, 4, "sustained oscillation", None),
+        ("shaken 67", 10_000, 1, "sustained oscillation", 0.742),
+    ],
+)
+def test_rigs_that_were_once_misread(name, count, seed, kind, period):
+    interface, slider, duration = RIGS[name]
+    drive = ss.hold(velocity=1.0, duration=duration)
+    data = ss.simulate(interface, slider, drive, method=ss.Contacts(count, seed=seed))
+    result = regime(data)
+    assert result.kind == kind, str(result)
+    assert result.largest_velocity is not None
+    if "without fast slips" in result.reason:
+        assert result.largest_velocity < 3.5
+    if period is not None:
+        assert result.period == pytest.approx(period, rel=0.02)
+        assert drops(data, after=0.6 * duration).sizes["event"] == pytest.approx(0.4 * duration / period, abs=2)
+    if kind == "smooth sliding":  # the list of slips agrees with the regime
+        assert drops(data).sizes["event"] == 0
+        assert "smooth" in drops(data).attrs["criterion"] or "noise" in drops(data).attrs["criterion"]
+    if kind == "sustained oscillation":
+        assert "the slider never sticks" in result.reason
+
+
+def test_amplitudes_are_told_of_static_friction_not_of_a_mean_near_zero():
+    t = np.arange(0.0, 100.0, 0.01)
+    force = 0.01 + 0.4 * np.cos(5.0 * t)
+    result = regime(with_motion(t, force, stiffness=5.0))
+    assert "195 % of static friction" in result.reason
+    assert result.static_friction == pytest.approx(0.41)
+
+
+@pytest.mark.parametrize(
+    ("data", "more"),
+    [
+        (lambda: with_motion(*even_sawtooth(cycles=3)), r"about \d\.\d time units more"),
+        (lambda: wave(growth=-0.02, size=0.2 * math.exp(-2.0), mean=0.1), r"about \d+ time units more"),
+        (lambda: wave(growth=0.02), "about 80 time units more"),
+    ],
+)
+def test_what_is_undecided_says_how_much_longer_would_decide(data, more):
+    run = data()
+    run["t"].attrs["units"] = "time"
+    result = regime(run)
+    assert result.kind == "undecided"
+    assert re.search(more, result.reason), result.reason
+
+
+# ----------------------------------------------------------------------------------------------- benches
+
+
+def bench(*, cycles=100, samples=26, noise=0.0, variation=0.05, ringing=0.0, slip=0.06, seed=1):
+    """A noisy sawtooth in N and s: period 1.5 s, drops of about 1 N; and the drops it is made of."""
+    rng = np.random.default_rng(seed)
+    sizes = np.maximum(1.0 + variation * rng.normal(size=cycles), 0.4)
+    when, lasts = np.cumsum(1.5 * sizes), 1.5 * slip
+    t = np.arange(0.0, when[-1] + 0.7, 1.5 / samples)
+    times = np.concatenate([[0.0], np.column_stack([when, when + lasts]).ravel(), [when[-1] + 3.0]])
+    forces = np.concatenate([[5.0], np.column_stack([5.0 + sizes, np.full(cycles, 5.0)]).ravel(), [7.0]])
+    force = np.interp(t, times, forces)
+    for w, size in zip(when, sizes, strict=True):
+        since = np.maximum(t - w - lasts, 0.0)
+        force -= ringing * size * np.exp(-since / (2.0 * lasts)) * np.sin(2.0 * np.pi * since / lasts)
+    data = trace(t, force + noise * rng.normal(size=t.size))
+    data["F_d"].attrs["units"], data["t"].attrs["units"] = "N", "s"
+    return data, sizes
+
+
+@pytest.mark.parametrize("noise", [0.03, 0.06, 0.1])
+@pytest.mark.parametrize("samples", [12, 26, 50, 200])
+def test_drops_ten_times_the_noise_are_all_found_and_not_overstated(samples, noise):
+    data, sizes = bench(samples=samples, noise=noise)
+    clean, _ = bench(samples=samples)
+    found = drops(data)
+    assert found.sizes["event"] == sizes.size
+    # The extremes of a noisy slip would lie 2 to 3 standard deviations further apart.
+    assert float(found["drop"].mean()) == pytest.approx(float(drops(clean)["drop"].mean()), rel=0.03)
+    assert regime(data).kind == "stick-slip"
+
+
+@pytest.mark.parametrize("samples", [6, 8])
+def test_few_samples_a_cycle_and_much_noise_lose_few_drops(samples):
+    data, sizes = bench(samples=samples, noise=0.1)
+    assert 0.9 * sizes.size <= drops(data).sizes["event"] <= sizes.size
+    assert regime(data).kind == "stick-slip"
+
+
+@pytest.mark.parametrize("samples", [60, 200])
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+@pytest.mark.parametrize("ringing", [0.12, 0.2, 0.4])
+def test_ringing_of_a_noisy_trace_is_not_counted(ringing, noise, samples):
+    data, sizes = bench(ringing=ringing, noise=noise, samples=samples, slip=0.08, variation=0.2)
+    # A small slip within strong ringing may go under.
+    assert drops(data).sizes["event"] == pytest.approx(sizes.size, abs=1 if ringing > 0.3 else 0)
+
+
+def test_after_holds_for_the_slips_as_for_the_regime():
+    data, _ = bench(noise=0.02)
+    late = drops(data, after=75.0)
+    assert float(late["start"].min()) >= 75.0
+    assert late.sizes["event"] == pytest.approx(50, abs=3)
+    with pytest.raises(ss.InputError, match="after = 500"):
+        drops(data, after=500.0)
+
+
+def test_a_saturated_sensor_is_told():
+    data, _ = bench(noise=0.01, samples=100)
+    clipped = data.assign(F_d=data["F_d"].clip(max=5.7))
+    result = regime(clipped)
+    assert result.kind == "stick-slip"
+    assert any("saturated" in note and "5.7" in note for note in result.notes)
+    assert "saturated" in str(result)
+    assert regime(data).notes == ()
+    rounded = data.assign(F_d=(data["F_d"] / 0.05).round() * 0.05)
+    assert regime(rounded).notes == ()
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_a_mirrored_trace_is_told(noise):
+    data, _ = bench(noise=noise, samples=50)
+    turned = data.assign(F_d=12.0 - data["F_d"])
+    result = regime(turned)
+    assert result.kind == "undecided"
+    assert "--flip" in result.reason
+    assert "flip=True" in result.reason
+    flipped = regime(data.assign(F_d=-turned["F_d"]).assign_attrs(flipped=1))  # as read_trace(flip=True) says
+    assert flipped.kind == "stick-slip"
+
+
+def to_and_fro(each, *, strokes=6, displacement=False, samples=2000):
+    """A test that goes to and fro: each(s) is the force along a stroke of length 10, at s."""
+    s = np.linspace(0.0, 10.0, samples, endpoint=False)
+    force = np.concatenate([(-1) ** i * each(s) * np.minimum(s / 0.05, 1.0) for i in range(strokes)])
+    way = np.concatenate([s if i % 2 == 0 else 10.0 - s for i in range(strokes)])
+    t = np.arange(force.size) * 0.005
+    more = {"displacement": way} if displacement else {}
+    return trace(t, force, **more)
+
+
+@pytest.mark.parametrize("displacement", [False, True])
+def test_the_strokes_of_a_test_to_and_fro_are_judged_apart(displacement):
+    rng = np.random.default_rng(7)
+    smooth = regime(to_and_fro(lambda s: 5.0 + 0.02 * rng.normal(size=s.size), displacement=displacement))
+    assert smooth.kind == "smooth sliding"
+    assert "6 strokes" in smooth.reason
+    slipping = to_and_fro(
+        lambda s: 5.0 + np.minimum(2.0 * (s % 0.5), 19.0 * (0.5 - s % 0.5)), displacement=displacement
+    )
+    result = regime(slipping)
+    assert result.kind == "stick-slip"
+    assert "6 stick-slip" in result.reason
+    found = drops(slipping)
+    assert set(found["stroke"].values.tolist()) == set(range(6))
+    assert found.sizes["event"] == pytest.approx(6 * 19, abs=6)
+    assert float(found["drop"].max()) < 1.2  # no reversal among them
+    assert found.attrs["count"] == found.sizes["event"]
+
+
+def test_a_soft_spring_that_swings_through_zero_is_no_test_to_and_fro():
+    t, force = even_sawtooth(cycles=40, drop=2.0, low=-1.1)
+    assert "strokes" not in regime(trace(t, force)).reason
+
+
+@settings(max_examples=200)
+@given(st.lists(st.integers(-6, 6), min_size=2, max_size=60), st.integers(1, 8))
+def test_turning_points_are_those_of_a_plain_walk(values, smallest):
+    force = np.array(values, dtype=float)
+    peaks, troughs = turns(force, float(smallest))
+    plain = plain_drops(values, smallest)
+    assert [(force[i], force[j]) for i, j in zip(peaks, troughs, strict=True)] == plain
+    assert all(i < j for i, j in zip(peaks, troughs, strict=True))
+
+
+def plain_drops(values, smallest):
+    """The same, sample by sample."""
+    found, direction = [], 0
+    high = low = values[0]
+    for value in values[1:]:
+        if direction >= 0:
+            high = max(high, value)
+        if direction <= 0:
+            low = min(low, value)
+        if direction >= 0 and high - value >= smallest:
+            found.append([high, value])
+            direction, low = -1, value
+        elif direction <= 0 and value - low >= smallest:
+            if direction < 0:
+                found[-1][1] = low
+            direction, high = 1, value
+    if direction < 0:
+        found[-1][1] = low
+    return [tuple(pair) for pair in found]
 
 
 # ----------------------------------------------------------------------------------------------- transitions

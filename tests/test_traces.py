@@ -376,7 +376,9 @@ def test_a_reader_that_is_missing_is_named(tmp_path, monkeypatch, name, start, m
 
 def test_a_force_may_be_flipped(tmp_path):
     path = written(tmp_path, "t,F\n" + rows(lambda t, f: f"{t},{f}"))
-    np.testing.assert_array_equal(read_trace(path, flip=True)["F_d"], -FORCES)
+    data = read_trace(path, flip=True)
+    np.testing.assert_array_equal(data["F_d"], -FORCES)
+    assert data.attrs["flipped"] == 1
 
 
 MEASURED = """

@@ -65,8 +65,9 @@ class Trace:
                 )
         drive, force = arrays["drive_velocity"], arrays["F_d"]
         assert force is not None
-        # A load cell may count pull as negative: then the force alone tells the direction.
-        sign = -1.0 if np.mean(force if drive is None else drive) < 0 else 1.0
+        # A load cell may count pull as negative: then the force alone tells the direction, unless its sign was turned.
+        turned = drive is None and bool(data.attrs.get("flipped"))
+        sign = -1.0 if np.mean(force if drive is None else drive) < 0 and not turned else 1.0
         return cls(
             t=t,
             force=sign * force,
@@ -75,7 +76,7 @@ class Trace:
             drive=None if drive is None else sign * drive,
             attached=arrays["attached"],
             sign=sign,
-            largest=float(np.max(sign * force)),
+            largest=top if (top := float(np.max(sign * force))) > 0 else float(np.max(np.abs(force))),
             contacts=_contacts(data),
             displacement=arrays["displacement"],
             time_unit={"": "", "time": " time units"}.get(unit := str(data["t"].attrs.get("units", "")), f" {unit}"),

@@ -20,7 +20,7 @@ def find_strokes(trace: Trace) -> list[Trace]:
     """The strokes of a test that goes to and fro, each along its own direction; none of any other test.
 
     By the displacement, where it is known; by the force, where it changes between two plateaus of opposite sign.
-    The reversals are left out: a stroke begins where the force first reaches its usual level.
+    The reversals are left out: a stroke goes from where the force first reaches its usual level to where it last does.
     """
     edges = _reversals(trace)
     if len(edges) < 3:
@@ -33,7 +33,8 @@ def find_strokes(trace: Trace) -> list[Trace]:
         way = 1.0 if float(np.median(part.force)) >= 0 else -1.0
         part = replace(part, force=way * part.force, sign=way * trace.sign)
         usual = float(np.median(part.force))
-        loaded = part.part(part.t[int(np.argmax(part.force >= usual))])
+        there = part.t[part.force >= usual]
+        loaded = part.part(there[0], np.nextafter(there[-1], np.inf))
         if loaded.t.size >= FEWEST_READINGS:
             strokes.append(replace(loaded, largest=float(loaded.force.max())))
     return strokes if len(strokes) > 1 else []

@@ -67,6 +67,7 @@ def read_trace(
         `F_d` along `t`, and `filled`, true where the force was interpolated; `displacement`, `load` and, with a
         load, `mu`, the force over the load, where the file has them. Units are those of the file; N and s where
         it says nothing. A coefficient of friction read as `F_d` has the unit 1. Attributes ``source``, ``rows``,
+        ``flipped``,
         ``note`` (what was filled in and what was assumed, in words) and ``unreadable`` (JSON: a list of line
         numbers and texts).
 
@@ -185,6 +186,7 @@ def _dataset(
         attrs={
             "source": Path(place).name,
             "rows": int(forces.size),
+            "flipped": int(flip),
             "note": "; ".join([*_note(unreadable, forces.size), *assumed]),
             "unreadable": json.dumps([{"line": line, "text": text} for line, text in unreadable]),
         },

@@ -83,6 +83,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     count = 4_000 if quick else FIG7.contacts
     runs = [_sweep(FIG7.interface, _FAST, Contacts(count, seed=seed), next(parts)) for seed in seeds]
     found = [transitions(run) for run in runs]
+    seen = {name: np.array([float(each[name]) for each in found]) for name in ("v1", "v1_down")}
     sweeps = [runs[0]] + [_sweep(_random(case), _TOP, Contacts(count, seed=1), next(parts)) for case in _SWEPT]
 
     (band,) = bistable_band(FIG7.interface, FIG7.slider, between=(0.3, _FAST))
@@ -119,10 +120,10 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         {
             "F_d": (("sweep", "t"), np.array([run["F_d"] for run in sweeps]), force),
             "drive_velocity": (("sweep", "t"), np.array([run["drive_velocity"] for run in sweeps]), speed),
-            "v1_ramp": ("seed", np.array([float(f["v1"]) for f in found]), velocity("v1, on the way up a ramp")),
+            "v1_ramp": ("seed", seen["v1"], velocity("v1, on the way up a ramp")),
             "v1_down_ramp": (
                 "seed",
-                np.array([float(f["v1_down"]) for f in found]),
+                seen["v1_down"],
                 velocity("v1', on the way down a ramp"),
             ),
             "v1_linear": ((), band.high.value, velocity("v1: smooth sliding loses stability (linear)")),
