@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
@@ -85,12 +85,20 @@ class Trace:
     def part(self, begin: float, end: float = math.inf) -> Trace:
         """What comes from a time on, up to another."""
         inside = slice(*np.searchsorted(self.t, [begin, end], side="left").tolist())
-        along = {
-            field.name: None if (values := getattr(self, field.name)) is None else values[inside]
-            for field in fields(self)
-            if field.name not in ("sign", "largest", "contacts", "time_unit")
-        }
-        return replace(self, **along)
+
+        def cut(values: Array | None) -> Array | None:
+            return None if values is None else values[inside]
+
+        return replace(
+            self,
+            t=self.t[inside],
+            force=self.force[inside],
+            X=cut(self.X),
+            velocity=cut(self.velocity),
+            drive=cut(self.drive),
+            attached=cut(self.attached),
+            displacement=cut(self.displacement),
+        )
 
 
 def _contacts(data: xr.Dataset) -> int | None:
@@ -102,12 +110,13 @@ def _contacts(data: xr.Dataset) -> int | None:
     return count if isinstance(count, int) and count > 0 else None
 
 
-def turns(force: Array, smallest: float) -> tuple[list[int], list[int]]:
+def turns(force: Array, smallest: float, among: NDArray[np.intp] | None = None) -> tuple[list[int], list[int]]:
     """Alternating peaks and troughs such that each drop and rise between them is at least `smallest`.
 
-    Returns the drops only: index of the peak (of a flat one, its end) and index of the trough.
+    Returns the drops only: index of the peak (of a flat one, its end) and index of the trough. They are sought
+    among all samples, or among the `extremes` left for a smaller drop.
     """
-    where = _extremes(force, smallest)
+    where = extremes(force, smallest, among)
     if where.size == 0:
         return [], []
     index, value = where.tolist(), force[where].tolist()
@@ -133,19 +142,12 @@ def turns(force: Array, smallest: float) -> tuple[list[int], list[int]]:
     return peaks, troughs
 
 
-def _extremes(force: Array, smallest: float) -> NDArray[np.intp]:
+def extremes(force: Array, smallest: float, among: NDArray[np.intp] | None = None) -> NDArray[np.intp]:
     """Ends and local extremes of a force, without pairs of them that lie within a larger drop or rise.
 
     Millions of samples of noise leave a few extremes that way, a third of the pairs going at each pass.
     """
-    moving = np.flatnonzero(force[1:] != force[:-1])
-    if moving.size == 0:
-        return moving
-    rising = force[moving + 1] > force[moving]
-    turn = np.flatnonzero(rising[1:] != rising[:-1])
-    # The end of a flat peak, and the start of a flat trough: the drop between them is what moves.
-    inner = np.where(rising[turn], moving[turn + 1], moving[turn] + 1)
-    where = np.concatenate([[0], inner, [moving[-1] + 1]])
+    where = _all_extremes(force) if among is None else among
     while where.size > 8:
         step = np.abs(np.diff(force[where]))
         inside = (step[1:-1] < smallest) & (step[1:-1] <= step[:-2]) & (step[1:-1] < step[2:])
@@ -158,3 +160,15 @@ def _extremes(force: Array, smallest: float) -> NDArray[np.intp]:
         keep[first] = keep[first + 1] = False
         where = where[keep]
     return where
+
+
+def _all_extremes(force: Array) -> NDArray[np.intp]:
+    """Ends and local extremes of a force; nothing where it never changes."""
+    moving = np.flatnonzero(force[1:] != force[:-1])
+    if moving.size == 0:
+        return moving
+    rising = force[moving + 1] > force[moving]
+    turn = np.flatnonzero(rising[1:] != rising[:-1])
+    # The end of a flat peak, and the start of a flat trough: the drop between them is what moves.
+    inner = np.where(rising[turn], moving[turn + 1], moving[turn] + 1)
+    return np.concatenate([[0], inner, [moving[-1] + 1]])

@@ -82,7 +82,7 @@ def read_trace(
     --------
     >>> import stickslip as ss
     >>> with open("bench.csv", "w") as file:
-    ...     print("Zeit;Kraft", "ms;mN", *(f"{10 * i};{5 + i % 7},5" for i in range(40)), sep="\\n", file=file)
+    ...     print("Zeit;Kraft", "ms;mN", *(f"{10 * i};{5 + i % 7},5" for i in range(40)), sep="\n", file=file)
     >>> trace = ss.read_trace("bench.csv")
     >>> trace["F_d"].attrs["units"], trace["t"].attrs["units"], float(trace["F_d"].max())
     ('mN', 'ms', 11.5)
@@ -140,9 +140,9 @@ def _dataset(
     sign = -1.0 if flip else 1.0
 
     def filled(values: Array) -> Array:
-        part = values[kept]
+        part: Array = values[kept]
         known = np.isfinite(part)
-        return part if known.all() else np.interp(t, t[known], part[known])
+        return part if bool(known.all()) else np.interp(t, t[known], part[known])
 
     coefficient = table.headings[chosen.force].quantity == "coefficient"
     force_unit = "1" if coefficient else read.units[chosen.force] or "N"

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.measure.arrays import Array, Trace, turns
+from stickslip.measure.arrays import Array, Trace, extremes, turns
 from stickslip.measure.periods import FEWEST_CYCLES, Cycles, find_cycles
 
 # Numbers that decide.
@@ -26,6 +26,7 @@ CONTACT_NOISE = 0.5  # standard deviation of the force of N contacts over static
 NO_MORE_THAN_NOISE, MORE_THAN_NOISE = 2.0, 3.0  # times that: below the one noise, above the other motion
 COHERENT = 0.97  # autocorrelation at one period that even amplified noise does not reach
 CLEAR = 3.0  # drops this many times what noise may show need no smoothing
+_FOR_NOISE = 500_000  # samples from which noise is read
 CORRECTED = 0.005  # noise over drop above which peaks and troughs are taken from lines through their neighbours
 
 
@@ -106,7 +107,8 @@ def white_noise(force: Array) -> float:
 
     Slips spoil some of them; where they are many, those beyond twice the noise are left out, again and again.
     """
-    bend = np.abs(np.diff(force, 2))
+    every = max(1, force.size // _FOR_NOISE)
+    bend = np.abs(force[:-2:every] - 2.0 * force[1:-1:every] + force[2::every])
     first = noise = float(np.median(bend)) / 0.6745
     for _ in range(4):
         kept = bend[bend <= 2.0 * noise]
@@ -151,13 +153,13 @@ def _chance_drop(size: float, within: float, noise: float) -> float:
     return 1.1 * noise * math.sqrt(4.0 * math.log(max(0.5 * size * within, 2.0)))
 
 
-def _smoothed(force: Array, noise: float) -> tuple[Array, float]:
+def _smoothed(force: Array, noise: float, among: NDArray[np.intp]) -> tuple[Array, float]:
     """A force smoothed as far as its cycles allow, and the drop that its noise may show by chance.
 
     A running median keeps the edges of the drops; it cuts a drop by its length over that of the cycle.
     """
     chance = _chance_drop(force.size, force.size, noise)
-    peaks, troughs = turns(force, 0.7 * chance)
+    peaks, troughs = turns(force, 0.7 * chance, among)
     drops = force[peaks] - force[troughs]
     if drops.size < FEWEST_CYCLES or _weighted_median(drops, drops**2) > CLEAR * chance:
         return force, chance
@@ -183,22 +185,24 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
         found = _joined(trace, trace.force, minimum_drop, "drops of at least the minimum_drop given", noise, cycles)
         return found.only(found.drops >= minimum_drop)
     force, chance = trace.force, _chance_drop(trace.t.size, trace.t.size, noise)
+    among = extremes(force, 0.5 * chance)
     if trace.velocity is None:
-        force, chance = _smoothed(force, noise)
+        force, chance = _smoothed(force, noise, among)
+        among = among if force is trace.force else extremes(force, 0.5 * chance)
     rounding = 1e-7 * float(np.max(np.abs(force)))
     by_chance = max(chance, 2.5 * _quantum(trace.force), rounding, 1e-300)
-    peaks, troughs = turns(force, by_chance)
+    peaks, troughs = turns(force, by_chance, among)
     drops = force[peaks] - force[troughs]
     if drops.size == 0:
         criterion = f"no drop exceeds what the noise ({noise:.2g}) could show by chance ({by_chance:.3g})"
-        return replace(_joined(trace, force, math.inf, criterion, noise, cycles), smallest=by_chance)
+        return replace(_joined(trace, force, math.inf, criterion, noise, cycles, among), smallest=by_chance)
     smallest = max(by_chance, SMALLEST_PART_OF_DROP * _weighted_median(drops, drops**2))
     smoothing = "" if force is trace.force else ", smoothed"
     criterion = (
         f"drops of at least {smallest:.3g}: {SMALLEST_PART_OF_DROP:g} of the typical drop, and above "
         f"{by_chance:.2g}, which the noise ({noise:.2g}{smoothing}) could show by chance"
     )
-    found = _fast(trace, _joined(trace, force, smallest, criterion, noise, cycles))
+    found = _fast(trace, _joined(trace, force, smallest, criterion, noise, cycles, among))
     excess = contact_noise(trace)
     if excess <= NO_MORE_THAN_NOISE and cycles.correlation < COHERENT:
         return found.none(f"{found.size} {criterion}, but no more than {trace.contacts} contacts make as noise")
@@ -241,10 +245,18 @@ def _fast(trace: Trace, found: Slips) -> Slips:
     return replace(found.only(fast), criterion=f"{found.criterion}, faster than {SLIP_VELOCITY:g} times the drive")
 
 
-def _joined(trace: Trace, force: Array, smallest: float, criterion: str, noise: float, cycles: Cycles) -> Slips:
+def _joined(
+    trace: Trace,
+    force: Array,
+    smallest: float,
+    criterion: str,
+    noise: float,
+    cycles: Cycles,
+    among: NDArray[np.intp] | None = None,
+) -> Slips:
     """Drops of at least `smallest`, those of the ringing joined to their slip, those cut off at the ends left out."""
     t = trace.t
-    peaks, troughs = turns(force, smallest)
+    peaks, troughs = turns(force, smallest, among)
     usual, longest = math.inf, math.inf
     if trace.X is None and peaks:
         took = t[peaks[1:]] - t[troughs[:-1]]

@@ -274,7 +274,8 @@ def _of_text(place: str, lines: _Lines, delimiter: str | None, decimal: str | No
     body = _body(lines, content)
     if not body:
         raise InputError(f"{place}: holds comments only; it should hold a column of forces")
-    parting, comma = _layout(place, body, delimiter, decimal)
+    titles = [text for _, text in content if not re.search(r"\d", text)]
+    parting, comma = _layout(place, body, titles, delimiter, decimal)
     cells = split(body, parting)
     width = Counter(len(row) for row in cells).most_common(1)[0][0]
     if width > MOST_COLUMNS:
@@ -327,8 +328,10 @@ def _body(lines: _Lines, content: list[tuple[int, str]]) -> list[str]:
     return [text for text in found if text.strip() and not _COMMENT.match(text)]
 
 
-def _layout(place: str, sample: list[str], delimiter: str | None, decimal: str | None) -> tuple[str | None, bool]:
-    """What parts the columns (None for blanks), and whether the decimal sign is a comma."""
+def _layout(
+    place: str, sample: list[str], titles: list[str], delimiter: str | None, decimal: str | None
+) -> tuple[str | None, bool]:
+    """What parts the columns (None for blanks), and whether the decimal sign is a comma; `titles` hold no digit."""
     if decimal not in (None, ".", ","):
         raise InputError(f"decimal = {decimal!r}: must be '.' or ','")
     if delimiter is not None:
@@ -352,7 +355,8 @@ def _layout(place: str, sample: list[str], delimiter: str | None, decimal: str |
         if decimal != "," and consistent(","):
             whole = re.findall(r"^\s*[-+]?\d+,(\d+)\s*(?:[^\W\d].*)?$", joined, re.MULTILINE)
             alone = len(whole) >= 0.8 * len(sample)  # every row reads 12,34: two columns, or one with decimal commas
-            if alone and decimal is None and ("." not in joined):
+            named = any(len(cells) == 2 for cells in split(titles, ","))  # "time,force" tells two columns
+            if alone and decimal is None and ("." not in joined) and not named:
                 if any(re.fullmatch(r"0\d+", part) for part in whole):
                     return None, True  # 0,04: no one writes a whole number with a leading zero
                 raise InputError(

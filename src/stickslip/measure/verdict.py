@@ -221,7 +221,8 @@ def _of_strokes(strokes: list[Trace]) -> Regime:
     seen = [_judge(stroke) for stroke in strokes]
     count = Counter(each.kind for each in seen)
     decided = [kind for kind, _ in count.most_common() if kind != "undecided"]
-    typical = next(each for each in seen if each.kind == (decided or ["undecided"])[0])
+    usual: Kind = decided[0] if decided else "undecided"
+    typical = next(each for each in seen if each.kind == usual)
     told = ", ".join(f"{many} {kind}" for kind, many in count.most_common())
     reason = f"a test that goes to and fro, {len(seen)} strokes judged apart ({told}); {typical.reason}"
     kind: Kind = typical.kind
