@@ -92,7 +92,7 @@ def test_measure_reads_the_bench_trace(capsys):
     assert 150 <= statistics["count"] <= 190
     assert 2.6 <= statistics["drop"]["mean"] <= 3.6
     assert 5.3 <= statistics["recurrence"]["mean"] <= 6.8
-    assert 0.24 <= statistics["recurrence"]["spread"] / statistics["recurrence"]["mean"] <= 0.36
+    assert 0.24 <= statistics["recurrence"]["std"] / statistics["recurrence"]["mean"] <= 0.36
     assert len(found["unreadable"]) == 1
 
 

@@ -838,7 +838,7 @@ def test_a_measured_trace_is_analysed(page, tmp_path):
     page.wait_for_selector("#trace-regime:has-text('stick-slip')")
     assert "17 slips marked" in page.text_content("#plot-trace")
     assert "0.79" in page.text_content("#statistics tr:has-text('drop')")
-    assert page.text_content("#plot-trace .ytitle") == "driving force (N)"
+    assert page.text_content("#plot-trace .ytitle") == "force (N)"
 
 
 @needs_browser

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from stickslip import plot
 from stickslip.drive import hold
 from stickslip.errors import InputError
-from stickslip.measure import events
+from stickslip.measure import drops
 from stickslip.model import FIG4
 from stickslip.rigid import slide
 from stickslip.simulate import Contacts, Record, simulate
@@ -59,7 +59,7 @@ def pixels(figure):
 def test_overview_of_a_run_marks_its_slips(run):
     figure = plot.overview(run)
     force, speed, attached = figure.axes
-    assert force.get_legend_handles_labels()[1] == [f"{events(run).sizes['event']} slips"]
+    assert force.get_legend_handles_labels()[1] == [f"{drops(run).sizes['event']} slips"]
     assert labels(force)[1] == r"driving force per contact ($f_{\mathrm{s}}$)"
     assert labels(speed)[1] == r"velocity of the slider ($x_{\mathrm{s}}$ per time unit)"
     assert labels(attached) == ("time (time units)", "fraction of attached contacts")

@@ -81,7 +81,7 @@ def test_the_code_a_user_writes():
     slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4)
     run = ss.simulate(interface, slider, ss.hold(velocity=1.0, duration=100), method=ss.Contacts(1_000, seed=1))
     assert ss.regime(run).kind == "stick-slip"
-    events = ss.events(run)
+    events = ss.drops(run)
     assert {"start", "end", "drop", "peak_velocity"} <= set(events.variables)
     # With the delay some contacts are missing at the first maximum, .79560 without.
     assert 0.7 < float(ss.slide(interface, distance=6.0)["F_c"].max()) < 0.79560

@@ -474,7 +474,7 @@ def test_a_phase_diagram_shows_every_kind_of_cell():
     names = [text.get_text() for text in figure.legends[0].get_texts()]
     assert names == [
         "smooth sliding",
-        "small oscillation",
+        "sustained oscillation",
         "stick-slip",
         "undecided",
         "failed",

@@ -24,7 +24,7 @@ _CONTACTS = 20_000
 _MARGIN = 1.25
 """Factor of velocity on either side of a boundary within which nothing is claimed: growth rates beside it are so small
 that a run may end before an oscillation has grown out of the noise, and below it noise may trigger slips."""
-_OSCILLATES = ("stick-slip", "small oscillation")
+_OSCILLATES = ("stick-slip", "sustained oscillation")
 
 
 def regimes() -> tuple[Claim, ...]:

@@ -168,12 +168,12 @@ class Prediction:
     @property
     def bistable(self) -> bool:
         """Whether smooth sliding is stable although the run shows lasting stick-slip."""
-        return self.unstable_modes == 0 and self.regime.kind in ("stick-slip", "small oscillation")
+        return self.unstable_modes == 0 and self.regime.kind in ("stick-slip", "sustained oscillation")
 
     @property
     def ill(self) -> bool:
         """Whether there is something to cure."""
-        return bool(self.unstable_modes) or self.regime.kind in ("stick-slip", "small oscillation")
+        return bool(self.unstable_modes) or self.regime.kind in ("stick-slip", "sustained oscillation")
 
     @property
     def verdict(self) -> str:

@@ -114,7 +114,6 @@ def predict(rig: Path, *, verify: bool = False, json: Json = False, plot: Plot =
         Simulate the rig after each remedy with its own method.
     """
     from stickslip import advise
-    from stickslip import measure as measures
     from stickslip import rig as rigs
 
     _check_outputs(plot, read=rig)
@@ -125,7 +124,7 @@ def predict(rig: Path, *, verify: bool = False, json: Json = False, plot: Plot =
         from stickslip import plot as drawing
 
         shown = described.in_its_units(found.run)
-        drawing.save(drawing.overview(shown, events=measures.events(shown)), plot)
+        drawing.save(drawing.overview(shown), plot)
     if json:
         _print_json(_prediction_as_plain(found, described))
     else:
@@ -214,10 +213,13 @@ def measure(
     force: Annotated[str | None, Parameter(help="Column of the force, by name or number from 1.")] = None,
     time: Annotated[str | None, Parameter(help="Column of the time, by name or number from 1.")] = None,
     step: Step = None,
+    displacement: Annotated[str | None, Parameter(help="Column of the displacement, by name or number.")] = None,
+    load: Annotated[str | None, Parameter(help="Column of the normal load, or the load itself: '20 N'.")] = None,
+    flip: Annotated[bool, Parameter(help="Change the sign of the force.", negative="")] = False,
     minimum_drop: Annotated[
         float | None, Parameter(help="Smallest drop that counts as a slip.", converter=_number)
     ] = None,
-    after: Annotated[float | None, Parameter(help="Judge the regime after this time only.", converter=_number)] = None,
+    after: Annotated[float | None, Parameter(help="Look at what comes after this time only.", converter=_number)] = None,
     events: Annotated[Path | None, Parameter(help="Write the catalogue of slips as CSV.")] = None,
     json: Json = False,
     plot: Plot = None,
@@ -233,9 +235,8 @@ def measure(
     from stickslip import measure as measures
 
     _check_outputs(events, plot, read=data)
-    trace = _read_data(data, force, time, step)
-    catalogue = measures.events(trace, minimum_drop=minimum_drop)
-    statistics = measures.event_statistics(catalogue)
+    trace = _read_data(data, force, time, step, displacement=displacement, load=load, flip=flip)
+    catalogue = measures.drops(trace, minimum_drop=minimum_drop, after=after)
     seen = measures.regime(trace, after=after)
     if events is not None:
         files.write(events, _as_csv(catalogue).encode())
@@ -251,7 +252,12 @@ def measure(
         _print_json(
             {
                 "regime": _plain(seen),
-                "statistics": _plain(statistics),
+                "statistics": {
+                    str(name): {key: _plain(column.attrs[key]) for key in ("mean", "std", "units")}
+                    for name, column in catalogue.data_vars.items()
+                    if "mean" in column.attrs
+                }
+                | {"count": catalogue.attrs["count"]},
                 "events": {str(name): _plain(catalogue[name].to_numpy()) for name in catalogue.variables},
                 "unreadable": unreadable,
             }
@@ -259,7 +265,9 @@ def measure(
         return
     print(seen)
     print()
-    print(statistics)
+    print(f"{catalogue.attrs['count']} slips; mean ± standard deviation:")
+    for name, text in measures.statistics(catalogue):
+        print(f"{name}: {text}")
     if note := trace.attrs.get("note"):
         print(f"note: {note}")
     for what, where in (("slips", events), ("picture", plot)):
@@ -290,7 +298,6 @@ def plot(
     kind
         What to draw of a run.
     """
-    from stickslip import measure as measures
     from stickslip import plot as drawing
     from stickslip.sweep import is_store
 
@@ -303,7 +310,7 @@ def plot(
         return
     trace = _read_data(data, force, time, step)
     if kind == "overview":
-        figure: Any = drawing.overview(trace, events=measures.events(trace))
+        figure: Any = drawing.overview(trace)
     else:
         draw = {"phase": drawing.phase_portrait, "stretchings": drawing.stretchings, "energy": drawing.energy}[kind]
         figure = draw(trace).get_figure(root=True)
@@ -689,7 +696,16 @@ def _check_outputs(*outputs: Path | None, read: Path | None = None) -> None:
         taken.add(place)
 
 
-def _read_data(data: Path, force: str | None, time: str | None, step: float | None) -> xr.Dataset:
+def _read_data(
+    data: Path,
+    force: str | None,
+    time: str | None,
+    step: float | None,
+    *,
+    displacement: str | None = None,
+    load: str | None = None,
+    flip: bool = False,
+) -> xr.Dataset:
     """Read a run, in its units, or a measured trace."""
     from stickslip import measure as measures
     from stickslip import store
@@ -699,7 +715,7 @@ def _read_data(data: Path, force: str | None, time: str | None, step: float | No
         if "F_d" not in run or "t" not in run.coords:
             raise InputError(f"{data}: holds no run: there is no force F_d along a time t in it")
         return _in_its_units(run)
-    return measures.read_trace(data, force=force, time=time, step=step)
+    return measures.read_trace(data, force=force, time=time, displacement=displacement, load=load, step=step, flip=flip)
 
 
 def _in_its_units(run: xr.Dataset) -> xr.Dataset:

@@ -30,7 +30,9 @@ from numpy.typing import NDArray
 
 from stickslip import store
 from stickslip.errors import InputError, UndecidedError, instance, number
-from stickslip.measure.verdict import SLIP_VELOCITY, TINY, Kind
+from stickslip.measure.periods import rises
+from stickslip.measure.slips import SLIP_VELOCITY
+from stickslip.measure.verdict import TINY, Kind
 from stickslip.model import Interface, Slider
 from stickslip.simulate import (
     MasterEquation,
@@ -81,7 +83,7 @@ class Verdict:
     ----------
     lasts : bool or None
         None if the evidence does not suffice, for the reason given.
-    kind : {"stick-slip", "small oscillation", "smooth sliding", "undecided"}
+    kind : {"stick-slip", "sustained oscillation", "smooth sliding", "undecided"}
         Of the motion at the end. Stick-slip: the slider reaches at least 3.5 times the velocity of the drive, as in
         `stickslip.measure.regime`.
     reason : str
@@ -341,10 +343,7 @@ def _cycles(rows: Array, stiffness: float, velocity: float) -> Array:
     """
     t, force, speed = rows
     low, high = float(force.min()), float(force.max())
-    level = 0.25 * low + 0.75 * high
-    side = np.where(force > level, 1, np.where(force < 0.75 * low + 0.25 * high, -1, 0))
-    outside = np.flatnonzero(side)
-    risen = outside[1:][(side[outside[1:]] > 0) & (side[outside[:-1]] < 0)]
+    risen, times = rises(t, force, 0.75 * low + 0.25 * high, 0.25 * low + 0.75 * high)
     if risen.size < 2:
         return np.empty((3, 0))
     slope = stiffness * (velocity - speed)
@@ -354,8 +353,7 @@ def _cycles(rows: Array, stiffness: float, velocity: float) -> Array:
         top, bottom = (_extreme(t, force, slope, a + int(i)) for i in (np.argmax(part), np.argmin(part)))
         swings.append(top - bottom)
         means.append(float(part[1:].mean()))
-    rises = t[risen] - (force[risen] - level) / (force[risen] - force[risen - 1]) * (t[risen] - t[risen - 1])
-    return np.array([swings, np.diff(rises), means])
+    return np.array([swings, np.diff(times), means])
 
 
 def _extreme(t: Array, force: Array, slope: Array, i: int) -> float:
@@ -384,7 +382,7 @@ def _settle(ride: _Ride, patience: int = PATIENCE) -> tuple[Verdict, _Ride, _Loo
     if answer is False:
         kind = "smooth sliding"
     elif answer and last.amplitude > floor:
-        kind = "stick-slip" if fastest >= SLIP_VELOCITY else "small oscillation"
+        kind = "stick-slip" if fastest >= SLIP_VELOCITY else "sustained oscillation"
     change = math.log(last.amplitude / looks[-2].amplitude) if len(looks) > 1 and last.amplitude > 0 else math.nan
     verdict = Verdict(
         lasts=answer,

@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 
 from stickslip import files
 from stickslip.errors import InputError
-from stickslip.measure import events as find_events
+from stickslip.measure import drops
 from stickslip.measure.arrays import check_numbers
 
 Array = NDArray[np.float64]
@@ -194,7 +194,7 @@ def force_trace(
     ax : Axes, optional
         Where to draw; by default a new figure.
     events : Dataset, optional
-        Slips to mark, from `stickslip.measure.events`.
+        Slips to mark, from `stickslip.drops`.
     color : str
 
     Raises
@@ -372,7 +372,7 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None) -> Figure:
     run : Dataset
         A run or a measured trace.
     events : Dataset, optional
-        Slips to mark; by default those that `stickslip.measure.events` finds.
+        Slips to mark; by default those that `stickslip.drops` finds.
 
     Raises
     ------
@@ -380,7 +380,7 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None) -> Figure:
         If the Dataset has no driving force, or too little of it to look for slips.
     """
     _variable(run, "F_d", "t")
-    events = find_events(run) if events is None else events
+    events = drops(run) if events is None else events
     panels = [name for name in ("velocity", "attached") if name in run]
     figure = new_figure(PAGE, 2.2 + 1.7 * len(panels))
     axes = figure.subplots(1 + len(panels), 1, sharex=True, squeeze=False)[:, 0]
@@ -533,7 +533,7 @@ def chart(found: xr.Dataset) -> Figure:
 
 _REGIMES: dict[str, tuple[str, str, str]] = {
     "smooth sliding": ("#DDEBF3", "o", ""),
-    "small oscillation": (ORANGE, "^", ""),
+    "sustained oscillation": (ORANGE, "^", ""),
     "stick-slip": (BLUE, "s", ""),
     "undecided": ("#FFFFFF", "d", "/////////"),
     "seeds differ": ("#FFFFFF", "d", "......."),

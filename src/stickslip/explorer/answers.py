@@ -123,7 +123,7 @@ def _run(rig: Rig, watch: Watch, snapshots: tuple[float, ...] = ()) -> xr.Datase
 
 def _trace(data: xr.Dataset, width: int) -> Plain:
     """Force against time, thinned to the width of the screen, with slips and regime in words."""
-    catalogue, seen = measure.events(data), measure.regime(data)
+    catalogue, seen = measure.drops(data), measure.regime(data)
     times, force = _axis(data["t"]), _axis(data["F_d"])
     t, f = envelope(data["t"].to_numpy() / times["factor"], data["F_d"].to_numpy() / force["factor"], width)
     start, end, before = (catalogue[name].to_numpy()[:_MOST_MARKED] for name in ("start", "end", "force_before"))
@@ -354,13 +354,12 @@ def trace(content: bytes, name: str, options: Mapping[str, str], width: int) -> 
             )
         except InputError as error:
             raise InputError(str(error).replace(str(file), name)) from None
-    statistics = measure.event_statistics(measure.events(data))
     return {
         **_trace(data, width),
         "name": name,
         "rows": int(data.attrs["rows"]),
         "note": str(data.attrs.get("note", "")),
-        "statistics": [line.partition(": ")[::2] for line in str(statistics).splitlines()[1:]],
+        "statistics": [list(line) for line in measure.statistics(measure.drops(data))],
     }
 
 
@@ -393,7 +392,7 @@ def download(document: object, form: str, watch: Watch) -> bytes:
             store.save(made, file)
         else:
             shown = rig.in_its_units(made)
-            plot.save(plot.overview(shown, events=measure.events(shown)), file)
+            plot.save(plot.overview(shown), file)
         return file.read_bytes()
 
 

@@ -44,7 +44,7 @@ def _ramped(rate: float, seed: int, progress: Progress, *, quick: bool) -> tuple
     record = Record(interval=0.02 / unit)
     run = simulate(_aged(rate), FIG10.slider, drive, method, record=record, start=Sliding(), progress=progress)
     seen = transitions(run, level=_LEVEL)
-    return tuple(np.nan if v is None else v / unit for v in (seen.v1, seen.v2))  # type: ignore[return-value]
+    return float(seen["v1"]) / unit, float(seen["v2"]) / unit
 
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:

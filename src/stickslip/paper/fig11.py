@@ -112,8 +112,8 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
                 {"units": "k", "long_name": f"effective stiffness per contact, over {_WAY:g} x_s"},
             ),
             "crossing": ((), crossing, {**speed, "long_name": "velocity at which K_eff = K"}),
-            "v1_ramp": ((), np.nan if seen.v1 is None else seen.v1, {**speed, "long_name": "onset on the ramp"}),
-            "v2_ramp": ((), np.nan if seen.v2 is None else seen.v2, {**speed, "long_name": "end on the ramp"}),
+            "v1_ramp": ((), float(seen["v1"]), {**speed, "long_name": "onset on the ramp"}),
+            "v2_ramp": ((), float(seen["v2"]), {**speed, "long_name": "end on the ramp"}),
             "unstable": (
                 "end",
                 np.array(linear[:2]),

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from stickslip import plot
 from stickslip.drive import hold
-from stickslip.measure import regime
+from stickslip.measure import find_cycles, regime
 from stickslip.model import FIG4, Delay
 from stickslip.paper.record import Claim, Figure, Measured, Progress, at_least, at_most, near, portions, verdict
 from stickslip.simulate import LABELS, Contacts, MasterEquation, Method, Record, simulate
@@ -138,22 +138,12 @@ def _weigh(run: xr.Dataset) -> tuple[str, dict[str, float]]:
 
 
 def _period(run: xr.Dataset) -> tuple[float, float]:
-    """Mean and coefficient of variation of the period after the transient, from falls through the mean force.
-
-    Interpolated between samples, which would limit it otherwise. NaN where nothing stands out.
-    """
+    """Mean and coefficient of variation of the period after the transient; NaN where nothing stands out."""
     late = run.sel(t=slice(_BEGIN, None))
-    t, force = late["t"].to_numpy(), late["F_d"].to_numpy()
-    if np.ptp(force) < 0.3:
+    cycles = find_cycles(late["t"].to_numpy(), late["F_d"].to_numpy())
+    if float(np.ptp(late["F_d"])) < 0.3 or not cycles.periodic:
         return np.nan, np.nan
-    level = 0.5 * (force.max() + force.min())
-    i = np.flatnonzero((force[:-1] >= level) & (force[1:] < level))
-    falls = t[i] + (force[i] - level) / (force[i] - force[i + 1]) * (t[i + 1] - t[i])
-    # Ringing may cross the level again within a slip.
-    periods = np.diff(falls[np.append(True, np.diff(falls) > 0.5)])
-    if periods.size < 4:
-        return np.nan, np.nan
-    return float(periods.mean()), float(periods.std(ddof=1) / periods.mean())
+    return cycles.period, cycles.variation
 
 
 def _claims(data: xr.Dataset) -> tuple[Claim, ...]:

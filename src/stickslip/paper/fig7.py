@@ -9,7 +9,6 @@ spread, and on what is done with negative draws.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import replace
 
 import matplotlib.figure
@@ -22,7 +21,7 @@ from numpy.typing import NDArray
 from stickslip import plot
 from stickslip.cycles import bistable_band, cycle_branch, lasting_velocities, lasts
 from stickslip.drive import ramp
-from stickslip.measure import hysteresis, transitions
+from stickslip.measure import transitions
 from stickslip.model import FIG7, Interface, NegativeDelay, RandomDelay
 from stickslip.paper.record import (
     Claim,
@@ -84,7 +83,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     count = 4_000 if quick else FIG7.contacts
     runs = [_sweep(FIG7.interface, _FAST, Contacts(count, seed=seed), next(parts)) for seed in seeds]
     found = [transitions(run) for run in runs]
-    loop = hysteresis(runs[0])
+    seen = {name: np.array([float(each[name]) for each in found]) for name in ("v1", "v1_down")}
     sweeps = [runs[0]] + [_sweep(_random(case), _TOP, Contacts(count, seed=1), next(parts)) for case in _SWEPT]
 
     (band,) = bistable_band(FIG7.interface, FIG7.slider, between=(0.3, _FAST))
@@ -121,13 +120,17 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         {
             "F_d": (("sweep", "t"), np.array([run["F_d"] for run in sweeps]), force),
             "drive_velocity": (("sweep", "t"), np.array([run["drive_velocity"] for run in sweeps]), speed),
-            "v1_ramp": ("seed", _known(f.v1 for f in found), velocity("v1, on the way up a ramp")),
-            "v1_down_ramp": ("seed", _known(f.v1_down for f in found), velocity("v1', on the way down a ramp")),
+            "v1_ramp": ("seed", seen["v1"], velocity("v1, on the way up a ramp")),
+            "v1_down_ramp": (
+                "seed",
+                seen["v1_down"],
+                velocity("v1', on the way down a ramp"),
+            ),
             "v1_linear": ((), band.high.value, velocity("v1: smooth sliding loses stability (linear)")),
             "v1_down_fold": ((), band.low.value, velocity("v1': stick-slip dies at its fold (nonlinear)")),
             "cycle": ("v_cycle", branch["amplitude"].to_numpy(), swings),
-            "up": ("v_ramp", loop["up"].to_numpy(), swings),
-            "down": ("v_ramp", loop["down"].to_numpy(), swings),
+            "up": ("v_ramp", found[0]["up"].to_numpy(), swings),
+            "down": ("v_ramp", found[0]["down"].to_numpy(), swings),
             "lasting": (("case", "end"), lasting, velocity("where stick-slip lasts from a narrow start (nonlinear)")),
             "unstable": (("case", "end"), unstable, velocity("where smooth sliding is unstable (linear)")),
             "swing": (("case", "v"), swing, swings),
@@ -137,17 +140,13 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
             "sweep": ("sweep", ["fixed", *map(_name, _SWEPT)], {"long_name": "delays of the ramp"}),
             "seed": ("seed", np.array(seeds), {"units": "1", "long_name": "seed"}),
             "v_cycle": ("v_cycle", branch["velocity"].to_numpy(), speed),
-            "v_ramp": ("v_ramp", loop["drive_velocity"].to_numpy(), speed),
+            "v_ramp": ("v_ramp", found[0]["velocity"].to_numpy(), speed),
             "case": ("case", list(map(_name, cases)), {"long_name": "spread of the delays, negative draws"}),
             "end": ("end", ["low", "high"], {"long_name": "end of the range"}),
             "v": ("v", np.array(velocities), speed),
         },
         attrs={"count": count},
     )
-
-
-def _known(values: Iterable[float | None]) -> Array:
-    return np.array([np.nan if value is None else value for value in values])
 
 
 def _claims(data: xr.Dataset) -> tuple[Claim, ...]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from stickslip import plot
 from stickslip.drive import hold
+from stickslip.measure import find_cycles
 from stickslip.model import FIG8, Langevin
 from stickslip.paper.record import Claim, Figure, Progress, at_most, between, near, portions, verdict
 from stickslip.simulate import LABELS, Contacts, MasterEquation, Method, Record, Relaxed, Sliding, Start, simulate
@@ -164,7 +165,7 @@ def _window(data: xr.Dataset) -> Claim:
             between(f"{what} 2, relaxed, {solver}", seen(2.0, "relaxed"), 1.17, 1.26, "f_s"),
             at_most(f"{what} 2, from smooth sliding, {solver}", seen(2.0, "smooth"), 0.12, "f_s"),
         ]
-        periods.append(_period(run))
+        periods.append(find_cycles(run["t"].to_numpy(), run.to_numpy()).period)
         if 0.9 in data["rate"]:
             measured.append(between(f"{what} 0.9, relaxed, {solver}", seen(0.9, "relaxed"), 0.36, 0.46, "f_s"))
     measured += [
@@ -188,20 +189,6 @@ def _window(data: xr.Dataset) -> Claim:
         measured=tuple(measured),
         evidence=f"{FIG8.contacts} contacts and the kinetic equation, from both starts; linear stability",
     )
-
-
-def _period(force: xr.DataArray) -> float:
-    """Mean time between slips: upward passages through the mean, each after a stretch below it."""
-    t, f = force["t"].to_numpy(), force.to_numpy() - float(force.mean())
-    low, high = 0.25 * f.min(), 0.25 * f.max()
-    passed, below = [], False
-    for i in range(f.size):
-        if f[i] < low:
-            below = True
-        elif f[i] > high and below:
-            passed.append(t[i])
-            below = False
-    return float(np.mean(np.diff(passed))) if len(passed) > 2 else math.nan
 
 
 def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:

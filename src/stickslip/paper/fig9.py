@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from stickslip import plot
 from stickslip.drive import Drive, ramp
-from stickslip.measure import hysteresis, transitions
+from stickslip.measure import transitions
 from stickslip.model import FIG9
 from stickslip.paper.record import Claim, Figure, Progress, at_least, between, portions, verdict
 from stickslip.simulate import LABELS, Contacts, Record, Sliding, simulate
@@ -53,7 +53,6 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         for seed, part in zip(seeds, portions(progress, len(seeds)), strict=True)
     ]
     found = [transitions(run, level=_LEVEL) for run in runs]
-    loop = hysteresis(runs[0])
     edges = critical_velocities(FIG9.interface, FIG9.slider, (0.3, 4.0))
     onset = [edge.value for edge in edges if edge.loses_stability]
     swings = {"units": "f_s", "long_name": "peak to peak of $F_d$"}
@@ -63,7 +62,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
             "F_d": ("t", runs[0]["F_d"].to_numpy(), LABELS["F_d"]),
             "drive_velocity": ("t", runs[0]["drive_velocity"].to_numpy(), LABELS["drive_velocity"]),
             **{
-                name: ("seed", _known([getattr(f, name) for f in found]), {**speed, "long_name": f"{name} of the ramp"})
+                name: ("seed", np.array([float(f[name]) for f in found]), {**speed, "long_name": f"{name} of the ramp"})
                 for name in _NAMES
             },
             "v1_linear": (
@@ -71,20 +70,16 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
                 onset[0] if onset else np.nan,
                 {**speed, "long_name": "v1: smooth sliding loses stability (linear)"},
             ),
-            "up": ("v", loop["up"].to_numpy(), swings),
-            "down": ("v", loop["down"].to_numpy(), swings),
+            "up": ("v", found[0]["up"].to_numpy(), swings),
+            "down": ("v", found[0]["down"].to_numpy(), swings),
         },
         coords={
             "t": ("t", runs[0]["t"].to_numpy(), LABELS["t"]),
             "seed": ("seed", np.array(seeds), {"units": "1", "long_name": "seed"}),
-            "v": ("v", loop["drive_velocity"].to_numpy(), speed),
+            "v": ("v", found[0]["velocity"].to_numpy(), speed),
         },
         attrs={"count": count},
     )
-
-
-def _known(values: list[float | None]) -> Array:
-    return np.array([np.nan if value is None else value for value in values])
 
 
 def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
