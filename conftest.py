@@ -110,7 +110,7 @@ def _compare(example: Example) -> None:
 
 @_plainly
 def _write_rig(example: Example) -> None:
-    from stickslip import rig
+    from stickslip.io import rig_files as rig
 
     name = re.match(r"# (\w+\.toml)\n", example.parsed)
     assert name, "a toml block begins with the name of its file: # rig.toml"

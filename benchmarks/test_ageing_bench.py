@@ -13,17 +13,17 @@ from stickslip.kernels.langevin_steady import steady_friction
 from stickslip.kernels.oscillator import Slider
 from stickslip.kernels.stepping import Course
 
-COUNT, SPREAD, RATE = 2000, 0.1, 1.5  # Fig. 8
+COUNT, STD, RATE = 2000, 0.1, 1.5  # Fig. 8
 STIFFNESS, MASS, DAMPING = 1.0, 1e-4, 10.0
 DURATION, WARM = 20.0, 0.1
 
 
 @jit
-def plain_loop(rng, x, f, K, M, eta, rate, spread, duration, dt):
-    """Euler-Maruyama, breaking seen at the end of a step; the driving force after each step at v = 1."""
+def plain_loop(rng, x, f, K, M, eta, rate, std, duration, dt):
+    """Euler-Maruyama, breaking seen at the end of a step; the spring force after each step at v = 1."""
     force = np.empty(round(duration / dt))
     X, V, F = 0.0, 0.0, np.mean(x)
-    drift, kick = rate * rate * dt, rate * spread * np.sqrt(2.0 * dt)
+    drift, perturbation = rate * rate * dt, rate * std * np.sqrt(2.0 * dt)
     for step in range(force.size):
         F_d = K * (step * dt - X)
         V += dt * ((F_d - F) / M - eta * V)
@@ -31,7 +31,7 @@ def plain_loop(rng, x, f, K, M, eta, rate, spread, duration, dt):
         F = 0.0
         for i in range(x.size):
             x[i] += V * dt
-            f[i] += drift * (1.0 - f[i]) + kick * rng.standard_normal()
+            f[i] += drift * (1.0 - f[i]) + perturbation * rng.standard_normal()
             if abs(x[i]) >= f[i]:
                 x[i], f[i] = 0.0, 0.0
             F += x[i]
@@ -42,25 +42,25 @@ def plain_loop(rng, x, f, K, M, eta, rate, spread, duration, dt):
 
 def start(seed):
     rng = np.random.default_rng(seed)
-    return rng, rng.normal(0.0, 0.01, COUNT), np.abs(rng.normal(1.0, SPREAD, COUNT))
+    return rng, rng.normal(0.0, 0.01, COUNT), np.abs(rng.normal(1.0, STD, COUNT))
 
 
 def plain(duration, dt=5e-4, seed=1):
     rng, x, f = start(seed)
-    return plain_loop(rng, x, f, STIFFNESS, MASS, DAMPING, RATE, SPREAD, duration, dt)
+    return plain_loop(rng, x, f, STIFFNESS, MASS, DAMPING, RATE, STD, duration, dt)
 
 
 def fast(duration, step=0.04, reach=0.1, seed=1):
     """Our contacts, in steps that give the error of the mean force that the plain loop has."""
     rng, x, f = start(seed)
-    contacts, langevin = Contacts(x, f, np.full(COUNT, -np.inf)), Langevin(RATE, 1.0, SPREAD)
+    contacts, langevin = Contacts(x, f, np.full(COUNT, -np.inf)), Langevin(RATE, 1.0, STD)
     times = np.arange(1, round(duration / 0.05) + 1) * 0.05
     course = Course(Quadratic(0.0, 0.0, 1.0, 0.0), Slider(STIFFNESS, MASS, DAMPING), times, step / RATE**2, reach)
     return advance_contacts(np.zeros(4), contacts, course, langevin, np.zeros(1), rng)[:, 2]
 
 
 def forty():
-    return steady_friction(np.geomspace(0.01, 10.0, 40), Langevin(1.0, 1.0, SPREAD))
+    return steady_friction(np.geomspace(0.01, 10.0, 40), Langevin(1.0, 1.0, STD))
 
 
 def test_plain_loop(benchmark):
@@ -93,7 +93,7 @@ def test_stationary_kinetic_equation(benchmark):
 
 @pytest.mark.slow
 def test_speed_at_equal_error_of_the_mean_force():
-    """Both errors are measured, against steps four and five times as short; the mean is over whole swings."""
+    """Both errors are measured, against steps four and five times as short; the mean is over whole oscillations."""
     plain(WARM), fast(WARM)
 
     def measured(run, seeds, **settings):

@@ -23,7 +23,11 @@ def plain(count, duration):
 
 def engine(count, duration):
     return ss.simulate(
-        FIG4.interface, FIG4.slider, ss.hold(1.0, duration), ss.Contacts(count, seed=1), record=ss.Record(interval=5e-3)
+        FIG4.interface,
+        FIG4.slider,
+        ss.constant(1.0, duration),
+        ss.Contacts(count, seed=1),
+        output=ss.Output(interval=5e-3),
     )
 
 
@@ -42,7 +46,7 @@ def test_contacts_engine(benchmark, count, promised, rounds):
     benchmark.group = f"Fig. 4c, N = {count:.0e}, ten time units"
     benchmark.extra_info.update(role="fast", promised=promised, what="contacts engine")
     run = benchmark.pedantic(engine, (count, DURATION), rounds=rounds)
-    assert float(run["F_d"].max() - run["F_d"].min()) > 0.5  # it did stick and slip
+    assert float(run["spring_force"].max() - run["spring_force"].min()) > 0.5  # it did stick and slip
 
 
 def test_plain_loop_for_one_per_cent_of_a_run(benchmark):
@@ -53,9 +57,9 @@ def test_plain_loop_for_one_per_cent_of_a_run(benchmark):
 
 
 def test_renewal_convolution(benchmark):
-    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, spread=0.1))
-    exact = ss.slide(interface, 20.0, method=ss.Renewal(4000))["F_c"].to_numpy()[::4]
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1))
+    exact = ss.rigid_slide(interface, 20.0, method=ss.Renewal(4000))["friction_force"].to_numpy()[::4]
     benchmark.group = "F(X) over 0..20 x_s to 1e-8"
     benchmark.extra_info.update(role="fast", promised=1, what="renewal convolution, beside 1 % of a plain run")
-    curve = benchmark.pedantic(ss.slide, (interface, 20.0), {"method": ss.Renewal(1000)}, rounds=20)
-    assert np.abs(curve["F_c"].to_numpy() - exact).max() < 1e-8
+    curve = benchmark.pedantic(ss.rigid_slide, (interface, 20.0), {"method": ss.Renewal(1000)}, rounds=20)
+    assert np.abs(curve["friction_force"].to_numpy() - exact).max() < 1e-8

@@ -1,9 +1,9 @@
 """10,000 cases of about 1 ms on two cores: how busy are they, and what does the sweep itself cost?
 
 Cases that do nothing tell the cost of the sweep on any machine: all CPU time is then its own.
-Wall time and share of two cores are as found. Where other programs run too, the share of what they left says more:
-CPU time of the cases over that time, plus CPU time of the sweep itself, plus time that the cores idled. Processes are
-started and have compiled before the clock starts; their start (about 1 s of CPU each) is printed apart.
+Wall time and fraction of two cores are as found. Where other programs run too, the fraction of what they left says
+more: CPU time of the cases over that time, plus CPU time of the sweep itself, plus time that the cores idled. Processes
+are started and have compiled before the clock starts; their start (about 1 s of CPU each) is printed apart.
 """
 
 import functools

@@ -13,35 +13,39 @@ import numpy as np
 
 import stickslip as ss
 
-TENTH = ss.Gaussian(mean=1.0, spread=0.1)
+TENTH = ss.Gaussian(mean=1.0, std=0.1)
 SLIDER = ss.Slider(stiffness=2.0, mass=1e-3, damping=30.0)
 LIGHT = ss.Slider(stiffness=2.0, mass=1e-4, damping=0.0)
-THERE_AND_BACK = ss.hold(1.0, 2.5).then(ss.ramp(-1.0, 0.0, 1.0))
+THERE_AND_BACK = ss.constant(1.0, 2.5).then(ss.ramp(-1.0, 0.0, 1.0))
 DELAYS = {
     "no delay": ss.Delay(0.0),
     "delay": ss.Delay(0.2),
     "never back": ss.Delay(math.inf),
-    "random": ss.RandomDelay(mean=0.2, spread=0.12),
+    "random": ss.RandomDelay(mean=0.2, std=0.12),
 }
 
 
 def _run(interface, method, slider=SLIDER, drive=THERE_AND_BACK, **options):
-    run = ss.simulate(interface, slider, drive, method, record=ss.Record(interval=0.1), **options)
+    run = ss.simulate(interface, slider, drive, method, output=ss.Output(interval=0.1), **options)
     return {str(name): run[name].to_numpy().tolist() for name in run.data_vars}
 
 
 def _snapshots(interface, method):
-    record = ss.Record(interval=0.25, snapshots=(0.5, 1.0), bins=5)
-    return ss.simulate(interface, SLIDER, ss.hold(1.0, 1.5), method, record=record)["Q"].to_numpy().tolist()
+    output = ss.Output(interval=0.25, snapshots=(0.5, 1.0), bins=5)
+    return (
+        ss.simulate(interface, SLIDER, ss.constant(1.0, 1.5), method, output=output)["stretching_density"]
+        .to_numpy()
+        .tolist()
+    )
 
 
 def _until(method):
-    drive = ss.hold(1.0, 5.0).until(ss.Travel(1.0)).then(ss.ramp(1.0, 0.1, 2.0)).until(ss.ForceBelow(0.3))
+    drive = ss.constant(1.0, 5.0).until(ss.Travel(1.0)).then(ss.ramp(1.0, 0.1, 2.0)).until(ss.ForceBelow(0.3))
     return _run(ss.Interface(thresholds=TENTH), method, drive=drive)
 
 
 def _rigid(interface, method):
-    return ss.slide(interface, 2.0, method=method)["F_c"].to_numpy()[::20].tolist()
+    return ss.rigid_slide(interface, 2.0, method=method)["friction_force"].to_numpy()[::20].tolist()
 
 
 def _cases() -> dict[str, Callable[[], object]]:
@@ -55,27 +59,29 @@ def _cases() -> dict[str, Callable[[], object]]:
     delayed = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.1))
     ageing = ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.0))
     strong = ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.0, newborn=0.2), delay=ss.Delay(0.1))
-    back = ss.hold(0.5, 0.5).then(ss.hold(-0.5, 0.2))
+    back = ss.constant(0.5, 0.5).then(ss.constant(-0.5, 0.2))
     for method in (few, coarse):
-        cases[f"{method}, undamped"] = partial(_run, delayed, method, LIGHT, ss.hold(1.0, 1.6))
-        cases[f"{method}, sliding"] = partial(_run, delayed, method, start=ss.Sliding(kick=0.1))
+        cases[f"{method}, undamped"] = partial(_run, delayed, method, LIGHT, ss.constant(1.0, 1.6))
+        cases[f"{method}, sliding"] = partial(_run, delayed, method, start=ss.FromSliding(perturbation=0.1))
         cases[f"{method}, snapshots"] = partial(_snapshots, delayed, method)
         cases[f"{method}, until"] = partial(_until, method)
         cases[f"{method}, rigid"] = partial(_rigid, delayed, method)
         cases[f"{method}, ageing"] = partial(_run, ageing, method, drive=back)
     cases["memoryless"] = partial(_run, delayed, ss.MasterEquation(cells=10, memoryless=True))
-    cases["contacts, ageing with a delay"] = partial(_run, strong, few, drive=ss.hold(0.5, 0.4))
-    cases["contacts, ageing, sliding"] = partial(_run, ageing, few, drive=ss.hold(0.5, 0.4), start=ss.Sliding())
-    cases["contacts, ageing, in one place"] = partial(_run, ageing, few, drive=ss.hold(0.0, 0.4))
-    cases["kinetic equation, sliding"] = partial(_run, ageing, coarse, drive=ss.hold(2.0, 0.2), start=ss.Sliding())
+    cases["contacts, ageing with a delay"] = partial(_run, strong, few, drive=ss.constant(0.5, 0.4))
+    cases["contacts, ageing, sliding"] = partial(_run, ageing, few, drive=ss.constant(0.5, 0.4), start=ss.FromSliding())
+    cases["contacts, ageing, in one place"] = partial(_run, ageing, few, drive=ss.constant(0.0, 0.4))
+    cases["kinetic equation, sliding"] = partial(
+        _run, ageing, coarse, drive=ss.constant(2.0, 0.2), start=ss.FromSliding()
+    )
     cases["kinetic equation, a snapshot"] = partial(_snapshots, ageing, coarse)
     cases["closure"] = partial(_run, ageing, ss.PaperClosure(cells=10), drive=back)
-    cases["closure, sliding"] = partial(_run, ageing, ss.PaperClosure(cells=10), drive=back, start=ss.Sliding())
+    cases["closure, sliding"] = partial(_run, ageing, ss.PaperClosure(cells=10), drive=back, start=ss.FromSliding())
     for growth in (ss.ExponentialGrowth(rate=2.0, newborn=0.1), ss.LogarithmicGrowth(slope=0.1, time=0.1)):
         for delay in (ss.Delay(0.0), ss.Delay(0.1)):
             growing = ss.Interface(thresholds=TENTH, ageing=growth, delay=delay)
             cases[f"{growth}, {delay}"] = partial(_run, growing, few, drive=THERE_AND_BACK)
-            cases[f"{growth}, {delay}, sliding"] = partial(_run, growing, few, drive=back, start=ss.Sliding())
+            cases[f"{growth}, {delay}, sliding"] = partial(_run, growing, few, drive=back, start=ss.FromSliding())
         cases[f"{growth}, friction"] = lambda i=growing: float(ss.kinetic_friction(i, 0.5))
     return cases | _numbers()
 

@@ -73,7 +73,7 @@ def plain_euler(u, dt, n, steps, seed):
 
 
 @pytest.mark.eq(13, 15, 16)
-def test_thresholds_at_rest_keep_their_distribution_and_forget_as_exp_minus_rate_squared_t():
+def test_distributions_at_rest_keep_their_distribution_and_forget_as_exp_minus_rate_squared_t():
     rng, n, rate, lag = np.random.default_rng(3), 20_000, 1.3, 0.4
     contacts = contacts_at_rest(n, rng)
     f, before = contacts.threshold, contacts.threshold.copy()
@@ -341,7 +341,7 @@ def test_the_density_at_rest_stays_the_gaussian_of_its_thresholds():
     mass[0] /= mass.sum()
     mass[0, 0], before = 0.0, mass.copy()
     run = advance(density, pulling(0.0), RIGID, 1.0, [3.0])
-    assert np.abs(mass - before).sum() < 1e-10  # up to what the breaking boundary, ten spreads away, takes
+    assert np.abs(mass - before).sum() < 1e-10  # up to what the breaking boundary, ten standard deviations away, takes
     assert run[0, 3] == 0.0
 
 
@@ -398,7 +398,7 @@ def test_the_density_can_be_advanced_in_chunks():
 
 
 def pulled_contacts(rate, steady, n=2000, span=40.0, seed=0, step=0.04, reach=0.03):
-    """Fig. 8: driving force from relaxed contacts or from steady sliding, sampled every 0.01."""
+    """Fig. 8: spring force from relaxed contacts or from steady sliding, sampled every 0.01."""
     rng, velocity = np.random.default_rng(seed), 1.0
     contacts, langevin = contacts_at_rest(n, rng), ONE._replace(rate=rate)
     state, course = np.zeros(4), Course(pulling(velocity), RIGID, np.array([15.0]), step / rate**2, reach)

@@ -25,7 +25,7 @@ stiffness = 2.0
 mass = 1e-4
 damping = 200.0
 [interface]
-thresholds = { law = "gaussian", spread = 0.1 }
+thresholds = { distribution = "gaussian", std = 0.1 }
 delay = 0.2
 [drive]
 velocity = 1.0

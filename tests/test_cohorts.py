@@ -26,15 +26,15 @@ from stickslip.kernels.cohorts import (
 from stickslip.kernels.drive import FORCE_ABOVE, FORCE_BELOW, TRAVEL, Quadratic, Stop
 from stickslip.kernels.oscillator import RIGID, Slider, is_rigid, response
 from stickslip.model import RandomDelay
-from stickslip.thresholds import Empirical, Exponential, Gamma, Gaussian, LogNormal, Uniform, Weibull, excess
+from stickslip.model.distributions import Empirical, Exponential, Gamma, Gaussian, LogNormal, Uniform, Weibull, excess
 
-GAUSSIAN = Gaussian(mean=1.0, spread=0.1)
-LAWS = [
+GAUSSIAN = Gaussian(mean=1.0, std=0.1)
+DISTRIBUTIONS = [
     GAUSSIAN,
     Uniform(low=0.7, high=1.3),
     Exponential(mean=1.0),
-    Gamma(mean=1.0, spread=0.4),
-    LogNormal(mean=1.0, spread=0.3),
+    Gamma(mean=1.0, std=0.4),
+    LogNormal(mean=1.0, std=0.3),
     Weibull(scale=1.0, shape=3.0),
     Empirical(edges=(0.5, 0.8, 1.1, 1.5), weights=(1, 3, 2)),
 ]
@@ -42,11 +42,11 @@ SLIDER = Slider(stiffness=2.0, mass=1e-4, damping=200.0)  # of Fig. 4
 
 
 @cache
-def table(law, points=2**13):
-    law = law.positive()
-    top = float(law.inverse_survival(cohorts.EXTINCT))
+def table(distribution, points=2**13):
+    distribution = distribution.positive()
+    top = float(distribution.inverse_survival(cohorts.EXTINCT))
     x = np.linspace(0.0, top, points + 1)
-    return cohorts.tabulate(law.survival(x), law.density(x), top / points)
+    return cohorts.tabulate(distribution.survival(x), distribution.density(x), top / points)
 
 
 def after(*times, weights=None):
@@ -58,15 +58,15 @@ NO_DELAY = after(0.0)
 NEVER_BACK = after()
 
 
-def narrow(spread=0.01, nodes=24):
+def narrow(std=0.01, nodes=24):
     z, weight = np.polynomial.hermite_e.hermegauss(nodes)
-    return spread * z, weight / weight.sum()
+    return std * z, weight / weight.sum()
 
 
 def run(
     duration,
     *,
-    law=GAUSSIAN,
+    distribution=GAUSSIAN,
     delays=NO_DELAY,
     slider=SLIDER,
     velocity=1.0,
@@ -78,12 +78,12 @@ def run(
     **options,
 ):
     """Pull relaxed contacts at constant velocity, or go on from a state; sampled every 0.01."""
-    state = start or cohorts.initial_state(table(law), delays, *narrow(), velocity=velocity)
+    state = start or cohorts.initial_state(table(distribution), delays, *narrow(), velocity=velocity)
     begin, position, force = state.scalar[[TIME, POSITION, DRIVE_FORCE]]
     spring = 0.0 if is_rigid(slider) else force / slider.stiffness
     return cohorts.advance(
         state,
-        table(law),
+        table(distribution),
         delays,
         slider,
         pull or Quadratic(begin, position + spring, velocity, 0.0),
@@ -94,12 +94,12 @@ def run(
     )
 
 
-def sliding(delays, velocity, *, law=GAUSSIAN, slider=SLIDER, cells=400):
-    """A state of smooth sliding, the driving spring stretched accordingly; also its driving force."""
-    m1, m2 = (law.positive().moment(order) for order in (1, 2))
+def sliding(delays, velocity, *, distribution=GAUSSIAN, slider=SLIDER, cells=400):
+    """A state of smooth sliding, the driving spring stretched accordingly; also its spring force."""
+    m1, m2 = (distribution.positive().moment(order) for order in (1, 2))
     cycle = m1 + velocity * float(delays.time @ delays.weight)
-    x, weight = cohorts.smooth_sliding(table(law), cells, m1 / cycle)
-    state = cohorts.initial_state(table(law), delays, x, weight, velocity=velocity, rate=velocity / cycle)
+    x, weight = cohorts.smooth_sliding(table(distribution), cells, m1 / cycle)
+    state = cohorts.initial_state(table(distribution), delays, x, weight, velocity=velocity, rate=velocity / cycle)
     force = 0.5 * m2 / cycle + slider.mass * slider.damping * velocity
     state.scalar[DRIVE_FORCE] = force
     return state, force
@@ -120,7 +120,7 @@ def imbalance(progress, slider):
 
 
 @pytest.mark.parametrize(
-    ("t", "eta", "w"),
+    ("time", "eta", "w"),
     [(0.01, 200, 2e4), (0.3, 42, 2e4), (1, 200, 1e4), (0.2, 10, -300), (0.5, 0, 0), (100, 200, 3e4), (5, 1e4, 1)],
 )
 def test_response_is_the_matrix_exponential_for_every_kind_of_damping(t, eta, w):
@@ -132,17 +132,17 @@ def test_response_is_the_matrix_exponential_for_every_kind_of_damping(t, eta, w)
 
 
 @pytest.mark.eq(3)
-@pytest.mark.parametrize("law", [GAUSSIAN, Exponential(mean=1.0), Gamma(mean=1.0, spread=0.4)], ids=type)
-def test_table_gives_the_survival_to_rounding(law):
-    thresholds = table(law, 2**14)
+@pytest.mark.parametrize("distribution", [GAUSSIAN, Exponential(mean=1.0), Gamma(mean=1.0, std=0.4)], ids=type)
+def test_table_gives_the_survival_to_rounding(distribution):
+    thresholds = table(distribution, 2**14)
     x = np.random.default_rng(1).uniform(0.0, thresholds.spacing * thresholds.survival.size, 2000)
     found = [cohorts.survival(thresholds, value) for value in x]
-    assert found == pytest.approx(law.positive().survival(x), abs=2e-12)
+    assert found == pytest.approx(distribution.positive().survival(x), abs=2e-12)
 
 
-@pytest.mark.parametrize("law", [Uniform(low=0.7, high=1.3), Weibull(scale=1.0, shape=0.7)], ids=type)
-def test_table_never_rises_where_the_density_jumps_or_diverges(law):
-    thresholds = table(law, 512)
+@pytest.mark.parametrize("distribution", [Uniform(low=0.7, high=1.3), Weibull(scale=1.0, shape=0.7)], ids=type)
+def test_table_never_rises_where_the_density_jumps_or_diverges(distribution):
+    thresholds = table(distribution, 512)
     x = np.linspace(0.0, 1.01 * thresholds.spacing * thresholds.survival.size, 20_001)
     assert np.max(np.diff([cohorts.survival(thresholds, value) for value in x])) < 1e-15
 
@@ -156,7 +156,7 @@ def test_nothing_breaks_the_slider_is_an_oscillator_exactly(damping):
     slider = SLIDER._replace(damping=damping)
     pull = Quadratic(0.0, 0.05, 0.3, 0.4)
     start = cohorts.initial_state(table(Uniform(low=5.0, high=6.0)), NO_DELAY, np.zeros(1), np.ones(1), velocity=2.0)
-    rows = run(1.0, law=Uniform(low=5.0, high=6.0), slider=slider, start=start, pull=pull, step=1.0).rows
+    rows = run(1.0, distribution=Uniform(low=5.0, high=6.0), slider=slider, start=start, pull=pull, step=1.0).rows
     # state: X, V, 1, t, t^2/2
     K, M = slider.stiffness, slider.mass
     chain = np.zeros((5, 5))
@@ -171,18 +171,20 @@ def test_nothing_breaks_the_slider_is_an_oscillator_exactly(damping):
 
 
 @pytest.mark.eq(1, 3, 4)
-@pytest.mark.parametrize("law", LAWS, ids=type)
-def test_contacts_that_never_come_back_follow_the_survival_there_and_back(law):
-    start = cohorts.initial_state(table(law), NEVER_BACK, np.zeros(1), np.ones(1))
-    out = run(0.81, law=law, delays=NEVER_BACK, slider=RIGID, start=start)
-    back = run(2.02, law=law, delays=NEVER_BACK, slider=RIGID, start=out.state, velocity=-1.0)
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS, ids=type)
+def test_contacts_that_never_come_back_follow_the_survival_there_and_back(distribution):
+    start = cohorts.initial_state(table(distribution), NEVER_BACK, np.zeros(1), np.ones(1))
+    out = run(0.81, distribution=distribution, delays=NEVER_BACK, slider=RIGID, start=start)
+    back = run(2.02, distribution=distribution, delays=NEVER_BACK, slider=RIGID, start=out.state, velocity=-1.0)
     rows = np.concatenate([out.rows, back.rows])
-    attached = law.positive().survival(np.maximum.accumulate(np.abs(rows[:, POSITION])))
+    attached = distribution.positive().survival(np.maximum.accumulate(np.abs(rows[:, POSITION])))
     # Inside a step samples are interpolated: off by a quarter of what breaks in one, at most. At its ends all
     # is exact.
-    assert rows[:, ATTACHED] == pytest.approx(attached, abs=law.density(np.linspace(0, 3, 301)).max() / 400 / 4)
+    assert rows[:, ATTACHED] == pytest.approx(
+        attached, abs=distribution.density(np.linspace(0, 3, 301)).max() / 400 / 4
+    )
     at_ends = [out.rows[-1], back.rows[-1]]
-    reached = law.positive().survival([0.81, 1.21])
+    reached = distribution.positive().survival([0.81, 1.21])
     assert [row[ATTACHED] for row in at_ends] == pytest.approx(reached, abs=1e-11)
     assert [row[CONTACT_FORCE] for row in at_ends] == pytest.approx([0.81 * reached[0], -1.21 * reached[1]], abs=1e-11)
 
@@ -192,7 +194,7 @@ def test_exponential_thresholds_have_a_closed_form_and_second_order():
     start = cohorts.initial_state(table(Exponential(mean=1.0)), NO_DELAY, np.zeros(1), np.ones(1))
     errors = []
     for step in (0.02, 0.01):
-        rows = run(3.0, law=Exponential(mean=1.0), slider=RIGID, start=start, step=step).rows[::2]
+        rows = run(3.0, distribution=Exponential(mean=1.0), slider=RIGID, start=start, step=step).rows[::2]
         errors.append(np.abs(rows[:, CONTACT_FORCE] - (1 - np.exp(-rows[:, POSITION]))).max())
     # The trapezoidal rule takes h^2/12 from Int exp(-x) dx, hence from the births, and as much from Int x
     # exp(-x) dx.
@@ -203,10 +205,10 @@ def test_exponential_thresholds_have_a_closed_form_and_second_order():
 # ---------------------------------------------------------------- conservation and fixed point
 
 
-@pytest.mark.parametrize("law", LAWS, ids=type)
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS, ids=type)
 @pytest.mark.parametrize("times", [(), (0.0,), (0.2,), (0.0, 0.1, 0.35)])
-def test_mass_is_conserved_to_rounding(law, times):
-    scalar = run(3.0, law=law, delays=after(*times), cells=100).state.scalar
+def test_mass_is_conserved_to_rounding(distribution, times):
+    scalar = run(3.0, distribution=distribution, delays=after(*times), cells=100).state.scalar
     assert scalar[MASS_IN] + scalar[MASS_OUT] == pytest.approx(1.0, abs=1e-12)
     assert scalar[MASS_OUT] > -1e-12
 
@@ -216,7 +218,7 @@ def test_mass_is_conserved_to_rounding(law, times):
 def test_smooth_sliding_is_a_fixed_point_with_the_exact_force(times):
     start, force = sliding(after(*times), 1.0)
     rows = run(5.0, delays=after(*times), start=start).rows
-    # The trapezoidal rule on a Gaussian law is as good as exact; steps of other lengths leave second-order
+    # The trapezoidal rule on a Gaussian distribution is as good as exact; steps of other lengths leave second-order
     # ripples.
     assert rows[:, DRIVE_FORCE] == pytest.approx(force, abs=1e-5)
     assert rows[:, VELOCITY] == pytest.approx(1.0, abs=2e-4)
@@ -253,28 +255,28 @@ def test_second_order_in_cells():
 
 
 @pytest.mark.eq(1, 2, 3, 4)
-@pytest.mark.parametrize("law", LAWS, ids=type)
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS, ids=type)
 @pytest.mark.parametrize("velocity", [1.0, 0.3])
-def test_agrees_with_the_renewal_convolution(law, velocity):
+def test_agrees_with_the_renewal_convolution(distribution, velocity):
     delays = after(0.0, 0.1, 0.4, weights=(0.2, 0.5, 0.3))
-    agree(law, delays, velocity)
+    agree(distribution, delays, velocity)
 
 
 def test_agrees_with_the_renewal_convolution_for_a_random_delay():
     agree(
         GAUSSIAN,
         after(
-            *RandomDelay(mean=0.2, spread=0.12).quadrature()[0],
-            weights=RandomDelay(mean=0.2, spread=0.12).quadrature()[1],
+            *RandomDelay(mean=0.2, std=0.12).quadrature()[0],
+            weights=RandomDelay(mean=0.2, std=0.12).quadrature()[1],
         ),
         1.0,
     )
 
 
-def agree(law, delays, velocity):
+def agree(distribution, delays, velocity):
     x, weight = narrow(0.05)
-    start = cohorts.initial_state(table(law), delays, x, weight)
-    positive = law.positive()
+    start = cohorts.initial_state(table(distribution), delays, x, weight)
+    positive = distribution.positive()
     contacts = renewal.Contacts(
         positive.density, partial(excess, positive), x, weight, abs(x), velocity * delays.time, delays.weight
     )
@@ -282,7 +284,13 @@ def agree(law, delays, velocity):
     errors = []
     for cells in (200, 800):
         rows = run(
-            4.0 / velocity, law=law, delays=delays, slider=RIGID, velocity=velocity, start=start, cells=cells
+            4.0 / velocity,
+            distribution=distribution,
+            delays=delays,
+            slider=RIGID,
+            velocity=velocity,
+            start=start,
+            cells=cells,
         ).rows
         response = renewal.observe(contacts, exact, np.clip(rows[:, POSITION], 0.0, 4.0))
         errors.append(
@@ -292,7 +300,7 @@ def agree(law, delays, velocity):
             ]
         )
     assert max(errors[1]) < 2e-4
-    # Second order, but where a law jumps the constant depends on where in a step the jump falls.
+    # Second order, but where a distribution jumps the constant depends on where in a step the jump falls.
     assert errors[1][0] < errors[0][0] / 4
 
 
@@ -320,7 +328,7 @@ def test_a_shuttle_breaks_no_more_than_its_widest_swing():
 
 
 def test_a_ringing_slider_breaks_what_its_widest_swing_reaches():
-    # Let go with a stretched spring and no damping: the first swing decides what breaks, however long the
+    # Let go with a stretched spring and no damping: the first oscillation decides what breaks, however long the
     # steps.
     slider = SLIDER._replace(damping=0.0)
     start = cohorts.initial_state(table(GAUSSIAN), NEVER_BACK, np.zeros(1), np.ones(1))
@@ -330,12 +338,16 @@ def test_a_ringing_slider_breaks_what_its_widest_swing_reaches():
         ).state.scalar[ATTACHED]
         for cells in (400, 3200)
     ]
-    # Energy: 1/2 K D^2 = 1/2 K (D - A)^2 + Int_0^A x J dx at the end of the swing.
-    swing = np.linspace(0.8, 1.1, 300_001)
-    law = GAUSSIAN.positive()
-    pulled = excess(law, 0.0, 2) - excess(law, swing, 2) - swing * excess(law, swing, 1)
-    widest = np.interp(0.0, pulled - swing * (1.4 - swing), swing)
-    assert found == pytest.approx([float(law.survival(widest))] * 2, abs=2e-5)
+    # Energy: 1/2 K D^2 = 1/2 K (D - A)^2 + Int_0^A x J dx at the end of the oscillation.
+    oscillation = np.linspace(0.8, 1.1, 300_001)
+    distribution = GAUSSIAN.positive()
+    pulled = (
+        excess(distribution, 0.0, 2)
+        - excess(distribution, oscillation, 2)
+        - oscillation * excess(distribution, oscillation, 1)
+    )
+    widest = np.interp(0.0, pulled - oscillation * (1.4 - oscillation), oscillation)
+    assert found == pytest.approx([float(distribution.survival(widest))] * 2, abs=2e-5)
 
 
 # ---------------------------------------------------------------- the paper's runs
@@ -427,8 +439,8 @@ def test_slow_and_resting_sliders_need_few_steps():
     assert rest.state.used[0] < 1000
 
 
-def test_thresholds_all_but_equal_do_not_stall_it():
-    progress = run(3.0, law=Uniform(low=1.0, high=1.0 + 1e-7), delays=after(0.1), max_steps=50_000)
+def test_distributions_all_but_equal_do_not_stall_it():
+    progress = run(3.0, distribution=Uniform(low=1.0, high=1.0 + 1e-7), delays=after(0.1), max_steps=50_000)
     assert progress.reason == cohorts.FINISHED
 
 

@@ -326,7 +326,7 @@ MOTIONS = {
     "heavy": (0.5, 1.0, 0.1, 0.5, (0.0, 1.0, 0.0, 8.0)),
     "there and back": (3.0, 1e-2, 10.0, 0.15, (0.0, 2.0, -1.0, 5.0)),
     "backwards": (2.0, 1e-2, 20.0, 0.2, (0.0, -1.0, 0.0, 4.0)),
-    "kicked from afar": (2.0, 1e-2, 5.0, 0.2, (2.0, 0.0, 0.0, 3.0)),
+    "perturbed from afar": (2.0, 1e-2, 5.0, 0.2, (2.0, 0.0, 0.0, 3.0)),
     "random delays": (2.0, 1e-2, 20.0, math.nan, (0.0, 1.0, 0.0, 4.0)),
 }
 
@@ -377,7 +377,7 @@ def test_the_running_sums_are_those_of_the_contacts(name):
     assert samples[0, 4] == pytest.approx(0.5 * np.sum(x * x) / N, abs=1e-13)
     # No contact is stretched beyond its threshold.
     assert np.all(np.abs(x) <= state.contacts["threshold"][on] * (1 + 1e-12))
-    # Each contact is attached or waits to be reborn, once.
+    # Each contact is attached or waits to be re-attached, once.
     waiting = []
     while peek(state.waiting) < math.inf:
         waiting.append(first_slot(state.waiting))

@@ -9,30 +9,30 @@ from scipy.optimize import least_squares
 
 from stickslip import cycles
 from stickslip.cycles import bistable_band, cycle_branch, lasting, lasting_delay, lasting_velocities, lasts
-from stickslip.drive import hold, ramp
 from stickslip.errors import InputError, UndecidedError
 from stickslip.measure import regime, transitions
 from stickslip.model import FIG4, FIG6, FIG7, FIG8, Delay, Interface, RandomDelay, Slider
-from stickslip.simulate import Contacts, MasterEquation, Record, Relaxed, Sliding, simulate
+from stickslip.model.distributions import Gaussian
+from stickslip.model.drive import constant, ramp
+from stickslip.simulation import Contacts, FromRest, FromSliding, MasterEquation, Output, simulate
 from stickslip.stability import (
     DAMPING,
     DELAY,
     MASS,
-    SPREAD,
+    STD,
     STIFFNESS,
     VELOCITY,
     Setting,
     critical_velocities,
     growth_rate,
 )
-from stickslip.thresholds import Gaussian
 
 STIFF = replace(FIG4.slider, stiffness=5.0)
 
 
-def delayed(delay, spread=None, negative="clip"):
-    law = Delay(delay) if spread is None else RandomDelay(mean=delay, spread=spread, negative=negative)
-    return replace(FIG6.interface, delay=law)
+def delayed(delay, std=None, negative="clip"):
+    distribution = Delay(delay) if std is None else RandomDelay(mean=delay, std=std, negative=negative)
+    return replace(FIG6.interface, delay=distribution)
 
 
 def scaled(mass, stiffness=2.0, ratio=0.3):
@@ -44,7 +44,7 @@ def scaled(mass, stiffness=2.0, ratio=0.3):
 
 
 @pytest.mark.parametrize(
-    ("slider", "delay", "kind", "swing"),
+    ("slider", "delay", "kind", "oscillation"),
     [
         (FIG4.slider, 0.0, "smooth sliding", None),
         (FIG4.slider, 0.085, "smooth sliding", None),
@@ -55,12 +55,12 @@ def scaled(mass, stiffness=2.0, ratio=0.3):
         (STIFF, 0.3, "sustained oscillation", (0.62, 0.01)),
     ],
 )
-def test_the_table_of_fig_4(slider, delay, kind, swing):
+def test_the_table_of_fig_4(slider, delay, kind, oscillation):
     verdict = lasts(delayed(delay), slider, 1.0)
     assert verdict.kind == kind
     assert verdict.lasts is (kind != "smooth sliding")
-    if swing:
-        assert verdict.peak_to_peak == pytest.approx(swing[0], abs=swing[1])
+    if oscillation:
+        assert verdict.peak_to_peak == pytest.approx(oscillation[0], abs=oscillation[1])
 
 
 def test_the_cycle_of_fig_4():
@@ -75,21 +75,21 @@ def test_a_verdict_says_why_and_how_far_it_looked():
     assert verdict.travel > 10
     assert verdict.change < 0
     assert not verdict.linearly_unstable
-    assert str(verdict).startswith("smooth sliding: the swing of the force dies out")
+    assert str(verdict).startswith("smooth sliding: the oscillation of the force decays")
 
 
 def test_smooth_sliding_and_stick_slip_both_last_in_the_bistable_band():
-    kicked = lasts(FIG7.interface, FIG7.slider, 1.0, Sliding(kick=0.01))
-    assert kicked.lasts is False
+    perturbed = lasts(FIG7.interface, FIG7.slider, 1.0, FromSliding(perturbation=0.01))
+    assert perturbed.lasts is False
     assert lasts(FIG7.interface, FIG7.slider, 1.0).lasts is True
 
 
-def test_where_smooth_sliding_is_unstable_a_small_kick_grows_into_the_cycle():
-    kicked = lasts(delayed(0.2), FIG6.slider, 1.0, Sliding(kick=0.01))
+def test_where_smooth_sliding_is_unstable_a_small_perturbation_grows_into_the_cycle():
+    perturbed = lasts(delayed(0.2), FIG6.slider, 1.0, FromSliding(perturbation=0.01))
     relaxed = lasts(delayed(0.2), FIG6.slider, 1.0)
-    assert kicked.kind == relaxed.kind == "stick-slip"
-    assert kicked.peak_to_peak == pytest.approx(relaxed.peak_to_peak, rel=0.01)
-    assert kicked.period == pytest.approx(relaxed.period, rel=0.01)
+    assert perturbed.kind == relaxed.kind == "stick-slip"
+    assert perturbed.peak_to_peak == pytest.approx(relaxed.peak_to_peak, rel=0.01)
+    assert perturbed.period == pytest.approx(relaxed.period, rel=0.01)
 
 
 def test_a_hundred_cells_are_enough():
@@ -102,7 +102,7 @@ def test_a_hundred_cells_are_enough():
 @pytest.mark.parametrize("delay", [0.06, 0.1])
 def test_the_verdict_agrees_with_the_regime_of_a_run_of_contacts(delay):
     interface = delayed(delay)
-    run = simulate(interface, FIG6.slider, hold(1.0, 120), Contacts(10_000, seed=3), record=Record(interval=0.01))
+    run = simulate(interface, FIG6.slider, constant(1.0, 120), Contacts(10_000, seed=3), output=Output(interval=0.01))
     assert lasts(interface, FIG6.slider, 1.0).kind == regime(run).kind
 
 
@@ -112,11 +112,13 @@ def test_verdicts_of_random_rigs_agree_with_long_runs():
     for _ in range(20):
         stiffness, velocity, delay = (float(np.exp(rng.uniform(*np.log(r)))) for r in ((0.2, 6), (0.3, 3), (0.01, 0.5)))
         mass, ratio = (float(10 ** rng.uniform(*r)) for r in ((-5, -2), (-1.3, 0.3)))
-        interface = Interface(thresholds=Gaussian(mean=1.0, spread=rng.uniform(0.05, 0.35)), delay=Delay(delay))
+        interface = Interface(thresholds=Gaussian(mean=1.0, std=rng.uniform(0.05, 0.35)), delay=Delay(delay))
         slider = scaled(mass, stiffness, ratio)
         duration = 200 * (1 + 1 / stiffness) / velocity
-        late = simulate(interface, slider, hold(velocity, duration), cycles.METHOD).sel(t=slice(0.9 * duration, None))
-        still = np.ptp(late.F_d.values) > 0.02 * late.F_d.values.mean()
+        late = simulate(interface, slider, constant(velocity, duration), cycles.METHOD).sel(
+            time=slice(0.9 * duration, None)
+        )
+        still = np.ptp(late.spring_force.values) > 0.02 * late.spring_force.values.mean()
         assert lasts(interface, slider, velocity).lasts == still
 
 
@@ -134,7 +136,7 @@ def test_contacts_that_never_come_back_leave_nothing_to_oscillate():
 
 
 def test_an_oscillation_that_has_not_settled_is_undecided():
-    # A slow passage: just below tau* the swing lingers at .55 before it dies.
+    # A slow passage: just below tau* the oscillation lingers at .55 before it decays.
     hurried = lasts(delayed(0.0757), FIG6.slider, 1.0, patience=4)
     assert hurried.lasts is None
     assert hurried.kind == "undecided"
@@ -158,8 +160,8 @@ def test_an_oscillation_that_has_not_settled_is_undecided():
 )
 def test_small_disturbances_grow_or_die_at_the_linear_rate(interface, slider, velocity, duration):
     method = MasterEquation(cells=200)
-    run = simulate(interface, slider, hold(velocity, duration), method, start=Sliding(kick=1e-3))
-    late = run.sel(t=slice(0.6 * duration, None))
+    run = simulate(interface, slider, constant(velocity, duration), method, start=FromSliding(perturbation=1e-3))
+    late = run.sel(time=slice(0.6 * duration, None))
     t = late.t.values - late.t.values[0]
     speed = late.velocity.values / velocity - 1.0
     assert np.abs(speed).max() < 0.02
@@ -213,8 +215,8 @@ def test_tau_star_against_mass():
 
 
 def test_a_delay_that_does_not_exist_is_not_invented():
-    wide = replace(FIG6.interface, thresholds=Gaussian(mean=1.0, spread=0.5))
-    with pytest.raises(UndecidedError, match=r"no oscillation lasts with delays from 0\.05 to 0\.5"):
+    wide = replace(FIG6.interface, thresholds=Gaussian(mean=1.0, std=0.5))
+    with pytest.raises(UndecidedError, match=r"no oscillation persists with delays from 0\.05 to 0\.5"):
         lasting_delay(wide, FIG6.slider, 1.0, between=(0.05, 0.5))
     with pytest.raises(UndecidedError, match=r"at 0\.2, the low end of the range"):
         lasting_delay(FIG6.interface, FIG6.slider, 1.0, between=(0.2, 0.5))
@@ -228,15 +230,15 @@ def test_stick_slip_lasts_down_to_v1_prime_from_a_narrow_start():
     (window,) = answer
     assert window.low.value == pytest.approx(0.71, abs=0.02)
     assert window.high.end_of_range
-    assert "Relaxed()" in str(answer)
+    assert "FromRest()" in str(answer)
 
 
 @pytest.mark.parametrize(
-    ("spread", "on", "off"),
+    ("std", "on", "off"),
     [(0.06, (0.5, 1, 3), (0.25, 8)), (0.08, (0.6, 1, 2), (0.36, 4, 6)), (0.12, (), (0.25, 0.8, 2, 5))],
 )
-def test_windows_of_random_delays(spread, on, off):
-    interface = delayed(0.2, spread)
+def test_windows_of_random_delays(std, on, off):
+    interface = delayed(0.2, std)
     for velocity in on:
         verdict = lasts(interface, FIG7.slider, velocity)
         assert verdict.kind == "stick-slip"
@@ -250,7 +252,7 @@ def test_widely_random_delays_let_nothing_last(negative):
     answer = lasting_velocities(delayed(0.2, 0.12, negative), FIG7.slider, between=(0.2, 5))
     assert len(answer) == 0
     assert answer.undecided == ()
-    assert str(answer).startswith("no oscillation lasts for velocity from 0.2 to 5")
+    assert str(answer).startswith("no oscillation persists for velocity from 0.2 to 5")
 
 
 @pytest.mark.slow
@@ -277,7 +279,7 @@ def test_smooth_again_at_high_velocity():
 @pytest.mark.parametrize("seed", [1, 2])
 def test_ramps_overshoot(seed):
     loop = ramp(0.1, 3.0, duration=400).then(ramp(3.0, 0.1, duration=400))
-    run = simulate(FIG7.interface, FIG7.slider, loop, Contacts(10_000, seed=seed), record=Record(interval=0.01))
+    run = simulate(FIG7.interface, FIG7.slider, loop, Contacts(10_000, seed=seed), output=Output(interval=0.01))
     found = transitions(run)
     assert 1.0 < found.v1 < 1.85
     assert 0.2 < found.v1_down < 0.72
@@ -318,33 +320,33 @@ def test_the_branch_carries_the_same_cycle_as_a_fresh_start():
 
 
 @pytest.mark.parametrize(
-    ("knob", "value"),
+    ("parameter", "value"),
     [
         (STIFFNESS, 2.2),
         (VELOCITY, 1.1),
         (MASS, 1.2e-4),
         (DAMPING, 50.0),
         (DELAY, 0.11),
-        (SPREAD, 0.095),
-        (SPREAD, 0.105),
+        (STD, 0.095),
+        (STD, 0.105),
     ],
 )
-def test_turning_a_knob_under_way_keeps_what_must_be_kept(knob, value):
+def test_turning_a_parameter_under_way_keeps_what_must_be_kept(parameter, value):
     from stickslip.kernels import cohorts
     from stickslip.kernels.drive import drive_at
 
     before = cycles._Ride.begin(
-        Setting(interface=delayed(0.1), rig=FIG6.slider, velocity=1.0), Relaxed(), cycles.METHOD
+        Setting(interface=delayed(0.1), rig=FIG6.slider, velocity=1.0), FromRest(), cycles.METHOD
     )
     before, _ = before.on(7.3)
     kept = before.state.scalar.copy()
-    after = before.turn(knob.set(before.setting, value))
+    after = before.turn(parameter.set(before.setting, value))
     assert np.array_equal(before.state.scalar, kept)
     assert np.array_equal(after.state.scalar, kept)
     end, speed = drive_at(after.drive, after.state.scalar[cohorts.TIME])
     length = end - after.state.scalar[cohorts.POSITION]
     assert after.slider.stiffness * length == pytest.approx(kept[cohorts.DRIVE_FORCE], rel=1e-12)
-    assert speed == knob.set(before.setting, value).velocity
+    assert speed == parameter.set(before.setting, value).velocity
     later, rows = after.on(2.0)
     # Forces do not jump, and contacts are neither lost nor made.
     assert rows[1, 0] == pytest.approx(kept[cohorts.DRIVE_FORCE], abs=0.05)
@@ -414,22 +416,22 @@ def test_what_cannot_be_used_is_refused():
     with pytest.raises(InputError, match="memoryless"):
         lasts(FIG6.interface, FIG6.slider, 1.0, method=MasterEquation(memoryless=True))
     with pytest.raises(InputError, match="start Relaxed"):
-        lasts(delayed(math.inf), FIG6.slider, 1.0, Sliding())
+        lasts(delayed(math.inf), FIG6.slider, 1.0, FromSliding())
     with pytest.raises(InputError, match="velocity is missing"):
-        bistable_band(FIG6.interface, FIG6.slider, knob=DELAY, between=(0.1, 0.2))
+        bistable_band(FIG6.interface, FIG6.slider, parameter=DELAY, between=(0.1, 0.2))
     with pytest.raises(InputError, match="over = 'speed'"):
         lasting("speed", FIG6.interface, FIG6.slider, 1.0, between=(0.1, 0.2))
 
 
 def test_a_cycle_is_carried_only_to_a_delay_of_the_same_shape():
-    ride = cycles._Ride.begin(Setting(interface=delayed(0.1), rig=FIG6.slider, velocity=1.0), Relaxed(), cycles.METHOD)
+    ride = cycles._Ride.begin(Setting(interface=delayed(0.1), rig=FIG6.slider, velocity=1.0), FromRest(), cycles.METHOD)
     with pytest.raises(InputError, match="the old one scaled"):
         ride.turn(replace(ride.setting, interface=delayed(0.1, 0.05)))
 
 
-def test_any_law_and_any_knob():
-    interface = Interface(thresholds=Gaussian(mean=1.0, spread=0.1), delay=Delay(0.1))
-    answer = lasting(SPREAD, interface, FIG6.slider, 1.0, between=(0.05, 0.3), points=6, tolerance=0.01)
+def test_any_distribution_and_any_parameter():
+    interface = Interface(thresholds=Gaussian(mean=1.0, std=0.1), delay=Delay(0.1))
+    answer = lasting(STD, interface, FIG6.slider, 1.0, between=(0.05, 0.3), points=6, tolerance=0.01)
     (window,) = answer
     assert window.low.end_of_range
     assert 0.1 < window.high.value < 0.15

@@ -15,10 +15,10 @@ import pytest
 from pydantic import TypeAdapter
 
 import stickslip as ss
-from stickslip import rig
 from stickslip.cli import app
+from stickslip.io import rig_files as rig
 from stickslip.paper import Claim
-from stickslip.paper.record import near
+from stickslip.paper.figure import near
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -101,7 +101,7 @@ def test_keys_of_rig_files_come_from_the_models(house):
             yield from keys(part)
 
     rows = set(re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE))
-    assert rows == set(keys(TypeAdapter(rig._Document).json_schema())) - {"law"}
+    assert rows == set(keys(TypeAdapter(rig._Document).json_schema())) - {"distribution"}
     assert '| `delay` | a table, see below or `"never"` or time, such as `"2 ms"`, or 0 |' in text
     assert "PydanticUndefined" not in text
 

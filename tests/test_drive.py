@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stickslip.drive import Drive, ForceAbove, ForceBelow, Piece, Travel, hold, ramp
 from stickslip.errors import InputError
+from stickslip.model.drive import Drive, ForceAbove, ForceBelow, Piece, Travel, constant, ramp
 
 velocities = st.floats(-10, 10)
 durations = st.floats(1e-3, 1e3)
@@ -24,7 +24,7 @@ def joined(parts):
 
 
 def test_hold_and_ramp():
-    assert hold(velocity=2.0, duration=3.0) == ramp(2.0, 2.0, duration=3.0)
+    assert constant(velocity=2.0, duration=3.0) == ramp(2.0, 2.0, duration=3.0)
     drive = ramp(1.0, 4.0, duration=2.0)
     assert drive.pieces[0].acceleration == 1.5
     np.testing.assert_array_equal(drive.velocity([0.0, 1.0, 2.0]), [1.0, 2.5, 4.0])
@@ -35,8 +35,8 @@ def test_velocity_is_constant_beyond_both_ends():
 
 
 def test_velocity_keeps_the_shape_it_is_given():
-    assert hold(1.0, 1.0).velocity(np.zeros((2, 3))).shape == (2, 3)
-    assert hold(1.0, 1.0).velocity(0.5).shape == ()
+    assert constant(1.0, 1.0).velocity(np.zeros((2, 3))).shape == (2, 3)
+    assert constant(1.0, 1.0).velocity(0.5).shape == ()
 
 
 @given(drives)
@@ -58,15 +58,15 @@ def test_within_a_piece_the_velocity_is_that_of_the_piece(parts, share, data):
 
 
 def test_then_is_associative():
-    a, b, c = hold(1, 1), ramp(1, 2, 3), hold(2, 2)
+    a, b, c = constant(1, 1), ramp(1, 2, 3), constant(2, 2)
     assert a.then(b).then(c) == a.then(b.then(c))
 
 
 def test_until_ends_the_last_piece_only():
-    drive = hold(1, 1).then(hold(2, 2)).until(Travel(3.0))
+    drive = constant(1, 1).then(constant(2, 2)).until(Travel(3.0))
     assert [piece.until for piece in drive.pieces] == [None, Travel(3.0)]
     assert drive.until(ForceBelow(0.5)).pieces[-1].until == ForceBelow(0.5)
-    assert drive.then(hold(1, 1)).pieces[1].until == Travel(3.0)
+    assert drive.then(constant(1, 1)).pieces[1].until == Travel(3.0)
 
 
 def test_drives_are_values():
@@ -84,16 +84,16 @@ def test_drives_are_values():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: hold(float("nan"), 1), r"^drive velocity = nan: must be a finite number"),
-        (lambda: hold(float("inf"), 1), r"^drive velocity = inf: must be a finite number"),
+        (lambda: constant(float("nan"), 1), r"^drive velocity = nan: must be a finite number"),
+        (lambda: constant(float("inf"), 1), r"^drive velocity = inf: must be a finite number"),
         (lambda: ramp(1, "2", 1), r"^drive velocity = '2': must be a number"),
-        (lambda: hold(1, 0), r"^drive duration = 0: must be a finite number above 0"),
-        (lambda: hold(1, -2), r"^drive duration = -2: must be .* above 0"),
-        (lambda: hold(1, float("inf")), r"^drive duration = inf: must be a finite number above 0"),
-        (lambda: hold(1, None), r"^drive duration = None: must be a number above 0"),
-        (lambda: hold(1, 1).until(3.0), r"^drive until = 3\.0: must be Travel, ForceAbove or ForceBelow"),
-        (lambda: hold(1, 1).then(3.0), r"^Drive\.then = 3\.0: must be a drive, made with hold\(\) or ramp\(\)"),
-        (lambda: Drive(()), r"^Drive\.pieces: must hold at least one piece; make one with hold\(\) or ramp\(\)"),
+        (lambda: constant(1, 0), r"^drive duration = 0: must be a finite number above 0"),
+        (lambda: constant(1, -2), r"^drive duration = -2: must be .* above 0"),
+        (lambda: constant(1, float("inf")), r"^drive duration = inf: must be a finite number above 0"),
+        (lambda: constant(1, None), r"^drive duration = None: must be a number above 0"),
+        (lambda: constant(1, 1).until(3.0), r"^drive until = 3\.0: must be Travel, ForceAbove or ForceBelow"),
+        (lambda: constant(1, 1).then(3.0), r"^Drive\.then = 3\.0: must be a drive, made with constant\(\) or ramp\(\)"),
+        (lambda: Drive(()), r"^Drive\.pieces: must hold at least one piece; make one with constant\(\) or ramp\(\)"),
         (lambda: Drive([Piece(start=1, end=1, duration=1)]), r"^Drive\.pieces = \[.*: must be a tuple of pieces"),
         (lambda: Drive((1.0,)), r"^Drive\.pieces\[0\] = 1\.0: must be a piece"),
         (lambda: Travel(0), r"^Travel\.distance = 0: must be .* above 0 \(in x_s\)"),

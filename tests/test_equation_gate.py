@@ -34,7 +34,7 @@ def tree(tmp_path):
         ("Eqs. (1) to (3)", [1, 2, 3]),
         ("Eqs. (1), (3), and (8); (9) is a number", [1, 3, 8]),
         ("# Eqs. (1),\n    # (3)", [1, 3]),
-        ("Eq. (8), a law (2) of two", [8]),
+        ("Eq. (8), a distribution (2) of two", [8]),
         ("Eq. 8 and Eqs. 1-4", [None, None]),
         ("Eqs. (1-4)", [None]),
         ("Eq. (n), the equals sign, eq(3)", []),

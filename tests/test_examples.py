@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stickslip import plot, rig
+from stickslip import plot
 from stickslip.errors import InputError
+from stickslip.io import rig_files as rig
 from stickslip.paper import FIGURES
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

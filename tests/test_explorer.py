@@ -14,11 +14,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stickslip import cli, model, store
-from stickslip import rig as rigs
+from stickslip import cli, model
 from stickslip.errors import InputError
 from stickslip.explorer import answers, documents
-from stickslip.simulate import simulate
+from stickslip.io import datasets as store
+from stickslip.io import rig_files as rigs
+from stickslip.simulation import simulate
 
 for needed in ("starlette", "uvicorn", "plotly"):
     pytest.importorskip(needed)
@@ -94,18 +95,18 @@ def test_a_rig_is_the_same_in_other_units(document):
         )
 
 
-@pytest.mark.parametrize("knob", documents.QUANTITIES)
+@pytest.mark.parametrize("parameter", documents.QUANTITIES)
 @pytest.mark.parametrize("document", [small(), rigs.read(PMMA).document], ids=["natural", "SI"])
-def test_a_knob_turned_is_where_it_was_put(knob, document):
-    if knob == "ageing":  # in the unit of time of the document
+def test_a_parameter_turned_is_where_it_was_put(parameter, document):
+    if parameter == "ageing":  # in the unit of time of the document
         document = deepcopy(dict(document))
-        document["interface"]["ageing"] = {"law": "langevin", "time": 0.5 if "units" in document else "0.5 s"}
+        document["interface"]["ageing"] = {"distribution": "langevin", "time": 0.5 if "units" in document else "0.5 s"}
     rig = documents.rig_of(document)
     before = answers._knobs(rig)
-    after = answers._knobs(documents.rig_of(documents.turned(rig, {knob: 1.5 * before[knob]})))
-    assert after[knob] == pytest.approx(1.5 * before[knob], rel=1e-3)
+    after = answers._knobs(documents.rig_of(documents.turned(rig, {parameter: 1.5 * before[parameter]})))
+    assert after[parameter] == pytest.approx(1.5 * before[parameter], rel=1e-3)
     for other in before:
-        if other != knob:
+        if other != parameter:
             assert after[other] == pytest.approx(before[other], rel=1e-3)
 
 
@@ -117,9 +118,9 @@ def test_only_thresholds_that_age_have_a_time_of_ageing():
 
 
 def test_a_random_delay_keeps_its_shape_when_turned():
-    rig = documents.rig_of(small(interface__delay={"mean": 0.2, "spread": 0.12, "negative": "redraw"}))
+    rig = documents.rig_of(small(interface__delay={"mean": 0.2, "std": 0.12, "negative": "redraw"}))
     turned = documents.turned(rig, {"delay": 0.4})
-    assert turned["interface"]["delay"] == {"mean": 0.4, "spread": 0.24, "negative": "redraw"}
+    assert turned["interface"]["delay"] == {"mean": 0.4, "std": 0.24, "negative": "redraw"}
 
 
 @pytest.mark.parametrize(
@@ -135,13 +136,13 @@ def test_a_random_delay_keeps_its_shape_when_turned():
         ("drive__velocity", "fast", "drive.velocity"),
         ("drive__distance", -5, "drive.distance"),
         ("interface__delay", -0.1, "interface.delay"),
-        ("interface__delay", {"mean": 0.1, "spread": "x"}, "interface.delay.spread"),
-        ("interface__thresholds", {"law": "gaussian", "spread": -1.0}, "interface.thresholds"),
-        ("interface__thresholds", {"law": "gaussian", "spread": ""}, "interface.thresholds.spread"),
-        ("interface__initial", {"law": "gaussian", "mean": 0.0, "spread": -1.0}, "interface.initial"),
-        ("interface__initial", {"law": "gaussian", "mean": 0.0, "spread": 3.0}, "interface.initial"),
-        ("interface__ageing", {"law": "langevin", "time": -1}, "interface.ageing.time"),
-        ("interface__ageing", {"law": "langevin", "time": "abc"}, "interface.ageing.time"),
+        ("interface__delay", {"mean": 0.1, "std": "x"}, "interface.delay.std"),
+        ("interface__thresholds", {"distribution": "gaussian", "std": -1.0}, "interface.thresholds"),
+        ("interface__thresholds", {"distribution": "gaussian", "std": ""}, "interface.thresholds.std"),
+        ("interface__initial", {"distribution": "gaussian", "mean": 0.0, "std": -1.0}, "interface.initial"),
+        ("interface__initial", {"distribution": "gaussian", "mean": 0.0, "std": 3.0}, "interface.initial"),
+        ("interface__ageing", {"distribution": "langevin", "time": -1}, "interface.ageing.time"),
+        ("interface__ageing", {"distribution": "langevin", "time": "abc"}, "interface.ageing.time"),
         ("simulation__contacts", 10**12, "simulation.contacts"),
         ("simulation__contacts", 10**7, "simulation.contacts"),
         ("simulation__contacts", "many", "simulation.contacts"),
@@ -183,12 +184,12 @@ def test_a_run_is_thinned_out_and_keeps_its_peaks():
     force = numbers(run["force"]["values"])
     assert force.size < 1_600
     rig = documents.rig_of(document)
-    full = simulate(rig.interface, rig.slider, rig.drive, rig.method, start=rig.start)["F_d"].to_numpy()
+    full = simulate(rig.interface, rig.slider, rig.drive, rig.method, start=rig.start)["spring_force"].to_numpy()
     assert force.max() == pytest.approx(full.max(), rel=1e-6)
     assert force.min() == pytest.approx(full.min(), rel=1e-6)
     assert run["regime"]["kind"] == "stick-slip"
     assert run["slips"]["count"] == len(run["slips"]["start"])
-    Q, x = numbers(run["stretchings"]["Q"]["values"]), numbers(run["stretchings"]["x"]["values"])
+    Q, x = numbers(run["stretchings"]["stretching_density"]["values"]), numbers(run["stretchings"]["x"]["values"])
     assert 0.3 < Q.sum() * (x[1] - x[0]) <= 1.001
     assert run["stretchings"]["at"] == pytest.approx(20.0)
     assert friction["friction"]["static"] == pytest.approx(0.79560, abs=1e-4)
@@ -477,7 +478,7 @@ def test_no_quantity_holds_the_server_or_is_misread(session, written):
             for ends in (3, [1], ["a", "b"], [2, 1], [0, 1], [1, None], [[1], [2]], True, None, [1e-300, 1e300])
         ),
         *(("edit", {"turn": turn}, "must be") for turn in ([1], None, 3, {"stiffness": True}, {"mass": "1"})),
-        ("edit", {"turn": {"x" * 1_900: 1}}, "is no knob"),
+        ("edit", {"turn": {"x" * 1_900: 1}}, "is no parameter"),
         *(("edit", {"units": units}, "units") for units in ("imperial", ["SI"], None, {"SI": 1})),
         *(("edit", {"relative_damping": given}, "true or false") for given in (None, 1, "yes", [True])),
     ],
@@ -497,23 +498,26 @@ def test_a_question_with_values_of_the_wrong_kind_is_refused(session, kind, more
         (
             small(
                 interface__thresholds={
-                    "law": "empirical",
+                    "distribution": "empirical",
                     "edges": np.linspace(0.5, 1.5, 2_001).tolist(),
                     "weights": [1.0] * 2_000,
                 }
             ),
             "interface.thresholds",
         ),
-        (small(interface__delay=0, interface__ageing={"law": "langevin", "time": 1e-9}), "interface.ageing.time"),
+        (
+            small(interface__delay=0, interface__ageing={"distribution": "langevin", "time": 1e-9}),
+            "interface.ageing.time",
+        ),
         (
             small(
                 simulation__method="master equation",
                 interface__delay=0,
-                interface__ageing={"law": "langevin", "time": 1e-9},
+                interface__ageing={"distribution": "langevin", "time": 1e-9},
             ),
             "interface.ageing.time",
         ),
-        (small(interface__thresholds={"law": "gaussian", "spread": 1.7e308}), None),
+        (small(interface__thresholds={"distribution": "gaussian", "std": 1.7e308}), None),
         (small(drive__velocity=1e-300), None),
         (small(drive__distance=5e-324), None),
         (quick_rig(name="x" * 300), ""),
@@ -527,8 +531,8 @@ def test_work_is_bounded_before_it_starts(session, document, key):
     assert key in (None, answer["errors"][0]["key"])
 
 
-def test_a_law_too_narrow_for_theory_still_runs(session):
-    document = small(interface__thresholds={"law": "gaussian", "spread": 1e-6}, drive__distance=5)
+def test_a_distribution_too_narrow_for_theory_still_runs(session):
+    document = small(interface__thresholds={"distribution": "gaussian", "std": 1e-6}, drive__distance=5)
     assert session.ask("run", document).get("done")
     for kind in ("chart", "band", "advice"):
         answer = session.ask(kind, document, over=["stiffness", "velocity"], x=[1, 2], y=[1, 2])
@@ -710,9 +714,9 @@ def test_the_cursor_chooses_the_time_of_the_stretchings(page):
         ("drive-velocity", "x"),
         ("drive-distance", ""),
         ("interface-delay", "soon"),
-        ("interface-delay-spread", "x"),
-        ("interface-thresholds-spread", ""),
-        ("interface-initial-spread", "-1"),
+        ("interface-delay-standard deviation", "x"),
+        ("interface-thresholds-standard deviation", ""),
+        ("interface-initial-standard deviation", "-1"),
         ("interface-ageing-time", "abc"),
         ("simulation-contacts", "1e12"),
         ("simulation-contacts", "1.5"),
@@ -749,12 +753,12 @@ def test_a_field_in_si_takes_a_number_or_a_number_with_a_unit(browser, server):
 @needs_browser
 def test_units_and_damping_can_be_told_in_the_other_way(page):
     page.select_option("#units", "SI")
-    page.wait_for_selector("#field-interface-total_threshold")
-    assert page.input_value("#field-interface-total_threshold") == "768"
+    page.wait_for_selector("#field-interface-contact_strength")
+    assert page.input_value("#field-interface-contact_strength") == "768"
     page.click("#field-slider-damping ~ .unit button")
     page.wait_for_selector("#field-slider-relative_damping")
     page.select_option("#units", "natural")
-    page.wait_for_selector("#field-interface-total_threshold", state="detached")
+    page.wait_for_selector("#field-interface-contact_strength", state="detached")
     assert float(page.input_value("#field-slider-relative_damping")) == pytest.approx(200 / 141.42, rel=1e-2)
 
 
@@ -798,7 +802,7 @@ def test_a_rig_without_a_map_says_why(page):
     page.click("#tab-map")
     page.wait_for_selector("#plot-map .heatmaplayer image")
     page.fill("#field-interface-delay", "never")
-    page.wait_for_selector("#map-state:has-text('never come back')")
+    page.wait_for_selector("#map-state:has-text('never re-attach')")
     assert page.locator("#plot-map .heatmaplayer").count() == 0
     page.fill("#field-interface-delay", "0.2")
     page.wait_for_selector("#plot-map .heatmaplayer image")
@@ -821,8 +825,8 @@ def test_the_bistable_band_fills_in_with_progress(page):
 @needs_browser
 def test_a_remedy_is_applied_and_works(page):
     page.click("#tab-advice")
-    page.wait_for_selector("#remedies button", timeout=120_000)
-    button = page.locator("#remedies li:has-text('delay') button:has-text('stick-slip dies')")
+    page.wait_for_selector("#mitigations button", timeout=120_000)
+    button = page.locator("#mitigations li:has-text('delay') button:has-text('stick-slip decays')")
     delay = float(re.search(r"Apply ([\d.]+)", button.text_content())[1])
     button.click()
     page.wait_for_timeout(300)
@@ -874,10 +878,10 @@ def test_downloads_reproduce_the_run(page, tmp_path):
     rig = rigs.read(download(page, "toml", tmp_path))
     assert rig.slider.stiffness == 3
     run = store.load(download(page, "nc", tmp_path))
-    made = simulate(rig.interface, rig.slider, rig.drive, rig.method, record=rig.record, start=rig.start)
-    np.testing.assert_array_equal(made["F_d"], run["F_d"])
+    made = simulate(rig.interface, rig.slider, rig.drive, rig.method, output=rig.output, start=rig.start)
+    np.testing.assert_array_equal(made["spring_force"], run["spring_force"])
     shown = page.evaluate("Array.from(document.querySelector('#plot-force')._fullData[0].y)")
-    assert max(shown) == pytest.approx(float(made["F_d"].max()), rel=1e-6)
+    assert max(shown) == pytest.approx(float(made["spring_force"].max()), rel=1e-6)
     assert download(page, "png", tmp_path).read_bytes().startswith(b"\x89PNG")
     assert b"<svg" in download(page, "svg", tmp_path).read_bytes()
     assert cli.main(["simulate", str(tmp_path / "sliding-or-stick-slip.toml"), "--json"]) == 0

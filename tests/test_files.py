@@ -11,8 +11,8 @@ import threading
 
 import pytest
 
-from stickslip import files
 from stickslip.errors import InputError
+from stickslip.io import files
 
 
 @pytest.fixture(autouse=True)
@@ -99,7 +99,7 @@ def test_a_hard_link_keeps_what_it_had(folder):
 
 KILLED = """
 import os, signal
-from stickslip import files
+from stickslip.io import files
 os.fsync = lambda _: {act}
 files.write("new", b"half")
 """

@@ -24,8 +24,9 @@ TRACE = Path(__file__).parent / "data" / "guldstrand_force7.txt"
 def trace(t, force, **more):
     """A Dataset with the force, and whatever else is given, along t."""
     return xr.Dataset(
-        {"F_d": ("t", force)} | {name: ("t", np.broadcast_to(v, np.shape(t))) for name, v in more.items()},
-        coords={"t": t},
+        {"spring_force": ("time", force)}
+        | {name: ("time", np.broadcast_to(v, np.shape(t))) for name, v in more.items()},
+        coords={"time": t},
     )
 
 
@@ -138,7 +139,7 @@ def test_slip_length_and_peak_velocity_come_with_the_motion():
 def test_falls_cut_off_at_the_ends_are_left_out_and_counted():
     t, force = even_sawtooth(cycles=10)
     whole = trace(t, force)
-    cut = whole.sel(t=slice(1.53, 13.53))  # starts and ends in the middle of a fall
+    cut = whole.sel(time=slice(1.53, 13.53))  # starts and ends in the middle of a fall
     found = drops(cut)
     assert found.sizes["event"] == 7
     assert found.attrs["cut"] == 2
@@ -179,11 +180,11 @@ def test_a_wrong_minimum_drop_is_refused(drop):
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda d: d.drop_vars("F_d"), "F_d along t"),
-        (lambda d: d.isel(t=slice(5)), "5 samples"),
-        (lambda d: d.assign(F_d=d.F_d.where(d.t != 3.0)), "F_d = nan at t = 3"),
-        (lambda d: d.assign_coords(t=d.t.values[::-1]), "rising"),
-        (lambda d: d.assign(X=d.F_d.expand_dims(seed=2).transpose("t", "seed")), "X has shape"),
+        (lambda d: d.drop_vars("spring_force"), "F_d along t"),
+        (lambda d: d.isel(time=slice(5)), "5 samples"),
+        (lambda d: d.assign(spring_force=d.spring_force.where(d.t != 3.0)), "F_d = nan at t = 3"),
+        (lambda d: d.assign_coords(time=d.t.values[::-1]), "rising"),
+        (lambda d: d.assign(X=d.spring_force.expand_dims(seed=2).transpose("time", "seed")), "X has shape"),
     ],
 )
 def test_data_that_cannot_be_measured_are_refused(measure, spoil, message):
@@ -195,13 +196,13 @@ def test_data_that_cannot_be_measured_are_refused(measure, spoil, message):
 def test_statistics_carry_their_units():
     t, force = even_sawtooth()
     data = trace(t, force)
-    data["F_d"].attrs["units"], data["t"].attrs["units"] = "N", "s"
+    data["spring_force"].attrs["units"], data["time"].attrs["units"] = "N", "s"
     told = dict(statistics(drops(data)))
     assert told["drop"].startswith("0.7 ± ")
     assert " N (CV " in told["drop"]
     assert " s (CV " in told["recurrence"]
     assert " N/s (CV " in told["loading rate"]
-    data["F_d"].attrs["units"] = "1"
+    data["spring_force"].attrs["units"] = "1"
     told = dict(statistics(drops(data)))
     assert told["force before"].split(" (CV")[0].endswith("0")
     assert " 1/s (CV " in told["loading rate"]
@@ -250,7 +251,7 @@ def test_contact_noise_is_smooth_sliding(rms):
     t = np.arange(0.0, 100.0, 0.01)
     data = with_motion(t, 0.45 + rms * contact_noise(np.random.default_rng(5), t.size), velocity=10.0)
     assert regime(data).kind == "smooth sliding"
-    assert regime(data[["F_d"]]).kind == "smooth sliding"
+    assert regime(data[["spring_force"]]).kind == "smooth sliding"
 
 
 def test_slow_creep_between_slips_is_stick_slip_not_smooth():
@@ -265,10 +266,10 @@ def test_slow_creep_between_slips_is_stick_slip_not_smooth():
 
 
 @settings(max_examples=50)
-@given(seed=st.integers(0, 10_000), spread=st.floats(0.1, 0.5))
-def test_irregular_slips_of_a_force_alone_are_stick_slip(seed, spread):
+@given(seed=st.integers(0, 10_000), std=st.floats(0.1, 0.5))
+def test_irregular_slips_of_a_force_alone_are_stick_slip(seed, std):
     rng = np.random.default_rng(seed)
-    gaps = np.maximum(rng.normal(6.0, 6.0 * spread, 60), 1.5)
+    gaps = np.maximum(rng.normal(6.0, 6.0 * std, 60), 1.5)
     when, drops = np.cumsum(gaps), 0.5 * np.append(gaps[1:], 6.0)
     t = np.arange(0.0, when[-1] + 4.0, 0.25)
     force = sawtooth(t, [(w, 11.0) for w in when], drops, fall=0.4) + rng.normal(0.0, 0.03, t.size)
@@ -281,10 +282,10 @@ def test_samples_that_step_over_slips_do_not_make_them_smooth():
     t, force = even_sawtooth(cycles=60)
     data = with_motion(t, force)
     for every in (1, 5, 10, 20):  # 150 to 7.5 samples in a cycle, 6 to .3 in a fall
-        thin = data.isel(t=slice(None, None, every))
-        assert regime(thin.assign(velocity=("t", np.gradient(thin.X, thin.t)))).kind == "stick-slip"
-    assert regime(data.isel(t=slice(None, None, 60))).kind == "undecided"
-    assert "record more often" in regime(wave().isel(t=slice(None, None, 40))).reason
+        thin = data.isel(time=slice(None, None, every))
+        assert regime(thin.assign(velocity=("time", np.gradient(thin.X, thin.t)))).kind == "stick-slip"
+    assert regime(data.isel(time=slice(None, None, 60))).kind == "undecided"
+    assert "record more often" in regime(wave().isel(time=slice(None, None, 40))).reason
 
 
 def test_too_few_cycles_are_undecided():
@@ -320,12 +321,12 @@ def test_forces_that_tell_nothing_are_undecided(force, reason):
 def test_the_regime_is_judged_at_a_constant_drive():
     t, force = even_sawtooth(cycles=60)
     data = with_motion(t, force)
-    ramped = data.assign(drive_velocity=("t", np.linspace(0.5, 2.0, t.size)))
+    ramped = data.assign(drive_velocity=("time", np.linspace(0.5, 2.0, t.size)))
     assert regime(ramped).kind == "undecided"
     assert "transitions" in regime(ramped).reason
-    stopped = data.assign(drive_velocity=("t", np.zeros(t.size)))
+    stopped = data.assign(drive_velocity=("time", np.zeros(t.size)))
     assert "stands still" in regime(stopped).reason
-    ramp_then_hold = data.assign(drive_velocity=("t", np.minimum(0.1 + t / 30.0, 1.0)))
+    ramp_then_hold = data.assign(drive_velocity=("time", np.minimum(0.1 + t / 30.0, 1.0)))
     result = regime(ramp_then_hold)
     assert result.kind == "stick-slip"
     assert result.window[0] > 27.0
@@ -333,7 +334,9 @@ def test_the_regime_is_judged_at_a_constant_drive():
 
 def test_a_drive_that_pulls_the_other_way_gives_the_same_answer():
     data = with_motion(*even_sawtooth(cycles=60))
-    mirrored = data.assign({name: -data[name] for name in ("F_d", "X", "velocity", "drive_velocity")})
+    mirrored = data.assign(
+        {name: -data[name] for name in ("spring_force", "displacement", "velocity", "drive_velocity")}
+    )
     there, back = regime(data), regime(mirrored)
     assert back.kind == there.kind
     assert back.mean_force == -there.mean_force
@@ -355,12 +358,12 @@ CONTACTS, COHORTS = ss.Contacts(10_000, seed=1), ss.MasterEquation()
 
 def run(stiffness, delay, *, method=COHORTS, duration=100.0, damping=200.0, velocity=1.0):
     interface = ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, spread=0.1),
-        initial=ss.Gaussian(mean=0.0, spread=0.01),
+        thresholds=ss.Gaussian(mean=1.0, std=0.1),
+        initial=ss.Gaussian(mean=0.0, std=0.01),
         delay=ss.Delay(delay),
     )
     slider = ss.Slider(stiffness=stiffness, mass=1e-4, damping=damping)
-    return ss.simulate(interface, slider, ss.hold(velocity=velocity, duration=duration), method=method)
+    return ss.simulate(interface, slider, ss.constant(velocity=velocity, duration=duration), method=method)
 
 
 @pytest.mark.parametrize("method", [CONTACTS, COHORTS], ids=["contacts", "cohorts"])
@@ -380,7 +383,7 @@ def test_the_regimes_of_fig_4(method, stiffness, delay, kinds):
     data = run(stiffness, delay, method=method)
     result = regime(data)
     assert result.kind in kinds, str(result)
-    assert regime(data[["F_d"]], after=60.0).kind in kinds  # from the force alone
+    assert regime(data[["spring_force"]], after=60.0).kind in kinds  # from the force alone
     if kinds == {"smooth sliding"}:
         assert result.peak_to_peak < (0.05 if stiffness == 2.0 else 0.04)
     if (stiffness, delay) == (2.0, 0.2):
@@ -411,7 +414,7 @@ def test_few_contacts_make_noise_but_no_other_regime(count, seed):
 
 def test_a_ringing_run_has_one_event_per_cycle():
     data = run(2.0, 0.1, damping=42.4, method=ss.Contacts(2000, seed=1), duration=60.0)
-    for each in (data, data[["F_d"]]):
+    for each in (data, data[["spring_force"]]):
         found = drops(each)
         cycle = float(found["recurrence"].median())
         assert cycle == pytest.approx(1.35, abs=0.03)
@@ -430,30 +433,30 @@ RIGS = {
     ),
     "rings 50": (
         ss.Interface(
-            thresholds=ss.Gamma(mean=1.0, spread=0.3385),
-            delay=ss.RandomDelay(mean=0.88491, spread=0.374725, negative="fold"),
+            thresholds=ss.Gamma(mean=1.0, std=0.3385),
+            delay=ss.RandomDelay(mean=0.88491, std=0.374725, negative="fold"),
         ),
         ss.Slider(stiffness=0.031341, mass=1.4543e-5, damping=3.9135),
         460.7,
     ),
     # A large and a small drop in each cycle.
     "two drops 70": (
-        ss.Interface(thresholds=ss.Gamma(mean=1.0, spread=0.2978), delay=ss.Delay(0.85202)),
+        ss.Interface(thresholds=ss.Gamma(mean=1.0, std=0.2978), delay=ss.Delay(0.85202)),
         ss.Slider(stiffness=0.47383, mass=0.026935, damping=0.042596),
         120.0,
     ),
     "two drops 99": (
-        ss.Interface(thresholds=ss.LogNormal(mean=1.0, spread=0.2391), delay=ss.Delay(0.87978)),
+        ss.Interface(thresholds=ss.LogNormal(mean=1.0, std=0.2391), delay=ss.Delay(0.87978)),
         ss.Slider(stiffness=1.0136, mass=0.019282, damping=1.3687),
         120.0,
     ),
     "aged 1021": (
-        ss.Interface(thresholds=ss.Gaussian(mean=1.0, spread=0.0599), ageing=ss.Langevin(rate=1.64)),
+        ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.0599), ageing=ss.Langevin(rate=1.64)),
         ss.Slider(stiffness=2.5797, mass=9.0606e-4, damping=5.3295),
         60.0,
     ),
     "aged 1015": (
-        ss.Interface(thresholds=ss.Gaussian(mean=1.0, spread=0.2546), ageing=ss.Langevin(rate=0.6333)),
+        ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.2546), ageing=ss.Langevin(rate=0.6333)),
         ss.Slider(stiffness=0.22663, mass=1.5564e-5, damping=6.3198),
         65.0,
     ),
@@ -464,13 +467,13 @@ RIGS = {
         120.0,
     ),
     "noise 0": (
-        ss.Interface(thresholds=ss.LogNormal(mean=1.0, spread=0.1298)),
+        ss.Interface(thresholds=ss.LogNormal(mean=1.0, std=0.1298)),
         ss.Slider(stiffness=0.022419, mass=2.958e-7, damping=346.81),
         200.0,
     ),
     # Four growing modes; the noise of 2000 contacts shakes a sustained oscillation.
-    "shaken 67": (
-        ss.Interface(thresholds=ss.Gamma(mean=1.0, spread=0.077), delay=ss.Delay(0.03931)),
+    "perturbed 67": (
+        ss.Interface(thresholds=ss.Gamma(mean=1.0, std=0.077), delay=ss.Delay(0.03931)),
         ss.Slider(stiffness=0.39341, mass=0.0055601, damping=0.55264),
         120.0,
     ),
@@ -490,16 +493,16 @@ RIGS = {
         pytest.param("noise 64", 100_000, 3, "smooth sliding", None, marks=pytest.mark.slow),
         ("noise 0", 2000, 3, "smooth sliding", None),
         ("noise 0", 10_000, 3, "smooth sliding", None),
-        ("shaken 67", 2000, 67, "sustained oscillation", None),
-        ("shaken 67", 2000, 2, "sustained oscillation", None),
-        ("shaken 67", 2000, 3, "sustained oscillation", None),
-        ("shaken 67", 2000, 4, "sustained oscillation", None),
-        ("shaken 67", 10_000, 1, "sustained oscillation", 0.742),
+        ("perturbed 67", 2000, 67, "sustained oscillation", None),
+        ("perturbed 67", 2000, 2, "sustained oscillation", None),
+        ("perturbed 67", 2000, 3, "sustained oscillation", None),
+        ("perturbed 67", 2000, 4, "sustained oscillation", None),
+        ("perturbed 67", 10_000, 1, "sustained oscillation", 0.742),
     ],
 )
 def test_rigs_that_were_once_misread(name, count, seed, kind, period):
     interface, slider, duration = RIGS[name]
-    drive = ss.hold(velocity=1.0, duration=duration)
+    drive = ss.constant(velocity=1.0, duration=duration)
     data = ss.simulate(interface, slider, drive, method=ss.Contacts(count, seed=seed))
     result = regime(data)
     assert result.kind == kind, str(result)
@@ -534,7 +537,7 @@ def test_amplitudes_are_told_of_static_friction_not_of_a_mean_near_zero():
 )
 def test_what_is_undecided_says_how_much_longer_would_decide(data, more):
     run = data()
-    run["t"].attrs["units"] = "time"
+    run["time"].attrs["units"] = "time"
     result = regime(run)
     assert result.kind == "undecided"
     assert re.search(more, result.reason), result.reason
@@ -556,7 +559,7 @@ def bench(*, cycles=100, samples=26, noise=0.0, variation=0.05, ringing=0.0, sli
         since = np.maximum(t - w - lasts, 0.0)
         force -= ringing * size * np.exp(-since / (2.0 * lasts)) * np.sin(2.0 * np.pi * since / lasts)
     data = trace(t, force + noise * rng.normal(size=t.size))
-    data["F_d"].attrs["units"], data["t"].attrs["units"] = "N", "s"
+    data["spring_force"].attrs["units"], data["time"].attrs["units"] = "N", "s"
     return data, sizes
 
 
@@ -599,25 +602,27 @@ def test_after_holds_for_the_slips_as_for_the_regime():
 
 def test_a_saturated_sensor_is_told():
     data, _ = bench(noise=0.01, samples=100)
-    clipped = data.assign(F_d=data["F_d"].clip(max=5.7))
+    clipped = data.assign(spring_force=data["spring_force"].clip(max=5.7))
     result = regime(clipped)
     assert result.kind == "stick-slip"
     assert any("saturated" in note and "5.7" in note for note in result.notes)
     assert "saturated" in str(result)
     assert regime(data).notes == ()
-    rounded = data.assign(F_d=(data["F_d"] / 0.05).round() * 0.05)
+    rounded = data.assign(spring_force=(data["spring_force"] / 0.05).round() * 0.05)
     assert regime(rounded).notes == ()
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])
 def test_a_mirrored_trace_is_told(noise):
     data, _ = bench(noise=noise, samples=50)
-    turned = data.assign(F_d=12.0 - data["F_d"])
+    turned = data.assign(spring_force=12.0 - data["spring_force"])
     result = regime(turned)
     assert result.kind == "undecided"
     assert "--flip" in result.reason
     assert "flip=True" in result.reason
-    flipped = regime(data.assign(F_d=-turned["F_d"]).assign_attrs(flipped=1))  # as read_trace(flip=True) says
+    flipped = regime(
+        data.assign(spring_force=-turned["spring_force"]).assign_attrs(flipped=1)
+    )  # as read_trace(flip=True) says
     assert flipped.kind == "stick-slip"
 
 
@@ -689,22 +694,22 @@ def plain_drops(values, smallest):
 # ----------------------------------------------------------------------------------------------- transitions
 
 
-def loop(swing, *, top=3.0, low=0.1, duration=400.0, noise=0.0):
-    """A run up and down a ramp, whose force swings at a wavelength 1.3 of drive travel by swing(v, way)."""
+def loop(oscillation, *, top=3.0, low=0.1, duration=400.0, noise=0.0):
+    """A run up and down a ramp, whose force oscillates at a wavelength 1.3 of drive travel by oscillation(v, way)."""
     t = np.arange(0.0, 2 * duration, 0.02)
     v = top - (top - low) * np.abs(t - duration) / duration
     travel = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t))])
     up = t <= duration
-    size = np.where(up, swing(v, "up"), swing(v, "down"))
+    size = np.where(up, oscillation(v, "up"), oscillation(v, "down"))
     force = 0.45 + 0.5 * size * np.cos(2 * np.pi * travel / 1.3)
     force += noise * np.random.default_rng(6).normal(size=t.size)
     return trace(t, force, drive_velocity=v)
 
 
-def window_of_stick_slip(up, down, *, swing=0.8):
+def window_of_stick_slip(up, down, *, oscillation=0.8):
     def size(v, way):
         low, high = up if way == "up" else down
-        return np.where((v > low) & (v < high), swing, 0.01)
+        return np.where((v > low) & (v < high), oscillation, 0.01)
 
     return size
 
@@ -735,7 +740,7 @@ def test_what_is_not_seen_is_none_and_says_why():
 
 def test_one_way_ramps():
     whole = loop(window_of_stick_slip((1.4, 2.4), (0.7, 2.0)))
-    up, down = transitions(whole.sel(t=slice(0, 400))), transitions(whole.sel(t=slice(400.01, None)))
+    up, down = transitions(whole.sel(time=slice(0, 400))), transitions(whole.sel(time=slice(400.01, None)))
     assert (up.v1, up.v2) == pytest.approx((1.4, 2.4), abs=0.04)
     assert np.isnan(up.v1_down)
     assert "never slows down" in up.attrs["notes"]
@@ -756,20 +761,20 @@ def test_the_transient_of_the_start_is_no_transition():
 def test_ramps_that_cannot_be_read_are_refused():
     data = loop(window_of_stick_slip((1.4, 2.4), (0.7, 2.0)))
     with pytest.raises(ss.InputError, match="drive_velocity"):
-        transitions(data[["F_d"]])
+        transitions(data[["spring_force"]])
     with pytest.raises(ss.UndecidedError, match="keeps its velocity"):
         transitions(data.assign(drive_velocity=data.drive_velocity * 0.0 + 1.0))
     with pytest.raises(ss.UndecidedError, match="2 times"):
-        transitions(data.assign(drive_velocity=2.0 + np.sin(4 * np.pi * data.t / 800.0 - 0.5 * np.pi)))
+        transitions(data.assign(drive_velocity=2.0 + np.sin(4 * np.pi * data.time / 800.0 - 0.5 * np.pi)))
     with pytest.raises(ss.UndecidedError, match="run it longer"):
-        transitions(data.isel(t=slice(None, 300)))
+        transitions(data.isel(time=slice(None, 300)))
     with pytest.raises(ss.UndecidedError, match="record more often"):
-        transitions(data.isel(t=slice(None, None, 100)))
+        transitions(data.isel(time=slice(None, None, 100)))
     with pytest.raises(ss.InputError, match="level"):
         transitions(data, level=0.0)
     with pytest.raises(ss.InputError, match="turns back"):
         transitions(data.assign(drive_velocity=data.drive_velocity - 1.0))
-    si = data.assign(F_d=data.F_d.assign_attrs(units="N"))
+    si = data.assign(spring_force=data.spring_force.assign_attrs(units="N"))
     with pytest.raises(ss.InputError, match="give level"):
         transitions(si)
     assert transitions(si, level=0.4).v1 == pytest.approx(1.4, abs=0.04)
@@ -779,13 +784,13 @@ def test_hysteresis_shows_both_ways():
     both = transitions(loop(window_of_stick_slip((1.4, 9.0), (0.7, 9.0))))
     assert float(both["difference"].sel(velocity=1.05, method="nearest")) == pytest.approx(0.8, abs=0.05)
     assert float(both["difference"].sel(velocity=2.5, method="nearest")) == pytest.approx(0.0, abs=0.05)
-    assert "up" not in transitions(loop(window_of_stick_slip((1.4, 9.0), (0.7, 9.0))).sel(t=slice(0, 400)))
+    assert "up" not in transitions(loop(window_of_stick_slip((1.4, 9.0), (0.7, 9.0))).sel(time=slice(0, 400)))
 
 
 def test_the_loop_of_fig_7a():
     interface = ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, spread=0.1),
-        initial=ss.Gaussian(mean=0.0, spread=0.01),
+        thresholds=ss.Gaussian(mean=1.0, std=0.1),
+        initial=ss.Gaussian(mean=0.0, std=0.01),
         delay=ss.Delay(0.1),
     )
     slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=0.3 * math.sqrt(2.0 / 1e-4))
@@ -800,7 +805,7 @@ def test_the_loop_of_fig_7a():
 
 def test_the_real_trace():
     data = read_trace(TRACE, step=0.25)
-    assert data.sizes["t"] == 4262
+    assert data.sizes["time"] == 4262
     assert json.loads(data.attrs["unreadable"]) == [{"line": 3295, "text": "NaN N1"}]
     found = drops(data)
     mean = {name: column.attrs.get("mean") for name, column in found.data_vars.items()}
@@ -817,7 +822,7 @@ def test_the_real_trace():
 
 
 def test_a_slip_that_overshoots_is_not_taken_for_ringing():
-    """A soft spring: each slip throws the slider past the drive, it swings back once, and is loaded again."""
+    """A soft spring: each slip throws the slider past the drive, it oscillates back once, and is loaded again."""
     stiffness, period, cycles = 0.01, 60.0, 12
     t = np.arange(0.0, cycles * period, 0.05)
     phase = t % period
@@ -827,12 +832,12 @@ def test_a_slip_that_overshoots_is_not_taken_for_ringing():
     force = np.where((t // period).astype(int) % 2 == 1, 0.6 * force, force)
     run = xr.Dataset(
         {
-            "F_d": ("t", force, {"units": "f_s"}),
-            "X": ("t", t - force / stiffness, {"units": "x_s"}),
-            "velocity": ("t", np.gradient(t - force / stiffness, t), {"units": "x_s/time"}),
-            "drive_velocity": ("t", np.ones_like(t), {"units": "x_s/time"}),
+            "spring_force": ("time", force, {"units": "f_s"}),
+            "displacement": ("time", t - force / stiffness, {"units": "x_s"}),
+            "velocity": ("time", np.gradient(t - force / stiffness, t), {"units": "x_s/time"}),
+            "drive_velocity": ("time", np.ones_like(t), {"units": "x_s/time"}),
         },
-        coords={"t": ("t", t, {"units": "time"})},
+        coords={"time": ("time", t, {"units": "time"})},
     )
     assert drops(run).sizes["event"] == cycles
     assert regime(run).kind == "stick-slip"

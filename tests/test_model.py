@@ -14,7 +14,7 @@ from stickslip import model
 from stickslip.errors import InputError
 from stickslip.model import (
     Delay,
-    DelayLaw,
+    DelayModel,
     ExponentialGrowth,
     Interface,
     Langevin,
@@ -22,14 +22,14 @@ from stickslip.model import (
     RandomDelay,
     Slider,
 )
-from stickslip.thresholds import Empirical, Exponential, Gaussian, SteadyState, Uniform
+from stickslip.model.distributions import Empirical, Exponential, Gaussian, SteadyState, Uniform
 
-TENTH = Gaussian(mean=1.0, spread=0.1)
+TENTH = Gaussian(mean=1.0, std=0.1)
 
 RECORDS = [
     Delay(0.2),
     Delay(math.inf),
-    RandomDelay(mean=0.2, spread=0.12, negative="fold"),
+    RandomDelay(mean=0.2, std=0.12, negative="fold"),
     Langevin(rate=1.5),
     ExponentialGrowth(rate=2.0, newborn=0.1),
     LogarithmicGrowth(slope=0.05, time=1e-3),
@@ -58,16 +58,16 @@ def test_records_differ_where_a_field_does():
     assert len({interface, replace(interface), replace(interface, delay=Delay(0.3))}) == 2
 
 
-def test_an_interface_stays_a_value_after_its_law_was_asked_for():
-    interface = Interface(thresholds=Gaussian(mean=1.0, spread=0.3))
+def test_an_interface_stays_a_value_after_its_distribution_was_asked_for():
+    interface = Interface(thresholds=Gaussian(mean=1.0, std=0.3))
     before = hash(interface)
-    assert interface.threshold_law == Gaussian(mean=1.0, spread=0.3, lower=0.0)
+    assert interface.threshold_distribution == Gaussian(mean=1.0, std=0.3, lower=0.0)
     assert hash(interface) == before
-    assert interface == Interface(thresholds=Gaussian(mean=1.0, spread=0.3))
+    assert interface == Interface(thresholds=Gaussian(mean=1.0, std=0.3))
     copy = pickle.loads(pickle.dumps(interface))
-    assert copy.threshold_law == interface.threshold_law
-    # Varied, it does not keep the law of the one it was made from.
-    assert replace(interface, thresholds=TENTH).threshold_law == TENTH.positive()
+    assert copy.threshold_distribution == interface.threshold_distribution
+    # Varied, it does not keep the distribution of the one it was made from.
+    assert replace(interface, thresholds=TENTH).threshold_distribution == TENTH.positive()
 
 
 def test_numbers_become_floats():
@@ -82,11 +82,11 @@ def test_frequency_of_the_slider():
 
 
 def test_initial_loss_is_the_share_beyond_the_largest_threshold_on_either_side():
-    interface = Interface(thresholds=Uniform(low=0.5, high=1.0), initial=Gaussian(mean=0.1, spread=0.28))
+    interface = Interface(thresholds=Uniform(low=0.5, high=1.0), initial=Gaussian(mean=0.1, std=0.28))
     expected = special.ndtr(-(1.0 - 0.1) / 0.28) + special.ndtr(-(1.0 + 0.1) / 0.28)
     assert interface.initial_loss == pytest.approx(expected, abs=1e-14)
     with pytest.raises(InputError, match=r"^Interface\.initial = .*: 4\.5\d* % of the contacts would start beyond"):
-        Interface(thresholds=Uniform(low=0.5, high=1.0), initial=Gaussian(mean=0.0, spread=0.5))
+        Interface(thresholds=Uniform(low=0.5, high=1.0), initial=Gaussian(mean=0.0, std=0.5))
 
 
 def test_the_papers_parameters():
@@ -95,7 +95,7 @@ def test_the_papers_parameters():
         assert case.contacts == 10_000
     for case in (model.FIG4, model.FIG5, model.FIG6, model.FIG7, model.FIG8, model.FIG11):
         assert case.interface.thresholds == TENTH
-        assert case.interface.initial == Gaussian(mean=0.0, spread=0.01)
+        assert case.interface.initial == Gaussian(mean=0.0, std=0.01)
     assert model.FIG5.interface.delay == Delay(math.inf)
     assert model.FIG6.slider.damping == pytest.approx(0.3 * model.FIG6.slider.frequency, rel=1e-15)
     assert model.FIG8.slider.damping == pytest.approx(0.1 * model.FIG8.slider.frequency, rel=1e-15)
@@ -110,8 +110,8 @@ DELAYS = [
     Delay(0.0),
     Delay(0.2),
     *(
-        RandomDelay(mean=mean, spread=spread, negative=negative)
-        for mean, spread in ((0.2, 0.12), (0.0, 0.3), (0.5, 0.08), (0.1, 1.0))
+        RandomDelay(mean=mean, std=std, negative=negative)
+        for mean, std in ((0.2, 0.12), (0.0, 0.3), (0.5, 0.08), (0.1, 1.0))
         for negative in ("clip", "redraw", "fold")
     ),
 ]
@@ -124,8 +124,8 @@ def normal(z):
 
 def closed_mean(delay: RandomDelay) -> float:
     """Mean of a Gaussian whose negative draws are clipped, drawn again or folded."""
-    z = delay.mean / delay.spread
-    above = delay.mean * special.ndtr(z) + delay.spread * normal(z)  # mean of max(tau, 0)
+    z = delay.mean / delay.std
+    above = delay.mean * special.ndtr(z) + delay.std * normal(z)  # mean of max(tau, 0)
     match delay.negative:
         case "clip":
             return above
@@ -149,7 +149,7 @@ def test_moments_agree_with_quadrature(delay, order):
 
 
 @every_delay
-def test_quadrature_is_a_law_on_positive_times(delay):
+def test_quadrature_is_a_distribution_on_positive_times(delay):
     tau, weight = delay.quadrature()
     assert tau.shape == weight.shape
     assert np.all(tau >= 0)
@@ -162,7 +162,7 @@ def test_quadrature_is_a_law_on_positive_times(delay):
 def test_laplace_agrees_with_quadrature(delay):
     tau, weight = delay.quadrature()
     for s in (0.0, 1.0, -0.5, 2j, 1 + 5j, -0.5 + 3j, 20j):
-        # 96 nodes over some 16 spreads resolve exp(-s tau) up to |s| spread of some 40.
+        # 96 nodes over some 16 standard deviations resolve exp(-s tau) up to |s| standard deviation of some 40.
         assert delay.laplace(s) == pytest.approx(np.sum(weight * np.exp(-s * tau)), abs=1e-11)
     assert delay.laplace([[0, 1j]]).shape == (1, 2)
 
@@ -186,8 +186,7 @@ def test_what_becomes_of_negative_draws():
     below = special.ndtr(-0.2 / 0.12)
     rng = np.random.default_rng
     clip, redraw, fold = (
-        RandomDelay(mean=0.2, spread=0.12, negative=negative).sample(rng(2), n)
-        for negative in ("clip", "redraw", "fold")
+        RandomDelay(mean=0.2, std=0.12, negative=negative).sample(rng(2), n) for negative in ("clip", "redraw", "fold")
     )
     assert abs(np.mean(clip == 0) - below) < 6 * math.sqrt(below / n)
     assert not np.any(redraw == 0)
@@ -213,8 +212,8 @@ def test_contacts_that_never_come_back():
 
 
 @given(st.just(0.0) | st.floats(1e-30, 2), st.floats(0.01, 2), st.sampled_from(["clip", "redraw", "fold"]))
-def test_random_delays_keep_their_weight_and_order(mean, spread, negative):
-    delay = RandomDelay(mean=mean, spread=spread, negative=negative)
+def test_random_delays_keep_their_weight_and_order(mean, std, negative):
+    delay = RandomDelay(mean=mean, std=std, negative=negative)
     tau, weight = delay.quadrature()
     assert weight.sum() == pytest.approx(1.0, abs=1e-12)
     assert tau.min() >= 0
@@ -222,13 +221,13 @@ def test_random_delays_keep_their_weight_and_order(mean, spread, negative):
     assert delay.moment(2) >= delay.moment(1) ** 2
     assert delay.laplace(0.0) == pytest.approx(1.0, abs=1e-12)
     # Clipped draws lie below folded ones, in the mean.
-    clip, fold = (RandomDelay(mean=mean, spread=spread, negative=n).moment(1) for n in ("clip", "fold"))
+    clip, fold = (RandomDelay(mean=mean, std=std, negative=n).moment(1) for n in ("clip", "fold"))
     assert clip <= fold + 3e-6
 
 
 @dataclass(frozen=True)
 class TwoDelays:
-    """A delay law of the user's own: either of two times."""
+    """A delay distribution of the user's own: either of two times."""
 
     first: float
     second: float
@@ -247,8 +246,8 @@ class TwoDelays:
         return np.array([self.first, self.second]), np.array([0.5, 0.5])
 
 
-def test_a_delay_law_of_ones_own():
-    assert isinstance(TwoDelays(0.1, 0.3), DelayLaw)
+def test_a_delay_distribution_of_ones_own():
+    assert isinstance(TwoDelays(0.1, 0.3), DelayModel)
     assert Interface(thresholds=TENTH, delay=TwoDelays(0.1, 0.3)).delay.moment(1) == pytest.approx(0.2)
 
 
@@ -262,12 +261,12 @@ def test_a_delay_law_of_ones_own():
         (lambda: Delay(math.nan), r"^Delay\.time = nan: must be a number at least 0"),
         (lambda: Delay("0.2"), r"^Delay\.time = '0\.2': must be a number at least 0"),
         (lambda: Delay(None), r"^Delay\.time = None: must be a number at least 0"),
-        (lambda: RandomDelay(mean=-1, spread=1), r"^RandomDelay\.mean = -1: must be a finite number at least 0"),
-        (lambda: RandomDelay(mean=math.inf, spread=1), r"^RandomDelay\.mean = inf: must be a finite number"),
-        (lambda: RandomDelay(mean=1, spread=0), r"^RandomDelay\.spread = 0: must be a finite number above 0"),
-        (lambda: RandomDelay(mean=1, spread=-1), r"^RandomDelay\.spread = -1: must be a finite number above 0"),
+        (lambda: RandomDelay(mean=-1, std=1), r"^RandomDelay\.mean = -1: must be a finite number at least 0"),
+        (lambda: RandomDelay(mean=math.inf, std=1), r"^RandomDelay\.mean = inf: must be a finite number"),
+        (lambda: RandomDelay(mean=1, std=0), r"^RandomDelay\.std = 0: must be a finite number above 0"),
+        (lambda: RandomDelay(mean=1, std=-1), r"^RandomDelay\.std = -1: must be a finite number above 0"),
         (
-            lambda: RandomDelay(mean=1, spread=1, negative="drop"),
+            lambda: RandomDelay(mean=1, std=1, negative="drop"),
             r"^RandomDelay\.negative = 'drop': must be one of clip, redraw, fold",
         ),
         (lambda: Langevin(rate=0), r"^Langevin\.rate = 0: must be a finite number above 0 \(beta\)"),
@@ -282,14 +281,17 @@ def test_a_delay_law_of_ones_own():
         (lambda: Slider(stiffness=1, mass=1, damping=-1), r"^Slider\.damping = -1: must be .* at least 0 \(eta\)"),
         (lambda: Slider(stiffness=1, mass=1, damping=math.inf), r"^Slider\.damping = inf: must be a finite number"),
         (lambda: Slider(stiffness=True, mass=1, damping=1), r"^Slider\.stiffness = True: must be a number above 0"),
-        (lambda: Interface(thresholds=1.0), r"^Interface\.thresholds = 1\.0: must be a law, such as Gaussian"),
-        (lambda: Interface(thresholds=Gaussian), r"^Interface\.thresholds = <class .*: must be a law, such as"),
-        (lambda: Interface(thresholds=TENTH, initial=0.0), r"^Interface\.initial = 0\.0: must be a law"),
+        (lambda: Interface(thresholds=1.0), r"^Interface\.thresholds = 1\.0: must be a distribution, such as Gaussian"),
+        (
+            lambda: Interface(thresholds=Gaussian),
+            r"^Interface\.thresholds = <class .*: must be a distribution, such as",
+        ),
+        (lambda: Interface(thresholds=TENTH, initial=0.0), r"^Interface\.initial = 0\.0: must be a distribution"),
         (lambda: Interface(thresholds=TENTH, delay=0.2), r"^Interface\.delay = 0\.2: must be a delay, such as Delay"),
         (lambda: Interface(thresholds=TENTH, delay=Delay), r"^Interface\.delay = <class .*: must be a delay, such as"),
-        (lambda: Interface(thresholds=TENTH, ageing=1.5), r"^Interface\.ageing = 1\.5: must be a law of ageing, such"),
+        (lambda: Interface(thresholds=TENTH, ageing=1.5), r"^Interface\.ageing = 1\.5: must be a ageing model, such"),
         (
-            lambda: Interface(thresholds=TENTH, initial=Gaussian(mean=3, spread=0.1)),
+            lambda: Interface(thresholds=TENTH, initial=Gaussian(mean=3, std=0.1)),
             r"^Interface\.initial = .*100 % of the contacts would start beyond .* \(1\.83.*\); narrow",
         ),
         (
@@ -301,7 +303,7 @@ def test_a_delay_law_of_ones_own():
             r"^Interface\.initial = .*50 % of the contacts",
         ),
         (
-            lambda: Interface(thresholds=Gaussian(mean=-2, spread=0.1)),
+            lambda: Interface(thresholds=Gaussian(mean=-2, std=0.1)),
             r"^Gaussian\.lower = 0: less than one value in a million lies above it; raise the mean \(-2\)",
         ),
     ],

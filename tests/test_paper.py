@@ -11,12 +11,12 @@ import pytest
 import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from stickslip import store
 from stickslip.errors import InputError, UndecidedError
+from stickslip.io import datasets as store
 from stickslip.model import FIG2, FIG5, Slider
 from stickslip.paper import FIGURES, Claim, Figure
 from stickslip.paper.fig2 import first_instability
-from stickslip.paper.record import at_least, at_most, between, near, portions, verdict
+from stickslip.paper.figure import at_least, at_most, between, near, portions, verdict
 from stickslip.rigid import effective_stiffness
 from stickslip.theory import critical_stiffness_estimate, effective_potential, slip_displacement
 
@@ -171,9 +171,9 @@ def test_a_wrong_regime_fails_its_claim(quick):
 def test_fig_1_turning_points_and_kinetic_friction(quick):
     data = quick("fig1")
     assert data["F_k"].to_numpy() == pytest.approx([0.505, 0.54498], abs=1e-5)
-    narrow = data["F_c"].sel(initial_spread=0.01, threshold_spread=0.1)
+    narrow = data["friction_force"].sel(initial_spread=0.01, threshold_spread=0.1)
     assert float(narrow.max()) == pytest.approx(0.79560, abs=2e-4)
-    assert float(narrow["X"][narrow.argmax("X")]) == pytest.approx(0.8435, abs=0.005)
+    assert float(narrow["displacement"][narrow.argmax("displacement")]) == pytest.approx(0.8435, abs=0.005)
 
 
 def test_fig_1_wide_start_remembers_being_stretched_backwards(quick):
@@ -181,13 +181,13 @@ def test_fig_1_wide_start_remembers_being_stretched_backwards(quick):
     data = quick("fig1").sel(threshold_spread=0.3)
     wide = data.sel(initial_spread=0.3)
     assert float(wide["F_c_remembering"].max()) == pytest.approx(0.5688, abs=6e-4)
-    assert float(wide["F_c"].max()) == pytest.approx(0.5679, abs=1e-4)
+    assert float(wide["friction_force"].max()) == pytest.approx(0.5679, abs=1e-4)
 
 
 @pytest.mark.eq(5)
 def test_fig_2_slope_of_the_potential_is_the_force(quick):
     data = quick("fig2")
-    X, force = data["X"].to_numpy(), data["F_c"].to_numpy()
+    X, force = data["displacement"].to_numpy(), data["friction_force"].to_numpy()
     for drive, V in zip(data["drive"].to_numpy(), data["V_eff"].to_numpy(), strict=True):
         assert np.gradient(V, X)[1:-1] == pytest.approx((force - 2.0 * (drive - X))[1:-1], abs=1e-4)
     relaxed = effective_potential(Slider(stiffness=2.0, mass=1.0, damping=0.0), X, force, 0.0)

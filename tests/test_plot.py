@@ -12,19 +12,19 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from stickslip import plot
-from stickslip.drive import hold
 from stickslip.errors import InputError
 from stickslip.measure import drops
 from stickslip.model import FIG4
-from stickslip.rigid import slide
-from stickslip.simulate import Contacts, Record, simulate
-from stickslip.units import Scales, in_si
+from stickslip.model.drive import constant
+from stickslip.model.units import Scales, in_si
+from stickslip.rigid import rigid_slide
+from stickslip.simulation import Contacts, Output, simulate
 
 
 @pytest.fixture(scope="module")
 def run():
-    record = Record(interval=0.002, snapshots=(1.0, 1.3, 5.0))
-    return simulate(FIG4.interface, FIG4.slider, hold(1.0, 12.0), Contacts(1000, seed=1), record=record)
+    output = Output(interval=0.002, snapshots=(1.0, 1.3, 5.0))
+    return simulate(FIG4.interface, FIG4.slider, constant(1.0, 12.0), Contacts(1000, seed=1), output=output)
 
 
 @pytest.fixture(scope="module")
@@ -38,8 +38,8 @@ def trace():
     t = 0.25 * np.arange(800)
     force = 8.0 + 4.0 * (t / 7.0 % 1.0) + 0.02 * np.sin(37.0 * t)
     return xr.Dataset(
-        {"F_d": ("t", force, {"units": "N", "long_name": "driving force"}), "filled": ("t", t == 50.0)},
-        coords={"t": ("t", t, {"units": "s", "long_name": "time"})},
+        {"spring_force": ("time", force, {"units": "N", "long_name": "spring force"}), "filled": ("time", t == 50.0)},
+        coords={"time": ("time", t, {"units": "s", "long_name": "time"})},
     )
 
 
@@ -60,7 +60,7 @@ def test_overview_of_a_run_marks_its_slips(run):
     figure = plot.overview(run)
     force, speed, attached = figure.axes
     assert force.get_legend_handles_labels()[1] == [f"{drops(run).sizes['event']} slips"]
-    assert labels(force)[1] == r"driving force per contact ($f_{\mathrm{s}}$)"
+    assert labels(force)[1] == r"spring force per contact ($f_{\mathrm{s}}$)"
     assert labels(speed)[1] == r"velocity of the slider ($x_{\mathrm{s}}$ per time unit)"
     assert labels(attached) == ("time (time units)", "fraction of attached contacts")
     assert len(np.unique(pixels(figure).reshape(-1, 3), axis=0)) > 50
@@ -68,7 +68,7 @@ def test_overview_of_a_run_marks_its_slips(run):
 
 def test_overview_in_si_units_chooses_prefixes(run_si):
     force, speed, attached = plot.overview(run_si).axes
-    assert labels(force)[1] == "driving force (N)"
+    assert labels(force)[1] == "spring force (N)"
     assert labels(speed)[1] == "velocity of the slider (mm/s)"
     assert labels(attached)[0] == "time (ms)"
     # The axis holds metres per second; only what is printed has the prefix.
@@ -78,14 +78,14 @@ def test_overview_in_si_units_chooses_prefixes(run_si):
 
 def test_overview_of_a_measured_trace_has_the_force_alone(trace):
     (ax,) = plot.overview(trace).axes
-    assert labels(ax) == ("time (s)", "driving force (N)")
+    assert labels(ax) == ("time (s)", "spring force (N)")
     marks = ax.get_legend_handles_labels()[1]
     assert marks[0].endswith("slips")
     assert marks[1] == "1 filled in"
 
 
 def test_overview_without_slips_has_no_mark(run):
-    calm = run.isel(t=slice(0, 200))
+    calm = run.isel(time=slice(0, 200))
     force = plot.overview(calm).axes[0]
     assert force.get_legend() is None
 
@@ -102,10 +102,10 @@ def test_labels_of_panels_do_not_overlap(run):
 @pytest.mark.parametrize(
     ("draw", "wanted"),
     [
-        (plot.force_trace, ("time (ms)", "driving force (N)")),
+        (plot.force_trace, ("time (ms)", "spring force (N)")),
         (plot.velocity, ("time (ms)", "velocity of the slider (mm/s)")),
         (plot.attached, ("time (ms)", "fraction of attached contacts")),
-        (plot.phase_portrait, ("velocity of the slider (mm/s)", "driving force (N)")),
+        (plot.phase_portrait, ("velocity of the slider (mm/s)", "spring force (N)")),
         (plot.energy, ("time (ms)", "energy (mJ)")),
     ],
 )
@@ -119,7 +119,7 @@ def test_stretchings_and_rigid_curve(run):
     ax = plot.stretchings(run)
     assert len(ax.lines) == 3
     assert labels(ax) == (r"stretching ($x_{\mathrm{s}}$)", r"density of stretchings, per contact (1/$x_{\mathrm{s}}$)")
-    ax = plot.rigid_curve(slide(FIG4.interface, 3.0), color=plot.GREEN)
+    ax = plot.rigid_curve(rigid_slide(FIG4.interface, 3.0), color=plot.GREEN)
     assert ax.lines[0].get_color() == plot.GREEN
     assert ax.get_ylabel()
 
@@ -149,7 +149,7 @@ def test_velocity_goes_logarithmic_for_violent_slips(run):
 
 
 def test_phase_portrait_after_a_time(run):
-    assert plot.phase_portrait(run, after=10.0).lines[0].get_xdata().size == np.count_nonzero(run["t"] >= 10.0)
+    assert plot.phase_portrait(run, after=10.0).lines[0].get_xdata().size == np.count_nonzero(run["time"] >= 10.0)
     with pytest.raises(InputError, match="after = 99"):
         plot.phase_portrait(run, after=99.0)
 
@@ -158,7 +158,7 @@ def test_a_long_line_is_drawn_by_its_envelope(trace):
     t = np.arange(1_000_000)
     force = np.sin(t / 5e4)
     force[123_457] = 7.0
-    long = xr.Dataset({"F_d": ("t", force)}, coords={"t": t})
+    long = xr.Dataset({"spring_force": ("time", force)}, coords={"time": t})
     x, y = plot.force_trace(long).lines[0].get_data()
     assert y.size < 10_000
     assert y.max() == 7.0
@@ -255,5 +255,5 @@ def test_importing_the_package_does_not_load_matplotlib():
 
 def test_reversed_motion_draws():
     slider = replace(FIG4.slider, damping=0.0)
-    back = simulate(FIG4.interface, slider, hold(-1.0, 3.0), Contacts(200, seed=1))
+    back = simulate(FIG4.interface, slider, constant(-1.0, 3.0), Contacts(200, seed=1))
     assert plot.overview(back).axes

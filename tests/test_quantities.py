@@ -9,9 +9,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from stickslip import rig as rigs
-from stickslip.door import LONGEST_QUANTITY, read_number, read_quantity
 from stickslip.errors import InputError
+from stickslip.io import rig_files as rigs
+from stickslip.io.validation import LONGEST_QUANTITY, read_number, read_quantity
 
 
 def repr_of(value):
@@ -190,7 +190,7 @@ def test_what_is_no_number_is_refused_in_natural_units(value):
     document = {
         "units": "natural",
         "slider": {"stiffness": value, "mass": 1e-4, "damping": 200},
-        "interface": {"thresholds": {"law": "gaussian", "spread": 0.1}},
+        "interface": {"thresholds": {"distribution": "gaussian", "std": 0.1}},
         "drive": {"velocity": 1.0},
     }
     with pytest.raises(InputError, match=r"slider\.stiffness") as caught:
@@ -210,7 +210,7 @@ SIZES = {
     "in": (Fraction(254, 10**4), (1, 0, 0)),
     "kg": (Fraction(1), (0, 1, 0)),
     "g": (Fraction(1, 1000), (0, 1, 0)),
-    "t": (Fraction(1000), (0, 1, 0)),
+    "time": (Fraction(1000), (0, 1, 0)),
     "s": (Fraction(1), (0, 0, 1)),
     "ms": (Fraction(1, 1000), (0, 0, 1)),
     "min": (Fraction(60), (0, 0, 1)),

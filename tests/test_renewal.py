@@ -7,7 +7,7 @@ import pytest
 
 from stickslip.kernels import renewal
 from stickslip.model import RandomDelay
-from stickslip.thresholds import (
+from stickslip.model.distributions import (
     Empirical,
     Exponential,
     Gamma,
@@ -19,14 +19,14 @@ from stickslip.thresholds import (
     excess,
 )
 
-GAUSSIAN = Gaussian(mean=1.0, spread=0.1)
-LAWS = [
+GAUSSIAN = Gaussian(mean=1.0, std=0.1)
+DISTRIBUTIONS = [
     GAUSSIAN,
     Uniform(low=0.7, high=1.3),
     Exponential(mean=1.0),
-    Gamma(mean=1.0, spread=0.4),
-    Gamma(mean=1.0, spread=1.2),
-    LogNormal(mean=1.0, spread=0.3),
+    Gamma(mean=1.0, std=0.4),
+    Gamma(mean=1.0, std=1.2),
+    LogNormal(mean=1.0, std=0.3),
     Weibull(scale=1.0, shape=3.0),
     Empirical(edges=(0.5, 0.8, 1.1, 1.5), weights=(1, 3, 2)),
 ]
@@ -36,17 +36,17 @@ def delta():
     return np.zeros(1), np.ones(1)
 
 
-def gaussian(spread, nodes=60):
+def gaussian(std, nodes=60):
     z, weight = np.polynomial.hermite_e.hermegauss(nodes)
-    return spread * z, weight / weight.sum()
+    return std * z, weight / weight.sum()
 
 
-def interface(law=GAUSSIAN, start=None, shift=(0.0,), fraction=(1.0,), signed=False):
-    law = law.positive()
+def interface(distribution=GAUSSIAN, start=None, shift=(0.0,), fraction=(1.0,), signed=False):
+    distribution = distribution.positive()
     x_0, weight = start or delta()
     return renewal.Contacts(
-        density=law.density,
-        excess=partial(excess, law),
+        density=distribution.density,
+        excess=partial(excess, distribution),
         stretching=x_0,
         weight=weight,
         reach=np.maximum(x_0, 0.0) if signed else np.abs(x_0),
@@ -74,23 +74,23 @@ def test_exponential_thresholds_break_at_a_constant_rate():
 
 
 @pytest.mark.eq(3, 4)
-@pytest.mark.parametrize("law", LAWS, ids=type)
-def test_contacts_that_never_come_back_follow_the_survival(law):
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS, ids=type)
+def test_contacts_that_never_come_back_follow_the_survival(distribution):
     X = np.linspace(0.0, 3.0, 100)
-    response = moved(interface(law, shift=(), fraction=()), X)
-    J, P = law.positive().survival(X), law.positive().density(X)
+    response = moved(interface(distribution, shift=(), fraction=()), X)
+    J, P = distribution.positive().survival(X), distribution.positive().density(X)
     assert response.attached == pytest.approx(J, abs=1e-12)
     assert response.force == pytest.approx(X * J, abs=1e-12)
     assert response.stiffness[1:] == pytest.approx((J - X * P)[1:], abs=1e-11)
 
 
 @pytest.mark.eq(1)
-@pytest.mark.parametrize("law", LAWS, ids=type)
-def test_started_at_the_steady_state_it_stays_there(law):
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS, ids=type)
+def test_started_at_the_steady_state_it_stays_there(distribution):
     # The integral over the start is by quadrature here: midpoints of cells of equal probability.
-    x_0 = SteadyState(thresholds=law).inverse_survival((np.arange(500) + 0.5) / 500)
-    response = moved(interface(law, start=(x_0, np.full(500, 1 / 500))), np.linspace(0.0, 2.0, 21), points=50)
-    m1, m2 = (law.positive().moment(order) for order in (1, 2))
+    x_0 = SteadyState(thresholds=distribution).inverse_survival((np.arange(500) + 0.5) / 500)
+    response = moved(interface(distribution, start=(x_0, np.full(500, 1 / 500))), np.linspace(0.0, 2.0, 21), points=50)
+    m1, m2 = (distribution.positive().moment(order) for order in (1, 2))
     assert response.force == pytest.approx(0.5 * m2 / m1, rel=2e-3)
 
 
@@ -101,11 +101,11 @@ def test_rectangular_thresholds_have_their_critical_stiffness_at_the_last_break(
     assert response.stiffness == pytest.approx([1 - high / (high - low), 1.0], abs=1e-9)
 
 
-@pytest.mark.parametrize("law", LAWS, ids=type)
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS, ids=type)
 @pytest.mark.parametrize("shift", [0.0, 0.2])
-def test_far_away_the_steady_state_is_reached(law, shift):
-    m1, m2 = (law.positive().moment(order) for order in (1, 2))
-    response = moved(interface(law, shift=(shift,)), [119.0, 120.0], points=6000)
+def test_far_away_the_steady_state_is_reached(distribution, shift):
+    m1, m2 = (distribution.positive().moment(order) for order in (1, 2))
+    response = moved(interface(distribution, shift=(shift,)), [119.0, 120.0], points=6000)
     # What is left of the oscillation decays as exp(-X q), q = 2 pi^2 variance / (m1 + s)^3: for the Gaussian .11.
     assert response.force == pytest.approx(0.5 * m2 / (m1 + shift), abs=2e-4)
     assert response.attached == pytest.approx(m1 / (m1 + shift), abs=2e-4)
@@ -122,21 +122,21 @@ def test_far_away_the_steady_state_is_reached(law, shift):
 )
 def test_brute_force_gives_the_same(shift, fraction):
     # Marching in X, trapezoidal rule: no transform, no product integration, no cumulative unknown.
-    law, h, n = GAUSSIAN, 0.0025, 1001
+    distribution, h, n = GAUSSIAN, 0.0025, 1001
     X = h * np.arange(n)
     x_0, weight = gaussian(0.1, 20)
-    P, J = law.positive().density(X), law.positive().survival(X)
+    P, J = distribution.positive().density(X), distribution.positive().survival(X)
     lag = np.round(np.array(shift) / h).astype(int)
     breaks, born = np.zeros(n), np.zeros(n)
     for x, w in zip(x_0, weight, strict=True):
-        density = law.positive().density(x + X) / law.survival(abs(x))
+        density = distribution.positive().density(x + X) / distribution.survival(abs(x))
         breaks += w * np.where(x + X >= abs(x), density, 0.0)
     for i in range(n):
         breaks[i] += h * (P[1 : i + 1] @ born[:i][::-1])  # P(0) is nothing, and what is born at X = 0 too
         born[i] = sum(s * breaks[i - k] for s, k in zip(fraction, lag, strict=True) if k <= i)
     force, attached = np.zeros(n), np.zeros(n)
     for x, w in zip(x_0, weight, strict=True):
-        left = w * law.survival(np.maximum(abs(x), x + X)) / law.survival(abs(x))
+        left = w * distribution.survival(np.maximum(abs(x), x + X)) / distribution.survival(abs(x))
         force += (x + X) * left
         attached += left
     force += h * np.convolve(X * J, born)[:n]
@@ -148,23 +148,23 @@ def test_brute_force_gives_the_same(shift, fraction):
     assert found.stiffness == pytest.approx(np.gradient(force, h, edge_order=2), abs=2e-3)
 
 
-@pytest.mark.parametrize("law", LAWS, ids=type)
-def test_every_law_is_second_order_without_extrapolation(law):
-    contacts = interface(law)
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS, ids=type)
+def test_every_distribution_is_second_order_without_extrapolation(distribution):
+    contacts = interface(distribution)
     exact = renewal.solve(contacts, 4.0, 1600).values[0][::16]
     errors = []
     for points in (100, 200, 400):
         X = np.linspace(0.0, 4.0, points + 1)
         _, travelled, _, lost, _ = renewal.solve_once(
-            contacts, law.positive().survival(0) - law.positive().survival(X), 4.0
+            contacts, distribution.positive().survival(0) - distribution.positive().survival(X), 4.0
         )
         errors.append(np.abs((travelled - lost)[:: points // 100] - exact).max())
     # 16 for two halvings, but for a density that diverges at 0: it breaks as X**.7.
-    diverges = not law.density(0.0) < 1e3
+    diverges = not distribution.density(0.0) < 1e3
     assert errors[0] / errors[2] > (3.5 if diverges else 12) or errors[0] < 1e-12
 
 
-def test_extrapolation_makes_it_sixth_order_for_a_smooth_law():
+def test_extrapolation_makes_it_sixth_order_for_a_smooth_distribution():
     values = [renewal.solve(interface(start=gaussian(0.1)), 4.0, points).values for points in (100, 200, 1600)]
     errors = [np.abs(v[:, :: (v.shape[1] - 1) // 100] - values[2][:, ::16]).max() for v in values[:2]]
     assert errors[1] < errors[0] / 40
@@ -181,7 +181,7 @@ def test_a_whole_curve_is_good_to_1e_8():
 
 @pytest.mark.parametrize("negative", ["clip", "redraw", "fold"])
 def test_a_random_delay_is_a_mean_over_delays(negative):
-    delay = RandomDelay(mean=0.2, spread=0.12, negative=negative)
+    delay = RandomDelay(mean=0.2, std=0.12, negative=negative)
     tau, fraction = delay.quadrature()
     response = moved(interface(shift=2.0 * tau, fraction=fraction), [38.0, 40.0], points=2000)
     cycle = 1.0 + 2.0 * delay.moment(1)
@@ -189,11 +189,11 @@ def test_a_random_delay_is_a_mean_over_delays(negative):
     assert response.force == pytest.approx(0.505 / cycle, abs=1e-4)
 
 
-@pytest.mark.parametrize("law", LAWS, ids=type)
-def test_mass_is_conserved(law):
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS, ids=type)
+def test_mass_is_conserved(distribution):
     X = np.random.default_rng(2).uniform(0.0, 5.0, 200)
-    assert moved(interface(law, gaussian(0.05, 12)), X, distance=5.0).attached == pytest.approx(1.0, abs=1e-12)
-    delayed = moved(interface(law, gaussian(0.05, 12), (0.3,)), X, distance=5.0)
+    assert moved(interface(distribution, gaussian(0.05, 12)), X, distance=5.0).attached == pytest.approx(1.0, abs=1e-12)
+    delayed = moved(interface(distribution, gaussian(0.05, 12), (0.3,)), X, distance=5.0)
     assert np.all(delayed.attached > -1e-9)
     assert np.all(delayed.attached < 1 + 1e-9)
 
@@ -203,7 +203,7 @@ def test_mass_is_conserved(law):
 
 @pytest.mark.eq(4)
 @pytest.mark.parametrize(
-    ("initial", "spread", "first", "second"),
+    ("initial", "std", "first", "second"),
     [
         (0.01, 0.1, (0.79560, 0.8435), (0.22452, 1.176)),
         (0.01, 0.3, (0.64572, 0.847), (0.49249, 1.4055)),
@@ -211,11 +211,11 @@ def test_mass_is_conserved(law):
         (0.3, 0.3, (0.56793, None), (0.53360, None)),
     ],
 )
-def test_fig_1_first_maximum_and_minimum(initial, spread, first, second):
+def test_fig_1_first_maximum_and_minimum(initial, std, first, second):
     # The two wide starts were computed with Eq. (3) to the letter: no memory of having been stretched backwards.
     X = np.linspace(0.3, 3.0, 5401)
     start = gaussian(initial) if initial < 0.1 else wide(initial)
-    force = moved(interface(Gaussian(mean=1.0, spread=spread), start, signed=True), X, points=600).force
+    force = moved(interface(Gaussian(mean=1.0, std=std), start, signed=True), X, points=600).force
     top = int(np.argmax(force))
     bottom = top + int(np.argmin(force[top:]))
     for i, (value, place) in ((top, first), (bottom, second)):
@@ -223,29 +223,29 @@ def test_fig_1_first_maximum_and_minimum(initial, spread, first, second):
         assert place is None or X[i] == pytest.approx(place, abs=1e-3)
 
 
-def wide(spread):
-    x_0 = np.linspace(-8 * spread, 8 * spread, 401)
+def wide(std):
+    x_0 = np.linspace(-8 * std, 8 * std, 401)
     x_0 = x_0[np.abs(x_0) < 1.8]
-    weight = np.exp(-0.5 * (x_0 / spread) ** 2)
+    weight = np.exp(-0.5 * (x_0 / std) ** 2)
     return x_0, weight / weight.sum()
 
 
-@pytest.mark.parametrize("spread", [0.1, 0.3])
-def test_kinetic_friction(spread):
-    law = Gaussian(mean=1.0, spread=spread).positive()
-    force = moved(interface(law, wide(0.3)), [99.0, 100.0], points=5000).force
-    assert force == pytest.approx(0.5 * law.moment(2) / law.moment(1), abs=1e-6)
+@pytest.mark.parametrize("std", [0.1, 0.3])
+def test_kinetic_friction(std):
+    distribution = Gaussian(mean=1.0, std=std).positive()
+    force = moved(interface(distribution, wide(0.3)), [99.0, 100.0], points=5000).force
+    assert force == pytest.approx(0.5 * distribution.moment(2) / distribution.moment(1), abs=1e-6)
 
 
 @pytest.mark.eq(3, 4)
 @pytest.mark.parametrize(
-    ("spread", "initial", "critical"),
+    ("std", "initial", "critical"),
     [(0.1, 0.01, 2.989), (0.1, 0.0, 3.009), (0.1, 0.1, 1.828), (0.2, 0.01, 1.033), (0.3, 0.01, 0.438)],
 )
-def test_critical_stiffness(spread, initial, critical):
+def test_critical_stiffness(std, initial, critical):
     start = gaussian(initial) if initial else delta()
     X = np.linspace(0.0, 4.0, 4001)
-    stiffness = moved(interface(Gaussian(mean=1.0, spread=spread), start), X, points=400).stiffness
+    stiffness = moved(interface(Gaussian(mean=1.0, std=std), start), X, points=400).stiffness
     assert -stiffness.min() == pytest.approx(critical, abs=6e-4)
 
 

@@ -7,8 +7,8 @@ import tomllib
 import pytest
 
 import stickslip as ss
-from stickslip import rig as rigs
-from stickslip.door import LARGEST_FILE
+from stickslip.io import rig_files as rigs
+from stickslip.io.validation import LARGEST_FILE
 
 EXAMPLE = rigs.example("pmma_slider")
 
@@ -46,7 +46,7 @@ def test_the_published_bench_reaches_the_model_in_natural_units():
 
 def test_every_assumed_value_says_how_to_measure_it():
     rig = rigs.read(EXAMPLE)
-    assert "interface.threshold_stretching" in rig.assumed
+    assert "interface.breaking_displacement" in rig.assumed
     assert all(len(how) > 30 for how in rig.assumed.values())
 
 
@@ -67,29 +67,31 @@ def test_units_of_one_quantity_are_interchangeable(document, written, same):
 
 
 @pytest.mark.parametrize(
-    ("law", "expected"),
+    ("distribution", "expected"),
     [
-        ({"law": "gaussian", "spread": 0.2}, ss.Gaussian(mean=1.0, spread=0.2)),
-        ({"law": "uniform", "low": 0.5, "high": 1.5}, ss.Uniform(low=0.5, high=1.5)),
-        ({"law": "exponential"}, ss.Exponential(mean=1.0)),
-        ({"law": "gamma", "spread": 0.3}, ss.Gamma(mean=1.0, spread=0.3)),
-        ({"law": "lognormal", "spread": 0.3}, ss.LogNormal(mean=1.0, spread=0.3)),
-        ({"law": "weibull", "shape": 3.0}, ss.Weibull(scale=1.0, shape=3.0)),
+        ({"distribution": "gaussian", "std": 0.2}, ss.Gaussian(mean=1.0, std=0.2)),
+        ({"distribution": "uniform", "low": 0.5, "high": 1.5}, ss.Uniform(low=0.5, high=1.5)),
+        ({"distribution": "exponential"}, ss.Exponential(mean=1.0)),
+        ({"distribution": "gamma", "std": 0.3}, ss.Gamma(mean=1.0, std=0.3)),
+        ({"distribution": "lognormal", "std": 0.3}, ss.LogNormal(mean=1.0, std=0.3)),
+        ({"distribution": "weibull", "shape": 3.0}, ss.Weibull(scale=1.0, shape=3.0)),
         (
-            {"law": "empirical", "edges": [0.5, 1.0, 1.5], "weights": [1.0, 2.0]},
+            {"distribution": "empirical", "edges": [0.5, 1.0, 1.5], "weights": [1.0, 2.0]},
             ss.Empirical(edges=(0.5, 1.0, 1.5), weights=(1.0, 2.0)),
         ),
-        ({"law": "empirical", "samples": [0.9, 1.0, 1.3]}, ss.Empirical.from_samples([0.9, 1.0, 1.3])),
+        ({"distribution": "empirical", "samples": [0.9, 1.0, 1.3]}, ss.Empirical.from_samples([0.9, 1.0, 1.3])),
     ],
 )
-def test_every_law_can_be_written(document, law, expected):
-    assert rigs.from_document(with_value(document, "interface.thresholds", law)).interface.thresholds == expected
+def test_every_distribution_can_be_written(document, distribution, expected):
+    assert (
+        rigs.from_document(with_value(document, "interface.thresholds", distribution)).interface.thresholds == expected
+    )
 
 
 def test_delays_random_and_never(document):
-    random = {"mean": "2 ms", "spread": "1 ms", "negative": "fold"}
+    random = {"mean": "2 ms", "std": "1 ms", "negative": "fold"}
     delay = rigs.from_document(with_value(document, "interface.delay", random)).interface.delay
-    assert (delay.mean, delay.spread, delay.negative) == (pytest.approx(0.4), pytest.approx(0.2), "fold")
+    assert (delay.mean, delay.std, delay.negative) == (pytest.approx(0.4), pytest.approx(0.2), "fold")
     never = rigs.from_document(with_value(document, "interface.delay", "never")).interface.delay
     assert math.isinf(never.time)
 
@@ -99,7 +101,7 @@ def test_natural_units_take_plain_numbers():
         {
             "units": "natural",
             "slider": {"stiffness": 2, "mass": 1e-4, "damping": 200},
-            "interface": {"thresholds": {"law": "gaussian", "spread": 0.1}, "delay": 0.2},
+            "interface": {"thresholds": {"distribution": "gaussian", "std": 0.1}, "delay": 0.2},
             "drive": {"pieces": [{"start": 0.1, "end": 3, "duration": 10}, {"start": 3, "end": 0.1, "duration": 10}]},
         }
     )
@@ -123,20 +125,25 @@ MISTAKES = [
     ("slider.stiffness", "0 N/m", "slider.stiffness = '0 N/m'", "above 0"),
     ("slider.damping", "3 1/s", "slider", "one of damping"),
     ("slider.relative_damping", -0.3, "damping", "at least 0"),
-    ("interface.thresholds", {"law": "gausian", "spread": 0.1}, "interface.thresholds", "known laws"),
-    ("interface.thresholds", {"law": "gaussian", "spred": 0.1}, "interface.thresholds.spred", "did you mean 'spread'"),
-    ("interface.thresholds", {"law": "gaussian", "spread": -0.1}, "Gaussian.spread", "at least 0"),
-    ("interface.thresholds", {"law": "uniform", "low": 2.0, "high": 1.0}, "Uniform.high", "above 2"),
-    ("interface.thresholds", {"law": "empirical"}, "interface.thresholds", "samples, or edges and weights"),
+    ("interface.thresholds", {"distribution": "gausian", "std": 0.1}, "interface.thresholds", "known distributions"),
+    (
+        "interface.thresholds",
+        {"distribution": "gaussian", "spred": 0.1},
+        "interface.thresholds.spred",
+        "did you mean 'standard deviation'",
+    ),
+    ("interface.thresholds", {"distribution": "gaussian", "std": -0.1}, "Gaussian.std", "at least 0"),
+    ("interface.thresholds", {"distribution": "uniform", "low": 2.0, "high": 1.0}, "Uniform.high", "above 2"),
+    ("interface.thresholds", {"distribution": "empirical"}, "interface.thresholds", "samples, or edges and weights"),
     ("interface.thresholds", 0.1, "interface.thresholds = 0.1", "table"),
-    ("interface.initial", {"law": "gaussian", "mean": 9.0, "spread": 0.1}, "Interface.initial", "nearer to 0"),
+    ("interface.initial", {"distribution": "gaussian", "mean": 9.0, "std": 0.1}, "Interface.initial", "nearer to 0"),
     ("interface.normal_load", "1920 kg", "interface.normal_load", "unit of 'N'"),
-    ("interface.friction_coefficient", None, "interface", "total_threshold"),
-    ("interface.threshold_stretching", None, "interface.threshold_stretching", "missing"),
+    ("interface.friction_coefficient", None, "interface", "contact_strength"),
+    ("interface.breaking_displacement", None, "interface.breaking_displacement", "missing"),
     ("interface.delay", "-2 ms", "interface.delay = '-2 ms'", "at least 0"),
-    ("interface.delay", {"mean": "2 ms"}, "interface.delay.spread", "missing"),
-    ("interface.delay", {"mean": "2 ms", "spread": "1 ms", "negative": "drop"}, "interface.delay.negative", "'clip'"),
-    ("interface.ageing", {"law": "langevin", "time": "0 s"}, "interface.ageing.time", "above 0"),
+    ("interface.delay", {"mean": "2 ms"}, "interface.delay.std", "missing"),
+    ("interface.delay", {"mean": "2 ms", "std": "1 ms", "negative": "drop"}, "interface.delay.negative", "'clip'"),
+    ("interface.ageing", {"distribution": "langevin", "time": "0 s"}, "interface.ageing.time", "above 0"),
     ("drive.velocity", "0 m/s", "drive.velocity", "above 0"),
     ("drive.distance", "-1 mm", "drive.distance", "above 0"),
     ("drive.pieces", [], "drive", "either velocity, or pieces"),

@@ -8,24 +8,31 @@ import pytest
 
 from stickslip.errors import InputError
 from stickslip.model import Delay, Interface, Langevin, RandomDelay
-from stickslip.rigid import Renewal, critical_stiffness, effective_stiffness, slide, static_friction, steepest_fall
-from stickslip.simulate import Contacts, MasterEquation
-from stickslip.thresholds import Exponential, Gamma, Gaussian, SteadyState, Uniform, Weibull
+from stickslip.model.distributions import Exponential, Gamma, Gaussian, SteadyState, Uniform, Weibull
+from stickslip.rigid import (
+    Renewal,
+    critical_stiffness,
+    effective_stiffness,
+    rigid_slide,
+    static_friction,
+    steepest_fall,
+)
+from stickslip.simulation import Contacts, MasterEquation
 
-AT_REST = Gaussian(mean=0.0, spread=0.0)
+AT_REST = Gaussian(mean=0.0, std=0.0)
 
 
 def gaussian(initial, thresholds, delay=0.0):
     return Interface(
-        thresholds=Gaussian(mean=1.0, spread=thresholds),
-        initial=Gaussian(mean=0.0, spread=initial),
+        thresholds=Gaussian(mean=1.0, std=thresholds),
+        initial=Gaussian(mean=0.0, std=initial),
         delay=Delay(delay),
     )
 
 
 def first_extrema(run):
     """First maximum and the minimum after it, by parabolas through the nearest points."""
-    X, F = run["X"].to_numpy(), run["F_c"].to_numpy()
+    X, F = run["displacement"].to_numpy(), run["friction_force"].to_numpy()
 
     def refined(i):
         a, b, c = np.polyfit(X[i - 1 : i + 2] - X[i], F[i - 1 : i + 2], 2)
@@ -52,9 +59,10 @@ def first_extrema(run):
 @pytest.mark.eq(1, 2, 3, 4)
 def test_fig1_extrema(method, initial, thresholds, top, bottom):
     if isinstance(method, MasterEquation) and (initial, thresholds) == (0.3, 0.3):
-        # Not to the letter of Eq. (3): a contact stretched backwards has its threshold beyond |x_0| (see `slide`).
+        # Not to the letter of Eq. (3): a contact stretched backwards has its threshold beyond |x_0| (see
+        # `rigid_slide`).
         top, bottom = (0.56894, None), (0.53495, None)
-    run = slide(gaussian(initial, thresholds), 4.0, method=method)
+    run = rigid_slide(gaussian(initial, thresholds), 4.0, method=method)
     highest, at_top, lowest, at_bottom = first_extrema(run)
     assert highest == pytest.approx(top[0], abs=2e-4)
     assert lowest == pytest.approx(bottom[0], abs=2e-4)
@@ -68,11 +76,13 @@ def test_fig1_extrema(method, initial, thresholds, top, bottom):
 def test_fig1_contacts_scatter_as_the_inverse_root_of_their_number(initial, thresholds):
     """Claim 1: rms difference over 0..8 is .15-.55 / sqrt(N), here in the mean of several runs."""
     rig = gaussian(initial, thresholds)
-    exact = slide(rig, 8.0, method=Renewal(8_000))["F_c"].to_numpy()
+    exact = rigid_slide(rig, 8.0, method=Renewal(8_000))["friction_force"].to_numpy()
     for N, seeds in ((1_000, 8), (16_000, 4)):
         square = np.mean(
             [
-                np.mean((slide(rig, 8.0, method=Contacts(N, seed=seed))["F_c"].to_numpy() - exact) ** 2)
+                np.mean(
+                    (rigid_slide(rig, 8.0, method=Contacts(N, seed=seed))["friction_force"].to_numpy() - exact) ** 2
+                )
                 for seed in range(seeds)
             ]
         )
@@ -86,38 +96,38 @@ def test_static_friction_is_the_largest_force():
 
 
 @pytest.mark.eq(4)
-def test_the_force_tends_to_the_kinetic_one(law):
-    """Claim 2: F_k = <x_s^2>/(2 <x_s>) for any law that is not a single value."""
-    rig = Interface(thresholds=law, initial=AT_REST)
-    # Renewal theory: oscillations die out over a few times mean^3/variance; heavy tails need their length.
-    reach = 4 * law.moment(1) ** 3 / law.standard_deviation() ** 2 + 3 * law.support[1]
-    run = slide(rig, reach, method=Renewal(8_192))
-    force = float(run["F_c"][-1])
-    assert force == pytest.approx(law.moment(2) / (2 * law.moment(1)), rel=2e-5)
-    assert float(run["breaking_rate"][-1]) == pytest.approx(1 / law.moment(1), rel=1e-4)
+def test_the_force_tends_to_the_kinetic_one(distribution):
+    """Claim 2: F_k = <x_s^2>/(2 <x_s>) for any distribution that is not a single value."""
+    rig = Interface(thresholds=distribution, initial=AT_REST)
+    # Renewal theory: oscillations decays over a few times mean^3/variance; heavy tails need their length.
+    reach = 4 * distribution.moment(1) ** 3 / distribution.standard_deviation() ** 2 + 3 * distribution.support[1]
+    run = rigid_slide(rig, reach, method=Renewal(8_192))
+    force = float(run["friction_force"][-1])
+    assert force == pytest.approx(distribution.moment(2) / (2 * distribution.moment(1)), rel=2e-5)
+    assert float(run["breaking_rate"][-1]) == pytest.approx(1 / distribution.moment(1), rel=1e-4)
     np.testing.assert_allclose(run["attached"], 1.0, atol=1e-12)
 
 
 @pytest.mark.eq(1, 4)
-def test_started_in_the_steady_state_the_force_is_constant(law):
+def test_started_in_the_steady_state_the_force_is_constant(distribution):
     """Claim 3, and K* = 0 (claim 5)."""
-    rig = Interface(thresholds=law, initial=SteadyState(thresholds=law))
-    run = slide(rig, 5.0)
+    rig = Interface(thresholds=distribution, initial=SteadyState(thresholds=distribution))
+    run = rigid_slide(rig, 5.0)
     # The start is a sum over some nodes. Where the survival starts with an infinite slope no polynomial follows it;
-    # where the law jumps each node breaks with a kink in the force, and a jump in its slope.
-    jumps = any(knot > 0 for knot in law.knots)
-    slack = 2e-4 if jumps or float(law.density(1e-9)) > 5 else 5e-5
-    np.testing.assert_allclose(run["F_c"], law.moment(2) / (2 * law.moment(1)), rtol=slack)
+    # where the distribution jumps each node breaks with a kink in the force, and a jump in its slope.
+    jumps = any(knot > 0 for knot in distribution.knots)
+    slack = 2e-4 if jumps or float(distribution.density(1e-9)) > 5 else 5e-5
+    np.testing.assert_allclose(run["friction_force"], distribution.moment(2) / (2 * distribution.moment(1)), rtol=slack)
     assert critical_stiffness(rig) == 0.0
     assert np.max(effective_stiffness(rig, np.linspace(0, 3, 301))) <= (0.05 if jumps else 100 * slack)
 
 
-@pytest.mark.parametrize("spread", [0.1, 0.3])
-def test_started_in_the_steady_state_of_gaussian_thresholds_nothing_moves(spread):
-    law = Gaussian(mean=1.0, spread=spread)
-    rig = Interface(thresholds=law, initial=SteadyState(thresholds=law))
-    np.testing.assert_allclose(slide(rig, 10.0)["F_c"], {0.1: 0.50500, 0.3: 0.54498}[spread], atol=5e-6)
-    assert np.ptp(slide(rig, 10.0)["F_c"].to_numpy()) < 1e-10
+@pytest.mark.parametrize("std", [0.1, 0.3])
+def test_started_in_the_steady_state_of_gaussian_thresholds_nothing_moves(std):
+    distribution = Gaussian(mean=1.0, std=std)
+    rig = Interface(thresholds=distribution, initial=SteadyState(thresholds=distribution))
+    np.testing.assert_allclose(rigid_slide(rig, 10.0)["friction_force"], {0.1: 0.50500, 0.3: 0.54498}[std], atol=5e-6)
+    assert np.ptp(rigid_slide(rig, 10.0)["friction_force"].to_numpy()) < 1e-10
     assert critical_stiffness(rig) == 0.0
 
 
@@ -137,10 +147,10 @@ def test_critical_stiffness(initial, thresholds, expected):
 def test_critical_stiffness_without_reattachment():
     """The other convention. In closed form from a delta start: max of X P_c(X) - J_c(X)."""
     assert critical_stiffness(gaussian(0.01, 0.1), reattachment=False) == pytest.approx(3.548, abs=0.003)
-    law = Gaussian(mean=1.0, spread=0.1)
+    distribution = Gaussian(mean=1.0, std=0.1)
     X = np.linspace(0.9, 1.2, 30_001)
-    expected = np.max(X * law.density(X) - law.survival(X))
-    rig = Interface(thresholds=law, initial=AT_REST)
+    expected = np.max(X * distribution.density(X) - distribution.survival(X))
+    rig = Interface(thresholds=distribution, initial=AT_REST)
     assert critical_stiffness(rig, reattachment=False) == pytest.approx(expected, abs=1e-5)
 
 
@@ -156,29 +166,29 @@ def test_critical_stiffness_of_rectangular_thresholds(low, high):
 
 @pytest.mark.eq(8)
 def test_a_second_generation_raises_the_critical_stiffness():
-    """x2 > 2 x1: contacts reborn at x1 break before X = x2 and add to the fall."""
+    """x2 > 2 x1: contacts re-attached at x1 break before X = x2 and add to the fall."""
     assert critical_stiffness(Interface(thresholds=Uniform(low=0.4, high=1.4), initial=AT_REST)) > 0.4 + 0.1
 
 
 @pytest.mark.eq(7, 8)
 def test_exponential_thresholds_never_let_the_force_fall():
-    law = Exponential(mean=0.8)
-    rig = Interface(thresholds=law, initial=AT_REST)
+    distribution = Exponential(mean=0.8)
+    rig = Interface(thresholds=distribution, initial=AT_REST)
     assert critical_stiffness(rig) == 0.0
     assert np.all(effective_stiffness(rig, np.linspace(0, 10, 50)) <= 1e-9)
     # Without memory the rate is constant: F = m1 (1 - exp(-X/m1)).
-    run = slide(rig, 5.0)
-    np.testing.assert_allclose(run["F_c"], 0.8 * (1 - np.exp(-run["X"] / 0.8)), atol=1e-8)
-    steady = replace(rig, initial=SteadyState(thresholds=law))
-    np.testing.assert_allclose(slide(steady, 5.0)["F_c"], 0.8, rtol=1e-9)
+    run = rigid_slide(rig, 5.0)
+    np.testing.assert_allclose(run["friction_force"], 0.8 * (1 - np.exp(-run["displacement"] / 0.8)), atol=1e-8)
+    steady = replace(rig, initial=SteadyState(thresholds=distribution))
+    np.testing.assert_allclose(rigid_slide(steady, 5.0)["friction_force"], 0.8, rtol=1e-9)
 
 
 @pytest.mark.eq(8)
-def test_critical_stiffness_falls_with_both_spreads():
+def test_critical_stiffness_falls_with_both_stds():
     """Claim 5, and a delta start gives the strongest oscillation (claim 4)."""
-    by_thresholds = [critical_stiffness(gaussian(0.01, spread)) for spread in (0.05, 0.08, 0.1, 0.15, 0.2, 0.3)]
+    by_thresholds = [critical_stiffness(gaussian(0.01, std)) for std in (0.05, 0.08, 0.1, 0.15, 0.2, 0.3)]
     assert by_thresholds == sorted(by_thresholds, reverse=True)
-    by_start = [critical_stiffness(gaussian(spread, 0.1)) for spread in (0.0, 0.01, 0.03, 0.1, 0.2, 0.3)]
+    by_start = [critical_stiffness(gaussian(std, 0.1)) for std in (0.0, 0.01, 0.03, 0.1, 0.2, 0.3)]
     assert by_start == sorted(by_start, reverse=True)
 
 
@@ -186,10 +196,10 @@ def test_the_delay_does_not_enter_the_critical_stiffness():
     assert critical_stiffness(gaussian(0.01, 0.1, delay=0.7)) == critical_stiffness(gaussian(0.01, 0.1))
 
 
-def test_the_critical_stiffness_is_the_largest_effective_one(law):
-    rig = Interface(thresholds=law, initial=Gaussian(mean=0.0, spread=0.02))
+def test_the_critical_stiffness_is_the_largest_effective_one(distribution):
+    rig = Interface(thresholds=distribution, initial=Gaussian(mean=0.0, std=0.02))
     value, place = steepest_fall(rig)
-    X = np.linspace(0, min(2 * law.support[1], 4.0), 401)
+    X = np.linspace(0, min(2 * distribution.support[1], 4.0), 401)
     K = effective_stiffness(rig, X)
     assert np.max(K) <= value + 1e-3
     if value > 0:
@@ -198,17 +208,17 @@ def test_the_critical_stiffness_is_the_largest_effective_one(law):
 
 @pytest.mark.parametrize("velocity_delay", [0.0, 0.3])
 @pytest.mark.eq(7)
-def test_effective_stiffness_is_minus_the_slope_of_the_force(law, velocity_delay):
-    rig = Interface(thresholds=law, initial=Gaussian(mean=0.05, spread=0.05), delay=Delay(velocity_delay))
-    run = slide(rig, 2.0, method=Renewal(1_024))
-    X, F, slope = (run[name].to_numpy() for name in ("X", "F_c", "stiffness"))
+def test_effective_stiffness_is_minus_the_slope_of_the_force(distribution, velocity_delay):
+    rig = Interface(thresholds=distribution, initial=Gaussian(mean=0.05, std=0.05), delay=Delay(velocity_delay))
+    run = rigid_slide(rig, 2.0, method=Renewal(1_024))
+    X, F, slope = (run[name].to_numpy() for name in ("displacement", "friction_force", "stiffness"))
     h = X[1]
     scale = max(1.0, float(np.max(np.abs(slope))))
     travelled = np.append(0.0, np.cumsum(0.5 * h * (slope[1:] + slope[:-1])))
     # Second order in h, first order at each jump of the slope.
     np.testing.assert_allclose(F - F[0], travelled, atol=2 * h * scale)
     np.testing.assert_allclose(effective_stiffness(rig, X[1::100]), -slope[1::100], atol=5e-3 * scale)
-    if not any(knot > 0 for knot in law.knots):
+    if not any(knot > 0 for knot in distribution.knots):
         differences = (F[2:] - F[:-2]) / (2 * h)
         error = np.abs(differences - slope[1:-1]) / scale
         assert np.quantile(error, 0.97) < 1e-3  # all but the corner at X = v tau
@@ -217,95 +227,106 @@ def test_effective_stiffness_is_minus_the_slope_of_the_force(law, velocity_delay
 # ------------------------------------------------------------------------------------------------ three solvers
 
 
-@pytest.mark.parametrize(
-    "delay", [Delay(0.0), Delay(0.3), Delay(math.inf), RandomDelay(mean=0.2, spread=0.12)], ids=str
-)
+@pytest.mark.parametrize("delay", [Delay(0.0), Delay(0.3), Delay(math.inf), RandomDelay(mean=0.2, std=0.12)], ids=str)
 @pytest.mark.eq(1, 2, 3, 4)
 def test_cohorts_agree_with_the_renewal(delay):
     rig = replace(gaussian(0.05, 0.1), delay=delay)
-    exact = slide(rig, 4.0, velocity=1.5, method=Renewal(4_000))
-    run = slide(rig, 4.0, velocity=1.5, method=MasterEquation(cells=400))
-    for name in ("F_c", "attached"):
+    exact = rigid_slide(rig, 4.0, velocity=1.5, method=Renewal(4_000))
+    run = rigid_slide(rig, 4.0, velocity=1.5, method=MasterEquation(cells=400))
+    for name in ("friction_force", "attached"):
         # Second order in the step of 1/400 of x_s, times curvatures of some (1/.1)^2.
         np.testing.assert_allclose(run[name], exact[name], atol=3e-4, err_msg=name)
 
 
 def test_cohorts_are_of_second_order():
     rig = gaussian(0.05, 0.2, delay=0.2)
-    exact = slide(rig, 3.0, method=Renewal(3_000))["F_c"].to_numpy()
+    exact = rigid_slide(rig, 3.0, method=Renewal(3_000))["friction_force"].to_numpy()
     errors = [
-        float(np.max(np.abs(slide(rig, 3.0, method=MasterEquation(cells=cells))["F_c"].to_numpy() - exact)))
+        float(
+            np.max(
+                np.abs(rigid_slide(rig, 3.0, method=MasterEquation(cells=cells))["friction_force"].to_numpy() - exact)
+            )
+        )
         for cells in (50, 100, 200)
     ]
     assert errors[0] / errors[1] > 2.8
     assert errors[1] / errors[2] > 2.8
 
 
-def test_the_renewal_is_of_high_order_for_a_smooth_law():
+def test_the_renewal_is_of_high_order_for_a_smooth_distribution():
     rig = gaussian(0.1, 0.2)
-    exact = slide(rig, 3.0, method=Renewal(1_536))["F_c"].to_numpy()
+    exact = rigid_slide(rig, 3.0, method=Renewal(1_536))["friction_force"].to_numpy()
     errors = [
-        float(np.max(np.abs(slide(rig, 3.0, method=Renewal(points))["F_c"].to_numpy() - exact[:: 1_536 // points])))
+        float(
+            np.max(
+                np.abs(
+                    rigid_slide(rig, 3.0, method=Renewal(points))["friction_force"].to_numpy()
+                    - exact[:: 1_536 // points]
+                )
+            )
+        )
         for points in (48, 96, 192)
     ]
     assert errors[0] / errors[1] > 16
     assert errors[2] < 1e-8
 
 
-def test_contacts_agree_with_the_renewal_for_every_law(law):
+def test_contacts_agree_with_the_renewal_for_every_distribution(distribution):
     """N^(-1/2) with the model's own variance: one contact's force lies between 0 and its threshold."""
-    rig = Interface(thresholds=law, initial=Uniform(low=0.0, high=0.04), delay=Delay(0.2))
+    rig = Interface(thresholds=distribution, initial=Uniform(low=0.0, high=0.04), delay=Delay(0.2))
     N = 4_000
-    exact = slide(rig, 3.0, method=Renewal(3_000))
-    run = slide(rig, 3.0, method=Contacts(N, seed=1))
-    spread = math.sqrt(law.moment(2))  # of the force of one contact, at most
-    assert np.max(np.abs(run["F_c"] - exact["F_c"])) < 6 * spread / math.sqrt(N)
+    exact = rigid_slide(rig, 3.0, method=Renewal(3_000))
+    run = rigid_slide(rig, 3.0, method=Contacts(N, seed=1))
+    std = math.sqrt(distribution.moment(2))  # of the force of one contact, at most
+    assert np.max(np.abs(run["friction_force"] - exact["friction_force"])) < 6 * std / math.sqrt(N)
     assert np.max(np.abs(run["attached"] - exact["attached"])) < 6 * 0.5 / math.sqrt(N)
 
 
-def test_cohorts_agree_with_the_renewal_for_every_law(law):
-    rig = Interface(thresholds=law, initial=Uniform(low=0.0, high=0.04), delay=Delay(0.2))
-    exact = slide(rig, 3.0, method=Renewal(3_000))
-    run = slide(rig, 3.0, method=MasterEquation(cells=400))
-    # A law with a singular start breaks a finite share of the newborn within one step of 1/400.
-    share = float(1 - law.survival(1 / 400))
-    slack = 1e-3 + share * law.moment(1)
-    assert np.max(np.abs(run["F_c"] - exact["F_c"])) < slack
+def test_cohorts_agree_with_the_renewal_for_every_distribution(distribution):
+    rig = Interface(thresholds=distribution, initial=Uniform(low=0.0, high=0.04), delay=Delay(0.2))
+    exact = rigid_slide(rig, 3.0, method=Renewal(3_000))
+    run = rigid_slide(rig, 3.0, method=MasterEquation(cells=400))
+    # A distribution with a singular start breaks a finite fraction of the newborn within one step of 1/400.
+    share = float(1 - distribution.survival(1 / 400))
+    slack = 1e-3 + share * distribution.moment(1)
+    assert np.max(np.abs(run["friction_force"] - exact["friction_force"])) < slack
     assert np.max(np.abs(run["attached"] - exact["attached"])) < slack
 
 
 @pytest.mark.parametrize("method", [Renewal(3_000), MasterEquation(), Contacts(3_000, seed=2)], ids=["r", "m", "c"])
 @pytest.mark.eq(10)
 def test_only_velocity_times_delay_counts(method):
-    slow = slide(gaussian(0.05, 0.2, delay=0.4), 3.0, velocity=0.5, method=method)
-    fast = slide(gaussian(0.05, 0.2, delay=0.1), 3.0, velocity=2.0, method=method)
-    np.testing.assert_allclose(slow["F_c"], fast["F_c"], atol=1e-9)
+    slow = rigid_slide(gaussian(0.05, 0.2, delay=0.4), 3.0, velocity=0.5, method=method)
+    fast = rigid_slide(gaussian(0.05, 0.2, delay=0.1), 3.0, velocity=2.0, method=method)
+    np.testing.assert_allclose(slow["friction_force"], fast["friction_force"], atol=1e-9)
     # Long after the start, Eq. (10) counts the attached contacts.
-    late = slide(gaussian(0.05, 0.2, delay=0.4), 60.0, velocity=0.5, method=method)["attached"].to_numpy()[-50:]
+    late = rigid_slide(gaussian(0.05, 0.2, delay=0.4), 60.0, velocity=0.5, method=method)["attached"].to_numpy()[-50:]
     noise = 6 * 0.5 / math.sqrt(3_000) if isinstance(method, Contacts) else 1e-6
     assert np.max(np.abs(late - 1 / 1.2)) < noise
 
 
 def test_equal_thresholds_make_a_sawtooth():
-    same = Interface(thresholds=Gaussian(mean=1.0, spread=0.0), initial=AT_REST)
-    run = slide(same, 7.5, method=Contacts(9))
-    X = run["X"].to_numpy()
+    same = Interface(thresholds=Gaussian(mean=1.0, std=0.0), initial=AT_REST)
+    run = rigid_slide(same, 7.5, method=Contacts(9))
+    X = run["displacement"].to_numpy()
     away = np.abs(X - np.round(X)) > 1e-6
-    np.testing.assert_allclose(run["F_c"].to_numpy()[away], (X % 1.0)[away], atol=1e-12)
-    delayed = slide(replace(same, delay=Delay(0.25)), 7.4, velocity=2.0, method=Contacts(9))
-    X = delayed["X"].to_numpy()
+    np.testing.assert_allclose(run["friction_force"].to_numpy()[away], (X % 1.0)[away], atol=1e-12)
+    delayed = rigid_slide(replace(same, delay=Delay(0.25)), 7.4, velocity=2.0, method=Contacts(9))
+    X = delayed["displacement"].to_numpy()
     phase = X % 1.5  # a period of the threshold and the way travelled in the delay
     away = (np.abs(phase - 1.0) > 1e-6) & (phase > 1e-6) & (phase < 1.5 - 1e-6)
-    np.testing.assert_allclose(delayed["F_c"].to_numpy()[away], np.where(phase < 1, phase, 0)[away], atol=1e-12)
+    np.testing.assert_allclose(
+        delayed["friction_force"].to_numpy()[away], np.where(phase < 1, phase, 0)[away], atol=1e-12
+    )
 
 
-def test_mass_is_conserved_to_rounding(law):
+def test_mass_is_conserved_to_rounding(distribution):
     """Attached and detached make up 1: with the delay v tau, what broke within the last v tau is missing."""
-    rig = Interface(thresholds=law, initial=Gaussian(mean=0.0, spread=0.05), delay=Delay(0.25))
-    run = slide(rig, 3.0, method=Contacts(500, seed=3))
+    rig = Interface(thresholds=distribution, initial=Gaussian(mean=0.0, std=0.05), delay=Delay(0.25))
+    run = rigid_slide(rig, 3.0, method=Contacts(500, seed=3))
     attached = run["attached"].to_numpy() * 500
     np.testing.assert_allclose(attached, np.round(attached), atol=1e-9)
-    exact = slide(rig, 3.0, method=Renewal(300))
+    exact = rigid_slide(rig, 3.0, method=Renewal(300))
     assert float(exact["attached"].max()) <= 1 + 1e-12
     assert float(exact["attached"].min()) >= -1e-12
 
@@ -315,16 +336,16 @@ def test_mass_is_conserved_to_rounding(law):
 
 @pytest.mark.parametrize("method", [Renewal(100), MasterEquation(cells=50), Contacts(20)], ids=["r", "m", "c"])
 def test_the_result_is_labelled(method):
-    run = slide(gaussian(0.01, 0.1), 2.0, method=method)
-    assert {"F_c", "attached"} <= set(run.data_vars)
-    assert float(run["X"][0]) == 0
-    assert float(run["X"][-1]) == pytest.approx(2.0, rel=1e-12)
-    for name in (*run.data_vars, "X"):
-        assert run[name].dims == ("X",)
+    run = rigid_slide(gaussian(0.01, 0.1), 2.0, method=method)
+    assert {"friction_force", "attached"} <= set(run.data_vars)
+    assert float(run["displacement"][0]) == 0
+    assert float(run["displacement"][-1]) == pytest.approx(2.0, rel=1e-12)
+    for name in (*run.data_vars, "displacement"):
+        assert run[name].dims == ("displacement",)
         assert run[name].attrs["units"]
         assert run[name].attrs["long_name"]
     if isinstance(method, Renewal):
-        assert run.sizes["X"] == 101
+        assert run.sizes["displacement"] == 101
         assert {"breaking_rate", "stiffness"} <= set(run.data_vars)
 
 
@@ -334,17 +355,17 @@ GOOD = gaussian(0.01, 0.1)
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: slide(GOOD, 0), r"^slide: distance = 0: must be .* above 0 \(in x_s\)"),
-        (lambda: slide(GOOD, -1), r"^slide: distance = -1: must be .* above 0"),
-        (lambda: slide(GOOD, math.inf), r"^slide: distance = inf: must be a finite number above 0"),
-        (lambda: slide(GOOD, 1, velocity=0), r"^slide: velocity = 0: must be .* above 0 \(in x_s per time\)"),
-        (lambda: slide(GOOD, 1, velocity=math.nan), r"^slide: velocity = nan: must be a finite number"),
-        (lambda: slide(GOOD, 1, method="fft"), r"^slide: method = 'fft': must be Renewal\(\), Contacts"),
-        (lambda: slide(GOOD.thresholds, 1), r"^slide: interface = .*: must be an Interface"),
+        (lambda: rigid_slide(GOOD, 0), r"^slide: distance = 0: must be .* above 0 \(in x_s\)"),
+        (lambda: rigid_slide(GOOD, -1), r"^slide: distance = -1: must be .* above 0"),
+        (lambda: rigid_slide(GOOD, math.inf), r"^slide: distance = inf: must be a finite number above 0"),
+        (lambda: rigid_slide(GOOD, 1, velocity=0), r"^slide: velocity = 0: must be .* above 0 \(in x_s per time\)"),
+        (lambda: rigid_slide(GOOD, 1, velocity=math.nan), r"^slide: velocity = nan: must be a finite number"),
+        (lambda: rigid_slide(GOOD, 1, method="fft"), r"^slide: method = 'fft': must be Renewal\(\), Contacts"),
+        (lambda: rigid_slide(GOOD.thresholds, 1), r"^slide: interface = .*: must be an Interface"),
         (lambda: Renewal(2), r"^Renewal\.points = 2: must be .* at least 8"),
         (lambda: Renewal(10.5), r"^Renewal\.points = 10\.5: must be a whole number"),
         (
-            lambda: slide(replace(GOOD, ageing=Langevin(rate=1)), 1),
+            lambda: rigid_slide(replace(GOOD, ageing=Langevin(rate=1)), 1),
             r"^Interface\.ageing = .*: not available with Renewal",
         ),
         (lambda: critical_stiffness(replace(GOOD, ageing=Langevin(rate=1))), r"^Interface\.ageing = .*: not available"),
@@ -354,8 +375,8 @@ GOOD = gaussian(0.01, 0.1)
         (lambda: effective_stiffness(GOOD, -1.0), r"^effective_stiffness: X must be finite"),
         (lambda: effective_stiffness(GOOD, [1.0, math.nan]), r"^effective_stiffness: X must be finite"),
         (
-            lambda: critical_stiffness(Interface(thresholds=Gaussian(mean=1, spread=0))),
-            r"^Gaussian\.spread = 0: a law with all its values at one point has no density",
+            lambda: critical_stiffness(Interface(thresholds=Gaussian(mean=1, std=0))),
+            r"^Gaussian\.std = 0: a distribution with all its values at one point has no density",
         ),
     ],
 )
@@ -371,10 +392,8 @@ def test_effective_stiffness_takes_a_number_or_an_array():
     assert effective_stiffness(GOOD, 0.0)[0] == pytest.approx(-1.0, abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    "thresholds", [Gamma(mean=1, spread=0.2), Weibull(scale=1, shape=6), Uniform(low=0.7, high=1.3)]
-)
+@pytest.mark.parametrize("thresholds", [Gamma(mean=1, std=0.2), Weibull(scale=1, shape=6), Uniform(low=0.7, high=1.3)])
 def test_the_first_maximum_does_not_depend_on_the_grid(thresholds):
-    rig = Interface(thresholds=thresholds, initial=Gaussian(mean=0.0, spread=0.03))
-    coarse, fine = (slide(rig, 3.0, method=Renewal(points)) for points in (300, 1_200))
-    np.testing.assert_allclose(coarse["F_c"], fine["F_c"][::4], atol=2e-5)
+    rig = Interface(thresholds=thresholds, initial=Gaussian(mean=0.0, std=0.03))
+    coarse, fine = (rigid_slide(rig, 3.0, method=Renewal(points)) for points in (300, 1_200))
+    np.testing.assert_allclose(coarse["friction_force"], fine["friction_force"][::4], atol=2e-5)

@@ -9,25 +9,25 @@ import pytest
 import xarray as xr
 from scipy.integrate import solve_ivp
 
-from stickslip import store
-from stickslip.drive import ForceAbove, ForceBelow, Travel, hold, ramp
 from stickslip.errors import InputError
+from stickslip.io import datasets as store
 from stickslip.model import Delay, Interface, LogarithmicGrowth, RandomDelay, Slider
-from stickslip.simulate import (
+from stickslip.model.distributions import Exponential, Gaussian, SteadyState, Uniform
+from stickslip.model.drive import ForceAbove, ForceBelow, Travel, constant, ramp
+from stickslip.simulation import (
     LABELS,
     Contacts,
+    FromRest,
+    FromSliding,
     MasterEquation,
-    Record,
-    Relaxed,
-    Sliding,
+    Output,
     case_of,
-    repeat,
+    rerun,
     simulate,
 )
-from stickslip.thresholds import Exponential, Gaussian, SteadyState, Uniform
 
-NARROW = Gaussian(mean=0.0, spread=0.01)
-TENTH = Gaussian(mean=1.0, spread=0.1)
+NARROW = Gaussian(mean=0.0, std=0.01)
+TENTH = Gaussian(mean=1.0, std=0.1)
 FIG4_SLIDER = Slider(stiffness=2.0, mass=1e-4, damping=200.0)
 
 
@@ -60,35 +60,37 @@ class Case:
     count: int = 1_000
 
 
-FIG4 = Case(interface(), FIG4_SLIDER, hold(1.0, duration=6))
+FIG4 = Case(interface(), FIG4_SLIDER, constant(1.0, duration=6))
 MOTIONS = {
     "stick-slip": FIG4,
     "no delay": replace(FIG4, interface=interface(0.0)),
     "never back": replace(FIG4, interface=interface(math.inf)),
-    "one contact": replace(FIG4, count=1, drive=hold(1.0, duration=30)),
-    "ten contacts": replace(FIG4, count=10, drive=hold(1.0, duration=20)),
-    "soft": replace(FIG4, slider=replace(FIG4_SLIDER, stiffness=0.01), drive=hold(1.0, duration=100)),
+    "one contact": replace(FIG4, count=1, drive=constant(1.0, duration=30)),
+    "ten contacts": replace(FIG4, count=10, drive=constant(1.0, duration=20)),
+    "soft": replace(FIG4, slider=replace(FIG4_SLIDER, stiffness=0.01), drive=constant(1.0, duration=100)),
     "stiff": replace(FIG4, slider=replace(FIG4_SLIDER, stiffness=1e4)),
     "undamped": replace(FIG4, slider=replace(FIG4_SLIDER, damping=0.0)),
-    "heavy and undamped": replace(FIG4, slider=Slider(stiffness=2.0, mass=1.0, damping=0.0), drive=hold(1.0, 40)),
-    "overdamped": replace(FIG4, slider=replace(FIG4_SLIDER, damping=1e5), drive=hold(1.0, duration=20)),
-    "heavy and overdamped": replace(FIG4, slider=Slider(stiffness=2.0, mass=0.01, damping=1e4), drive=hold(1.0, 60)),
-    "light": replace(FIG4, slider=Slider(stiffness=2.0, mass=1e-8, damping=1e4), count=100, drive=hold(1.0, 3)),
-    "slow": replace(FIG4, drive=hold(1e-3, duration=3_000), count=100),
-    "fast": replace(FIG4, drive=hold(100.0, duration=1)),
+    "heavy and undamped": replace(FIG4, slider=Slider(stiffness=2.0, mass=1.0, damping=0.0), drive=constant(1.0, 40)),
+    "overdamped": replace(FIG4, slider=replace(FIG4_SLIDER, damping=1e5), drive=constant(1.0, duration=20)),
+    "heavy and overdamped": replace(
+        FIG4, slider=Slider(stiffness=2.0, mass=0.01, damping=1e4), drive=constant(1.0, 60)
+    ),
+    "light": replace(FIG4, slider=Slider(stiffness=2.0, mass=1e-8, damping=1e4), count=100, drive=constant(1.0, 3)),
+    "slow": replace(FIG4, drive=constant(1e-3, duration=3_000), count=100),
+    "fast": replace(FIG4, drive=constant(100.0, duration=1)),
     "ramp": replace(FIG4, drive=ramp(0.1, 3.0, duration=6)),
     "there and back": replace(
         FIG4, slider=replace(FIG4_SLIDER, damping=20.0), drive=ramp(1, -1, 10).then(ramp(-1, 1, 10))
     ),
-    "to and fro": replace(FIG4, drive=hold(1, 2).then(hold(-2, 2)).then(hold(0, 0.5)).then(hold(3, 1))),
-    "backwards": replace(FIG4, drive=hold(-1.0, duration=6)),
+    "to and fro": replace(FIG4, drive=constant(1, 2).then(constant(-2, 2)).then(constant(0, 0.5)).then(constant(3, 1))),
+    "backwards": replace(FIG4, drive=constant(-1.0, duration=6)),
     "released": replace(
-        FIG4, interface=interface(initial=Gaussian(mean=0.6, spread=0.05)), drive=hold(0.0, duration=2)
+        FIG4, interface=interface(initial=Gaussian(mean=0.6, std=0.05)), drive=constant(0.0, duration=2)
     ),
-    "wide start": replace(FIG4, interface=interface(initial=Gaussian(mean=0.0, spread=0.25))),
+    "wide start": replace(FIG4, interface=interface(initial=Gaussian(mean=0.0, std=0.25))),
     **{
         f"random delay, {negative}": replace(
-            FIG4, interface=interface(RandomDelay(mean=0.2, spread=0.12, negative=negative))
+            FIG4, interface=interface(RandomDelay(mean=0.2, std=0.12, negative=negative))
         )
         for negative in ("clip", "redraw", "fold")
     },
@@ -104,15 +106,15 @@ def run_of(case: Case, method=None, **options) -> xr.Dataset:
 
 
 def test_the_result_is_labelled():
-    run = run_of(FIG4, record=Record(interval=0.01, snapshots=(1.0, 2.0), bins=50))
-    assert set(run.data_vars) == set(LABELS) - {"t", "x", "snapshot"}
+    run = run_of(FIG4, output=Output(interval=0.01, snapshots=(1.0, 2.0), bins=50))
+    assert set(run.data_vars) == set(LABELS) - {"time", "x", "snapshot"}
     for name in (*run.data_vars, *run.coords):
         assert run[name].attrs["units"]
         assert run[name].attrs["long_name"]
         assert run[name].dtype == np.float64
-    assert run["F_d"].dims == ("t",)
-    assert run["Q"].dims == ("snapshot", "x")
-    assert run.sizes == {"t": 601, "snapshot": 2, "x": 50}
+    assert run["spring_force"].dims == ("time",)
+    assert run["stretching_density"].dims == ("snapshot", "x")
+    assert run.sizes == {"time": 601, "snapshot": 2, "x": 50}
     assert list(run.attrs) == ["provenance"]
     assert json.loads(run.attrs["provenance"])["call"] == "simulate"
 
@@ -120,31 +122,31 @@ def test_the_result_is_labelled():
 def test_sums_and_forces_hang_together():
     run = run_of(MOTIONS["ramp"])
     slider = FIG4_SLIDER
-    t = run["t"].to_numpy()
+    t = run["time"].to_numpy()
     position = 0.1 * t + 0.5 * (2.9 / 6) * t**2
-    np.testing.assert_allclose(run["F_d"], slider.stiffness * (position - run["X"]), atol=1e-13)
+    np.testing.assert_allclose(run["spring_force"], slider.stiffness * (position - run["displacement"]), atol=1e-13)
     np.testing.assert_allclose(run["drive_velocity"], 0.1 + 2.9 / 6 * t, rtol=1e-14)
     np.testing.assert_allclose(run["kinetic_energy"], 0.5 * slider.mass * run["velocity"] ** 2, rtol=1e-14)
-    np.testing.assert_allclose(run["spring_energy"], 0.5 * run["F_d"] ** 2 / slider.stiffness, rtol=1e-14)
-    assert run["X"][0] == 0
+    np.testing.assert_allclose(run["spring_energy"], 0.5 * run["spring_force"] ** 2 / slider.stiffness, rtol=1e-14)
+    assert run["displacement"][0] == 0
     assert run["work"][0] == run["damped_energy"][0] == run["broken_energy"][0] == 0
 
 
 @pytest.mark.parametrize(("duration", "interval"), [(0.3, 0.1), (0.7, 0.1), (2.0, 0.3), (1 / 3, 1 / 300), (1e-3, 1e-4)])
 def test_the_last_sample_is_the_end_if_the_interval_divides_it(duration, interval):
-    run = run_of(replace(FIG4, drive=hold(1.0, duration), count=10), record=Record(interval=interval))
+    run = run_of(replace(FIG4, drive=constant(1.0, duration), count=10), output=Output(interval=interval))
     count = math.floor(duration / interval + 1e-9)
-    assert run.sizes["t"] == count + 1
-    np.testing.assert_allclose(run["t"], interval * np.arange(count + 1), rtol=1e-15)
-    assert run["t"][-1] <= duration
-    assert np.all(np.isfinite(run["X"]))
+    assert run.sizes["time"] == count + 1
+    np.testing.assert_allclose(run["time"], interval * np.arange(count + 1), rtol=1e-15)
+    assert run["time"][-1] <= duration
+    assert np.all(np.isfinite(run["displacement"]))
 
 
 def test_the_default_interval_resolves_the_oscillation():
-    run = run_of(replace(FIG4, drive=hold(1.0, 1.0)))
-    step = float(run["t"][1])
+    run = run_of(replace(FIG4, drive=constant(1.0, 1.0)))
+    step = float(run["time"][1])
     assert step * math.sqrt(3.0 / 1e-4) <= 0.1
-    assert run["t"][-1] == 1.0
+    assert run["time"][-1] == 1.0
 
 
 # ------------------------------------------------------------------------------------------------ conservation
@@ -161,8 +163,8 @@ def test_energy_balance_closes(name):
     assert float(run["damped_energy"][-1]) > 0 or MOTIONS[name].slider.damping == 0
 
 
-def test_energy_balance_closes_for_every_law(law):
-    case = replace(FIG4, interface=interface(0.1, law), drive=hold(1, 4).then(hold(-1, 2)))
+def test_energy_balance_closes_for_every_distribution(distribution):
+    case = replace(FIG4, interface=interface(0.1, distribution), drive=constant(1, 4).then(constant(-1, 2)))
     assert imbalance(run_of(case)) < 1e-9
 
 
@@ -191,10 +193,10 @@ def test_the_motion_does_not_depend_on_what_is_recorded(name):
     # Powers of two divide exactly, so that sample times agree to the last bit.
     coarse = 2.0 ** math.floor(math.log2(case.drive.duration / 20))
     times = tuple(case.drive.duration * share for share in (0.0, 0.123, 0.5, 0.777))
-    few = run_of(case, record=Record(interval=coarse))
-    many = run_of(case, record=Record(interval=coarse / 256, snapshots=times))
-    common = many.isel(t=slice(None, None, 256))
-    np.testing.assert_array_equal(common["t"], few["t"])
+    few = run_of(case, output=Output(interval=coarse))
+    many = run_of(case, output=Output(interval=coarse / 256, snapshots=times))
+    common = many.isel(time=slice(None, None, 256))
+    np.testing.assert_array_equal(common["time"], few["time"])
     for variable in few.data_vars:
         np.testing.assert_array_equal(common[variable], few[variable], err_msg=variable)
 
@@ -203,27 +205,27 @@ def test_the_same_seed_gives_the_same_numbers_and_another_does_not():
     first, again = (run_of(FIG4) for _ in range(2))
     xr.testing.assert_identical(first, again)
     other = run_of(FIG4, Contacts(1_000, seed=2))
-    assert not np.array_equal(first["X"], other["X"])
+    assert not np.array_equal(first["displacement"], other["displacement"])
 
 
 def test_seeds_differ_beyond_the_digits_of_a_float():
-    case = replace(FIG4, count=50, drive=hold(1.0, 1.5))
+    case = replace(FIG4, count=50, drive=constant(1.0, 1.5))
     first, other = (run_of(case, Contacts(50, seed=2**60 + i)) for i in (0, 1))
-    assert not np.array_equal(first["X"], other["X"])
+    assert not np.array_equal(first["displacement"], other["displacement"])
 
 
 # ------------------------------------------------------------------------------------------------ exact answers
 
 
 @pytest.mark.parametrize("damping", [0.0, 20.0, 282.842712, 1e4])
-@pytest.mark.parametrize("drive", [hold(1.0, 0.5), ramp(2.0, -1.0, 0.5), hold(1, 0.25).then(ramp(3, 0, 0.25))])
+@pytest.mark.parametrize("drive", [constant(1.0, 0.5), ramp(2.0, -1.0, 0.5), constant(1, 0.25).then(ramp(3, 0, 0.25))])
 @pytest.mark.eq(11)
 def test_before_any_break_the_slider_is_an_oscillator(damping, drive):
     """M X'' + M eta X' = K (D - X) - (X - <birth>), by an ODE solver."""
     slider = Slider(stiffness=2.0, mass=1e-2, damping=damping)
-    far = Interface(thresholds=Uniform(low=50, high=60), initial=Gaussian(mean=0.3, spread=0.1))
-    run = simulate(far, slider, drive, Contacts(20, seed=3), record=Record(interval=1 / 128))
-    offset = -float(run["F_c"][0])  # the mean birth position
+    far = Interface(thresholds=Uniform(low=50, high=60), initial=Gaussian(mean=0.3, std=0.1))
+    run = simulate(far, slider, drive, Contacts(20, seed=3), output=Output(interval=1 / 128))
+    offset = -float(run["friction_force"][0])  # the mean birth position
     assert np.all(run["attached"] == 1)
 
     def slope(t, y, begin, position, piece):
@@ -233,7 +235,7 @@ def test_before_any_break_the_slider_is_an_oscillator(damping, drive):
 
     begin, position, y = 0.0, 0.0, np.zeros(2)
     for piece in drive.pieces:
-        t = run["t"].to_numpy()
+        t = run["time"].to_numpy()
         t = t[(t >= begin) & (t <= begin + piece.duration)]
         exact = solve_ivp(
             slope,
@@ -246,10 +248,10 @@ def test_before_any_break_the_slider_is_an_oscillator(damping, drive):
             max_step=1 / 128,  # between its own steps it interpolates, which is coarser
             args=(begin, position, piece),
         )
-        part = run.sel(t=t)
-        np.testing.assert_allclose(part["X"], exact.y[0], atol=1e-11)
+        part = run.sel(time=t)
+        np.testing.assert_allclose(part["displacement"], exact.y[0], atol=1e-11)
         np.testing.assert_allclose(part["velocity"], exact.y[1], atol=1e-9)
-        np.testing.assert_allclose(part["F_c"], exact.y[0] - offset, atol=1e-11)
+        np.testing.assert_allclose(part["friction_force"], exact.y[0] - offset, atol=1e-11)
         y = exact.y[:, -1]
         position += 0.5 * (piece.start + piece.end) * piece.duration
         begin += piece.duration
@@ -258,22 +260,22 @@ def test_before_any_break_the_slider_is_an_oscillator(damping, drive):
 @pytest.mark.parametrize("count", [1, 17])
 def test_equal_contacts_break_together(count):
     """All thresholds 1, all born at 0, none comes back: the force is X up to X = 1 and 0 beyond."""
-    same = Interface(thresholds=Gaussian(mean=1, spread=0), initial=Gaussian(mean=0, spread=0), delay=Delay(math.inf))
-    run = simulate(same, FIG4_SLIDER, hold(1.0, 3.0), Contacts(count))
-    X, F = run["X"].to_numpy(), run["F_c"].to_numpy()
+    same = Interface(thresholds=Gaussian(mean=1, std=0), initial=Gaussian(mean=0, std=0), delay=Delay(math.inf))
+    run = simulate(same, FIG4_SLIDER, constant(1.0, 3.0), Contacts(count))
+    X, F = run["displacement"].to_numpy(), run["friction_force"].to_numpy()
     np.testing.assert_allclose(F, np.where(X < 1, X, 0.0), atol=1e-14)
     np.testing.assert_array_equal(run["attached"], np.where(X < 1, 1.0, 0.0))
     assert run["broken_energy"][-1] == pytest.approx(0.5, rel=1e-15)
     # Afterwards it follows the drive at the distance that drags against the damping.
-    assert float(run["F_d"][-1]) == pytest.approx(1e-4 * 200 * 1.0, rel=1e-9)
+    assert float(run["spring_force"][-1]) == pytest.approx(1e-4 * 200 * 1.0, rel=1e-9)
 
 
 def test_a_contact_is_reborn_after_its_delay_where_the_slider_then_is():
     """One contact, threshold 1, delay .2: the force restarts from 0 exactly .2 after the break."""
-    one = Interface(thresholds=Gaussian(mean=1, spread=0), initial=Gaussian(mean=0, spread=0), delay=Delay(0.2))
-    run = simulate(one, FIG4_SLIDER, hold(1.0, 4.0), Contacts(1), record=Record(interval=1e-4))
+    one = Interface(thresholds=Gaussian(mean=1, std=0), initial=Gaussian(mean=0, std=0), delay=Delay(0.2))
+    run = simulate(one, FIG4_SLIDER, constant(1.0, 4.0), Contacts(1), output=Output(interval=1e-4))
     attached = run["attached"].to_numpy()
-    t, X, F = (run[name].to_numpy() for name in ("t", "X", "F_c"))
+    t, X, F = (run[name].to_numpy() for name in ("time", "displacement", "friction_force"))
     breaks, births = np.flatnonzero(np.diff(attached) < 0), np.flatnonzero(np.diff(attached) > 0)
     assert breaks.size >= 2
     np.testing.assert_allclose(t[births] - t[breaks[: births.size]], 0.2, atol=1.01e-4)
@@ -287,10 +289,10 @@ def test_a_contact_is_reborn_after_its_delay_where_the_slider_then_is():
 
 def test_contacts_break_behind_when_the_slider_turns_back():
     """Pulled to X > 0 and back below: the same contacts, born at 0, break at X = -1."""
-    same = Interface(thresholds=Gaussian(mean=1, spread=0), initial=Gaussian(mean=0, spread=0), delay=Delay(math.inf))
-    drive = hold(1.0, 0.8).then(hold(-1.0, 4.0))
-    run = simulate(same, FIG4_SLIDER, drive, Contacts(5), record=Record(interval=1e-3))
-    X = run["X"].to_numpy()
+    same = Interface(thresholds=Gaussian(mean=1, std=0), initial=Gaussian(mean=0, std=0), delay=Delay(math.inf))
+    drive = constant(1.0, 0.8).then(constant(-1.0, 4.0))
+    run = simulate(same, FIG4_SLIDER, drive, Contacts(5), output=Output(interval=1e-3))
+    X = run["displacement"].to_numpy()
     assert 0.4 < X.max() < 1
     first = int(np.flatnonzero(run["attached"].to_numpy() == 0)[0])
     assert X[first] == pytest.approx(-1.0, abs=0.05)
@@ -299,12 +301,12 @@ def test_contacts_break_behind_when_the_slider_turns_back():
 
 
 def test_the_two_directions_are_mirror_images():
-    symmetric = interface(initial=Gaussian(mean=0, spread=0))
+    symmetric = interface(initial=Gaussian(mean=0, std=0))
     ahead, behind = (
-        simulate(symmetric, FIG4_SLIDER, hold(v, 6.0), Contacts(300, seed=4), record=Record(interval=0.01))
+        simulate(symmetric, FIG4_SLIDER, constant(v, 6.0), Contacts(300, seed=4), output=Output(interval=0.01))
         for v in (1.0, -1.0)
     )
-    for name in ("X", "velocity", "F_c", "F_d"):
+    for name in ("displacement", "velocity", "friction_force", "spring_force"):
         np.testing.assert_allclose(ahead[name], -behind[name], atol=1e-9)
     for name in ("attached", "work", "broken_energy", "contact_energy"):
         np.testing.assert_allclose(ahead[name], behind[name], atol=1e-9)
@@ -313,15 +315,17 @@ def test_the_two_directions_are_mirror_images():
 def test_scaling_time_scales_velocities():
     """Exact similarity: time, 1/velocity, sqrt(mass), 1/damping and delay scale together."""
     c = 4.0
-    slow = simulate(interface(0.2), FIG4_SLIDER, hold(1.0, 4.0), Contacts(200, seed=5), record=Record(interval=1 / 64))
+    slow = simulate(
+        interface(0.2), FIG4_SLIDER, constant(1.0, 4.0), Contacts(200, seed=5), output=Output(interval=1 / 64)
+    )
     fast = simulate(
         interface(0.2 / c),
         Slider(stiffness=2.0, mass=1e-4 / c**2, damping=200.0 * c),
-        hold(c, 4.0 / c),
+        constant(c, 4.0 / c),
         Contacts(200, seed=5),
-        record=Record(interval=1 / 64 / c),
+        output=Output(interval=1 / 64 / c),
     )
-    np.testing.assert_allclose(fast["X"], slow["X"], atol=1e-9)
+    np.testing.assert_allclose(fast["displacement"], slow["displacement"], atol=1e-9)
     np.testing.assert_allclose(fast["velocity"], c * slow["velocity"], atol=1e-5)
     np.testing.assert_array_equal(fast["attached"], slow["attached"])
 
@@ -330,38 +334,40 @@ def test_scaling_time_scales_velocities():
 
 
 def test_travel_ends_a_piece_at_the_first_sample_that_far():
-    drive = hold(1.0, 50.0).until(Travel(2.5)).then(hold(-1.0, 50.0).until(Travel(1.0))).then(hold(0.0, 0.5))
-    run = simulate(interface(), FIG4_SLIDER, drive, Contacts(200, seed=6), record=Record(interval=0.01))
-    velocity, X = run["drive_velocity"].to_numpy(), run["X"].to_numpy()
+    drive = (
+        constant(1.0, 50.0).until(Travel(2.5)).then(constant(-1.0, 50.0).until(Travel(1.0))).then(constant(0.0, 0.5))
+    )
+    run = simulate(interface(), FIG4_SLIDER, drive, Contacts(200, seed=6), output=Output(interval=0.01))
+    velocity, X = run["drive_velocity"].to_numpy(), run["displacement"].to_numpy()
     turn = int(np.flatnonzero(velocity > 0)[-1])
     assert X[turn] >= 2.5 > X[turn - 1]
     rest = int(np.flatnonzero(velocity < 0)[-1])
     assert abs(X[rest] - X[turn]) >= 1.0 > abs(X[rest - 1] - X[turn])
-    assert float(run["t"][-1]) == pytest.approx(float(run["t"][rest]) + 0.5, abs=0.0101)
+    assert float(run["time"][-1]) == pytest.approx(float(run["time"][rest]) + 0.5, abs=0.0101)
     assert imbalance(run) < 1e-9
 
 
 def test_forces_end_a_piece():
-    drive = hold(1.0, 5.0).until(ForceAbove(0.6)).then(hold(-1.0, 5.0).until(ForceBelow(0.2)))
-    run = simulate(interface(), FIG4_SLIDER, drive, Contacts(200, seed=6), record=Record(interval=0.001))
-    F, velocity = run["F_d"].to_numpy(), run["drive_velocity"].to_numpy()
+    drive = constant(1.0, 5.0).until(ForceAbove(0.6)).then(constant(-1.0, 5.0).until(ForceBelow(0.2)))
+    run = simulate(interface(), FIG4_SLIDER, drive, Contacts(200, seed=6), output=Output(interval=0.001))
+    F, velocity = run["spring_force"].to_numpy(), run["drive_velocity"].to_numpy()
     turn = int(np.flatnonzero(velocity > 0)[-1])
     assert F[turn] >= 0.6 > F[turn - 1]
     assert F[-1] <= 0.2 < F[-2]
-    assert float(run["t"][-1]) < 5.0
+    assert float(run["time"][-1]) < 5.0
 
 
 def test_a_condition_that_never_holds_changes_nothing():
     plain = run_of(FIG4)
     bound = run_of(replace(FIG4, drive=FIG4.drive.until(Travel(1e6))))
-    np.testing.assert_array_equal(plain["X"], bound["X"])
+    np.testing.assert_array_equal(plain["displacement"], bound["displacement"])
 
 
 def test_a_seam_between_equal_pieces_is_no_event():
-    whole = run_of(replace(FIG4, drive=hold(1.0, 4.0)), record=Record(interval=1 / 64))
-    halves = run_of(replace(FIG4, drive=hold(1.0, 2.0).then(hold(1.0, 2.0))), record=Record(interval=1 / 64))
+    whole = run_of(replace(FIG4, drive=constant(1.0, 4.0)), output=Output(interval=1 / 64))
+    halves = run_of(replace(FIG4, drive=constant(1.0, 2.0).then(constant(1.0, 2.0))), output=Output(interval=1 / 64))
     # The seam cuts a flight in two: rounding only, but stick-slip makes it grow from slip to slip.
-    np.testing.assert_allclose(whole["X"], halves["X"], atol=1e-9)
+    np.testing.assert_allclose(whole["displacement"], halves["displacement"], atol=1e-9)
     np.testing.assert_array_equal(whole["attached"], halves["attached"])
 
 
@@ -369,69 +375,73 @@ def test_a_seam_between_equal_pieces_is_no_event():
 
 
 def test_snapshots_hold_all_attached_contacts():
-    run = run_of(FIG4, record=Record(interval=0.01, snapshots=(0.0, 0.5, 1.3, 2.0, 6.0), bins=77))
+    run = run_of(FIG4, output=Output(interval=0.01, snapshots=(0.0, 0.5, 1.3, 2.0, 6.0), bins=77))
     width = float(run["x"][1] - run["x"][0])
-    held = run["Q"].sum("x").to_numpy() * width
-    np.testing.assert_allclose(held, run["attached"].sel(t=run["snapshot"], method="nearest"), atol=2e-3)
-    mean = (run["Q"] * run["x"]).sum("x").to_numpy() * width
+    held = run["stretching_density"].sum("x").to_numpy() * width
+    np.testing.assert_allclose(held, run["attached"].sel(time=run["snapshot"], method="nearest"), atol=2e-3)
+    mean = (run["stretching_density"] * run["x"]).sum("x").to_numpy() * width
     # A contact is counted at the middle of its bin.
-    force = run["F_c"].sel(t=run["snapshot"], method="nearest")
+    force = run["friction_force"].sel(time=run["snapshot"], method="nearest")
     np.testing.assert_allclose(mean, force, atol=0.5 * width)
 
 
 @pytest.mark.parametrize("method", [Contacts(40_000, seed=7), MasterEquation()], ids=["contacts", "cohorts"])
 @pytest.mark.eq(1, 4)
-def test_in_smooth_sliding_stretchings_follow_the_steady_law(method):
-    case = Case(interface(0.05), replace(FIG4_SLIDER, stiffness=5.0), hold(1.0, 2.0))
-    run = run_of(case, method, record=Record(interval=0.01, snapshots=(1.0, 2.0), bins=40), start=Sliding())
+def test_in_smooth_sliding_stretchings_follow_the_steady_distribution(method):
+    case = Case(interface(0.05), replace(FIG4_SLIDER, stiffness=5.0), constant(1.0, 2.0))
+    run = run_of(case, method, output=Output(interval=0.01, snapshots=(1.0, 2.0), bins=40), start=FromSliding())
     attached = 1 / 1.05
     edges = np.append(run["x"] - 0.5 * (run["x"][1] - run["x"][0]), run["x"][-1] + 0.5 * (run["x"][1] - run["x"][0]))
-    law = SteadyState(thresholds=TENTH)
-    expected = attached * -np.diff(law.survival(edges))
-    got = run["Q"].to_numpy() * np.diff(edges)
+    distribution = SteadyState(thresholds=TENTH)
+    expected = attached * -np.diff(distribution.survival(edges))
+    got = run["stretching_density"].to_numpy() * np.diff(edges)
     # Counts in a bin scatter as a binomial number's; a cohort solver has no scatter, but cells of 1/400.
     n = method.count if isinstance(method, Contacts) else np.inf
-    slack = 6 * np.sqrt(expected / n) if math.isfinite(n) else attached * law.density(0.0) / 400
+    slack = 6 * np.sqrt(expected / n) if math.isfinite(n) else attached * distribution.density(0.0) / 400
     assert np.all(np.abs(got - expected) <= slack + 1e-4)
 
 
 # ------------------------------------------------------------------------------------------------ starting in motion
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.05, RandomDelay(mean=0.05, spread=0.03)], ids=["none", "fixed", "random"])
+@pytest.mark.parametrize("delay", [0.0, 0.05, RandomDelay(mean=0.05, std=0.03)], ids=["none", "fixed", "random"])
 @pytest.mark.parametrize("velocity", [0.3, 1.0, 3.0])
 def test_a_steady_start_stays_steady(delay, velocity):
     """Forces scatter as N^(-1/2) about the steady values; contacts are detached as they are on average."""
     N = 10_000
     rig = interface(delay)
     run = simulate(
-        rig, replace(FIG4_SLIDER, stiffness=5.0), hold(velocity, 3 / velocity), Contacts(N, seed=8), start=Sliding()
+        rig,
+        replace(FIG4_SLIDER, stiffness=5.0),
+        constant(velocity, 3 / velocity),
+        Contacts(N, seed=8),
+        start=FromSliding(),
     )
     share = 1 / (1 + velocity * rig.delay.moment(1))
-    law = SteadyState(thresholds=TENTH)
-    deviation = math.sqrt(share * law.moment(2) - (share * law.moment(1)) ** 2)
-    force = run["F_c"].to_numpy()
-    assert np.max(np.abs(force - share * law.moment(1))) < 6 * deviation / math.sqrt(N)
-    spread = math.sqrt(share * (1 - share) / N)
-    assert np.max(np.abs(run["attached"] - share)) <= 6 * spread + 0.5 / N + 1e-12
+    distribution = SteadyState(thresholds=TENTH)
+    deviation = math.sqrt(share * distribution.moment(2) - (share * distribution.moment(1)) ** 2)
+    force = run["friction_force"].to_numpy()
+    assert np.max(np.abs(force - share * distribution.moment(1))) < 6 * deviation / math.sqrt(N)
+    std = math.sqrt(share * (1 - share) / N)
+    assert np.max(np.abs(run["attached"] - share)) <= 6 * std + 0.5 / N + 1e-12
     assert run["velocity"][0] == velocity
     assert round(float(run["attached"][0]) * N) == round(share * N)
     drag = 1e-4 * 200 * velocity
-    assert float(run["F_d"][0]) == pytest.approx(drag + float(run["F_c"][0]), abs=1e-12)
+    assert float(run["spring_force"][0]) == pytest.approx(drag + float(run["friction_force"][0]), abs=1e-12)
     assert np.max(np.abs(run["velocity"] / velocity - 1)) < 0.5
 
 
-def test_a_kick_dies_out_or_grows():
+def test_a_perturbation_dies_out_or_grows():
     """K 2, tau .1, eta .3 Omega: smooth sliding loses its stability at v = 1.388221 (PHYSICS 5)."""
     slider = Slider(stiffness=2.0, mass=1e-4, damping=0.3 * math.sqrt(2e4))
     amplitudes = {}
     for velocity in (1.25, 1.55):
         run = simulate(
-            interface(0.1), slider, hold(velocity, 60.0), MasterEquation(), start=Sliding(kick=0.01),
-            record=Record(interval=0.01),
+            interface(0.1), slider, constant(velocity, 60.0), MasterEquation(), start=FromSliding(perturbation=0.01),
+            output=Output(interval=0.01),
         )  # fmt: skip
-        late = run["F_d"].sel(t=slice(50, 60))
-        early = run["F_d"].sel(t=slice(10, 20))
+        late = run["spring_force"].sel(time=slice(50, 60))
+        early = run["spring_force"].sel(time=slice(10, 20))
         amplitudes[velocity] = float(late.max() - late.min()) / float(early.max() - early.min())
     assert amplitudes[1.25] < 0.9
     assert amplitudes[1.55] > 1.1
@@ -445,20 +455,20 @@ BOTH = pytest.mark.parametrize("method", [Contacts(10_000, seed=1), MasterEquati
 def fig4(stiffness, delay, method):
     """Fig. 4 of the paper: 100 time units from a narrow start."""
     return simulate(
-        interface(delay), replace(FIG4_SLIDER, stiffness=stiffness), hold(1.0, 100.0), method,
-        record=Record(interval=0.002),
+        interface(delay), replace(FIG4_SLIDER, stiffness=stiffness), constant(1.0, 100.0), method,
+        output=Output(interval=0.002),
     )  # fmt: skip
 
 
 def peak_to_peak(run, begin, end):
-    force = run["F_d"].sel(t=slice(begin, end))
+    force = run["spring_force"].sel(time=slice(begin, end))
     return float(force.max() - force.min())
 
 
 def periods(run, begin, end):
     """Times between upward crossings of the middle of the force."""
-    part = run.sel(t=slice(begin, end))
-    F, t = part["F_d"].to_numpy(), part["t"].to_numpy()
+    part = run.sel(time=slice(begin, end))
+    F, t = part["spring_force"].to_numpy(), part["time"].to_numpy()
     middle = 0.5 * (F.max() + F.min())
     up = np.flatnonzero((F[:-1] < middle) & (F[1:] >= middle))
     return np.diff(t[up] + (middle - F[up]) / (F[up + 1] - F[up]) * (t[up + 1] - t[up]))
@@ -470,11 +480,12 @@ def periods(run, begin, end):
 def test_fig4_smooth_sliding(method, stiffness, delay):
     run = fig4(stiffness, delay, method)
     assert peak_to_peak(run, 80, 100) < (0.05 if stiffness == 2.0 else 0.04)
-    late = run.sel(t=slice(80, 100))
+    late = run.sel(time=slice(80, 100))
     expected = 1e-4 * 200 + 1.01 / (2 * (1 + delay))
-    # Over a long time the noise of N contacts averages out further; N^(-1/2) of the force's spread bounds it.
+    # Over a long time the noise of N contacts averages out further; N^(-1/2) of the force's standard deviation bounds
+    # it.
     noise = 0.3 / math.sqrt(method.count) if isinstance(method, Contacts) else 2e-5
-    assert float(late["F_d"].mean()) == pytest.approx(expected, abs=noise)
+    assert float(late["spring_force"].mean()) == pytest.approx(expected, abs=noise)
     assert float(late["attached"].mean()) == pytest.approx(1 / (1 + delay), abs=noise)
 
 
@@ -490,7 +501,7 @@ def test_fig4_stick_slip(method):
     times = periods(run, 70, 100)
     assert times.mean() == pytest.approx(1.487, abs=0.010)
     assert times.std() < (0.02 if isinstance(method, Contacts) else 2e-3)  # strictly periodic
-    assert float(run["velocity"].sel(t=slice(80, 100)).max()) == pytest.approx(13.0, abs=0.7)
+    assert float(run["velocity"].sel(time=slice(80, 100)).max()) == pytest.approx(13.0, abs=0.7)
 
 
 @BOTH
@@ -504,30 +515,30 @@ def test_fig4_a_stiff_spring_and_a_long_delay(method):
     run = fig4(5.0, 0.3, method)
     assert 0.61 < peak_to_peak(run, 80, 100) < 0.66
     assert periods(run, 70, 100).mean() == pytest.approx(1.38, abs=0.01)
-    assert float(run["velocity"].sel(t=slice(80, 100)).max()) < 3
+    assert float(run["velocity"].sel(time=slice(80, 100)).max()) < 3
 
 
 @BOTH
 @pytest.mark.eq(8, 11)
 def test_fig5_the_elastic_instability(method):
     run = simulate(
-        interface(math.inf), FIG4_SLIDER, hold(1.0, 3.0), method, record=Record(interval=1 / 8192)
+        interface(math.inf), FIG4_SLIDER, constant(1.0, 3.0), method, output=Output(interval=1 / 8192)
     )  # fmt: skip
-    passes = float(np.interp(0.9247, run["X"], run["t"]))
+    passes = float(np.interp(0.9247, run["displacement"], run["time"]))
     assert passes == pytest.approx(1.309, abs=0.004)
     assert float(run["velocity"].max()) == pytest.approx(14.4, abs=0.4)
-    # The force that no contact holds any more: N^(-1/2) of the spread of a contact's force.
+    # The force that no contact holds any more: N^(-1/2) of the standard deviation of a contact's force.
     slack = 1e-3 if isinstance(method, MasterEquation) else 0.005
-    assert float((run["F_d"] - run["F_c"]).max()) == pytest.approx(0.3155, abs=slack)
+    assert float((run["spring_force"] - run["friction_force"]).max()) == pytest.approx(0.3155, abs=slack)
 
 
 @pytest.mark.eq(1, 2, 3, 4, 11)
 def test_contacts_scatter_about_the_master_equation():
-    """Up to the first instability the motions agree within N^(-1/2) of the spread of one contact's force."""
+    """Up to the first instability the motions agree within N^(-1/2) of the standard deviation of one contact's force."""
 
     def force(method):
-        run = simulate(interface(0.1), FIG4_SLIDER, hold(1.0, 1.2), method, record=Record(interval=0.01))
-        return run["F_c"].to_numpy()
+        run = simulate(interface(0.1), FIG4_SLIDER, constant(1.0, 1.2), method, output=Output(interval=0.01))
+        return run["friction_force"].to_numpy()
 
     exact = force(MasterEquation())
     scaled = []
@@ -546,12 +557,12 @@ def test_contacts_scatter_about_the_master_equation():
 REPEATED = {
     "contacts": (FIG4, {"method": Contacts(300, seed=9)}),
     "random delays": (MOTIONS["random delay, redraw"], {"method": Contacts(300, seed=9)}),
-    "cohorts": (replace(FIG4, drive=hold(1.0, 1.5)), {"method": MasterEquation(cells=100)}),
-    "memoryless": (replace(FIG4, drive=hold(1.0, 1.5)), {"method": MasterEquation(cells=100, memoryless=True)}),
-    "sliding": (FIG4, {"method": Contacts(300, seed=9), "start": Sliding(kick=0.1)}),
-    "record": (FIG4, {"method": Contacts(50), "record": Record(interval=0.07, snapshots=(2.0, 1 / 3), bins=9)}),
+    "cohorts": (replace(FIG4, drive=constant(1.0, 1.5)), {"method": MasterEquation(cells=100)}),
+    "memoryless": (replace(FIG4, drive=constant(1.0, 1.5)), {"method": MasterEquation(cells=100, memoryless=True)}),
+    "sliding": (FIG4, {"method": Contacts(300, seed=9), "start": FromSliding(perturbation=0.1)}),
+    "record": (FIG4, {"method": Contacts(50), "record": Output(interval=0.07, snapshots=(2.0, 1 / 3), bins=9)}),
     "conditions": (
-        replace(FIG4, drive=hold(1, 5).until(Travel(2)).then(ramp(1, 0, 2)).until(ForceBelow(0.1))),
+        replace(FIG4, drive=constant(1, 5).until(Travel(2)).then(ramp(1, 0, 2)).until(ForceBelow(0.1))),
         {"method": Contacts(100, seed=2)},
     ),
     "never back": (MOTIONS["never back"], {"method": Contacts(100, seed=2)}),
@@ -562,35 +573,35 @@ REPEATED = {
 def test_a_run_can_be_repeated_from_its_file_bit_for_bit(name, tmp_path):
     case, options = REPEATED[name]
     run = run_of(case, **options)
-    xr.testing.assert_identical(repeat(run), run)
+    xr.testing.assert_identical(rerun(run), run)
     loaded = store.load(store.save(run, tmp_path / "run.nc"))
     xr.testing.assert_identical(loaded, run)
-    xr.testing.assert_identical(repeat(loaded), run)
+    xr.testing.assert_identical(rerun(loaded), run)
     assert case_of(loaded)["interface"] == case.interface
 
 
-def test_every_law_can_be_repeated(law, tmp_path):
-    run = run_of(replace(FIG4, interface=interface(0.1, law), drive=hold(1.0, 2.0), count=100))
-    xr.testing.assert_identical(repeat(store.load(store.save(run, tmp_path / "run.nc"))), run)
+def test_every_distribution_can_be_repeated(distribution, tmp_path):
+    run = run_of(replace(FIG4, interface=interface(0.1, distribution), drive=constant(1.0, 2.0), count=100))
+    xr.testing.assert_identical(rerun(store.load(store.save(run, tmp_path / "run.nc"))), run)
 
 
 def test_what_is_no_run_cannot_be_repeated():
     with pytest.raises(InputError, match="no provenance"):
-        repeat(xr.Dataset())
+        rerun(xr.Dataset())
     other = xr.Dataset(attrs={"provenance": store.provenance("sweep", {})})
     with pytest.raises(InputError, match="made by 'sweep', not by `simulate`"):
-        repeat(other)
+        rerun(other)
 
 
 @pytest.mark.parametrize("method", [Contacts(3_000), MasterEquation()], ids=["contacts", "cohorts"])
 def test_progress_rises_to_one(method):
     shares = []
-    run = simulate(interface(), FIG4_SLIDER, hold(1, 3).then(hold(2, 3)), method, progress=shares.append)
+    run = simulate(interface(), FIG4_SLIDER, constant(1, 3).then(constant(2, 3)), method, progress=shares.append)
     assert shares
     assert shares == sorted(shares)
     assert all(0 <= share <= 1 for share in shares)
     assert shares[-1] == 1
-    xr.testing.assert_identical(run, simulate(interface(), FIG4_SLIDER, hold(1, 3).then(hold(2, 3)), method))
+    xr.testing.assert_identical(run, simulate(interface(), FIG4_SLIDER, constant(1, 3).then(constant(2, 3)), method))
 
 
 def test_what_progress_raises_comes_out():
@@ -609,25 +620,25 @@ def test_what_progress_raises_comes_out():
 
 def test_one_contact_and_many_contacts():
     for count in (1, 2, 3):
-        run = run_of(replace(FIG4, count=count, drive=hold(1.0, 10.0)))
-        assert np.all(np.isfinite(run["X"]))
+        run = run_of(replace(FIG4, count=count, drive=constant(1.0, 10.0)))
+        assert np.all(np.isfinite(run["displacement"]))
         assert float(run["broken_energy"][-1]) > 0
 
 
 def test_a_drive_at_rest_leaves_a_relaxed_interface_at_rest():
-    same = Interface(thresholds=TENTH, initial=Gaussian(mean=0, spread=0), delay=Delay(0.2))
-    run = simulate(same, FIG4_SLIDER, hold(0.0, 5.0), Contacts(100))
-    assert np.all(run["X"] == 0)
+    same = Interface(thresholds=TENTH, initial=Gaussian(mean=0, std=0), delay=Delay(0.2))
+    run = simulate(same, FIG4_SLIDER, constant(0.0, 5.0), Contacts(100))
+    assert np.all(run["displacement"] == 0)
     assert np.all(run["work"] == 0)
 
 
 def test_a_stiff_spring_makes_rigid_motion():
     """K = 1e5: X follows the drive, whose lag is the force over K, and F_c is that of slide()."""
     run = simulate(
-        interface(0.0), Slider(stiffness=1e5, mass=1e-2, damping=1e4), hold(0.1, 20.0), Contacts(500, seed=10),
-        record=Record(interval=0.1),
+        interface(0.0), Slider(stiffness=1e5, mass=1e-2, damping=1e4), constant(0.1, 20.0), Contacts(500, seed=10),
+        output=Output(interval=0.1),
     )  # fmt: skip
-    np.testing.assert_allclose(run["X"], 0.1 * run["t"], atol=2e-4)
+    np.testing.assert_allclose(run["displacement"], 0.1 * run["time"], atol=2e-4)
 
 
 # ------------------------------------------------------------------------------------------------ bad input
@@ -636,10 +647,10 @@ def test_a_stiff_spring_makes_rigid_motion():
 GOOD = {
     "interface": interface(),
     "slider": FIG4_SLIDER,
-    "drive": hold(1.0, 1.0),
+    "drive": constant(1.0, 1.0),
     "method": Contacts(10),
-    "record": Record(),
-    "start": Relaxed(),
+    "record": Output(),
+    "start": FromRest(),
 }
 
 
@@ -648,17 +659,20 @@ GOOD = {
     [
         ({"interface": TENTH}, r"^simulate: interface = .*: must be an Interface"),
         ({"slider": None}, r"^simulate: slider = None: must be a Slider"),
-        ({"drive": 1.0}, r"^simulate: drive = 1\.0: must be a drive, made with hold\(\) or ramp\(\)"),
+        ({"drive": 1.0}, r"^simulate: drive = 1\.0: must be a drive, made with constant\(\) or ramp\(\)"),
         ({"method": "contacts"}, r"^simulate: method = 'contacts': must be Contacts\(\.\.\.\) or MasterEquation"),
         ({"method": Contacts}, r"^simulate: method = <class .*: must be Contacts\(\.\.\.\) or MasterEquation"),
-        ({"record": 0.1}, r"^simulate: record = 0\.1: must be a Record"),
-        ({"start": "sliding"}, r"^simulate: start = 'sliding': must be Relaxed\(\) or Sliding\(\)"),
+        ({"record": 0.1}, r"^simulate: record = 0\.1: must be an Output"),
+        ({"start": "sliding"}, r"^simulate: start = 'sliding': must be FromRest\(\) or FromSliding\(\)"),
         ({"slider": replace(FIG4_SLIDER, mass=0)}, r"^Slider\.mass = 0: a simulation needs a mass above 0"),
-        ({"record": Record(snapshots=(2.0,))}, r"^Record\.snapshots: 2 lies beyond the end of the drive \(1\)"),
-        ({"record": Record(interval=1e-9)}, r"^Record\.interval = 1e-09: 1e\+09 samples; choose at least 2e-08"),
-        ({"start": Sliding(), "drive": hold(0.0, 1.0)}, r"^Sliding: the drive starts at velocity 0: .* above 0"),
-        ({"start": Sliding(), "drive": ramp(-1, 1, 1)}, r"^Sliding: the drive starts at velocity -1"),
-        ({"start": Sliding(), "interface": interface(math.inf)}, r"^Sliding: contacts that never come back"),
+        ({"record": Output(snapshots=(2.0,))}, r"^Record\.snapshots: 2 lies beyond the end of the drive \(1\)"),
+        ({"record": Output(interval=1e-9)}, r"^Record\.interval = 1e-09: 1e\+09 samples; choose at least 2e-08"),
+        (
+            {"start": FromSliding(), "drive": constant(0.0, 1.0)},
+            r"^FromSliding: the drive starts at velocity 0: .* above 0",
+        ),
+        ({"start": FromSliding(), "drive": ramp(-1, 1, 1)}, r"^FromSliding: the drive starts at velocity -1"),
+        ({"start": FromSliding(), "interface": interface(math.inf)}, r"^FromSliding: contacts that never re-attach"),
         (
             {
                 "interface": replace(interface(), ageing=LogarithmicGrowth(slope=0.1, time=1.0)),
@@ -667,8 +681,8 @@ GOOD = {
             r"^Interface\.ageing = LogarithmicGrowth.*: not available with MasterEquation",
         ),
         (
-            {"interface": interface(thresholds=Gaussian(mean=1, spread=0)), "method": MasterEquation()},
-            r"^Gaussian\.spread = 0: .* or use the method Contacts",
+            {"interface": interface(thresholds=Gaussian(mean=1, std=0)), "method": MasterEquation()},
+            r"^Gaussian\.std = 0: .* or use the method Contacts",
         ),
     ],
 )
@@ -689,12 +703,12 @@ def test_bad_arguments(bad, message):
         (lambda: Contacts(10, seed=None), r"^Contacts\.seed = None: must be a number"),
         (lambda: MasterEquation(cells=1), r"^MasterEquation\.cells = 1: must be .* at least 10"),
         (lambda: MasterEquation(cells=math.inf), r"^MasterEquation\.cells = inf: must be a finite number"),
-        (lambda: Record(interval=0), r"^Record\.interval = 0: must be .* above 0"),
-        (lambda: Record(interval=math.nan), r"^Record\.interval = nan: must be a finite number above 0"),
-        (lambda: Record(snapshots=(1.0, -1.0)), r"^Record\.snapshots\[1\] = -1: must be .* at least 0"),
-        (lambda: Record(snapshots=("now",)), r"^Record\.snapshots\[0\] = 'now': must be a number"),
-        (lambda: Record(bins=0), r"^Record\.bins = 0: must be .* at least 1"),
-        (lambda: Sliding(kick=math.inf), r"^Sliding\.kick = inf: must be a finite number"),
+        (lambda: Output(interval=0), r"^Record\.interval = 0: must be .* above 0"),
+        (lambda: Output(interval=math.nan), r"^Record\.interval = nan: must be a finite number above 0"),
+        (lambda: Output(snapshots=(1.0, -1.0)), r"^Record\.snapshots\[1\] = -1: must be .* at least 0"),
+        (lambda: Output(snapshots=("now",)), r"^Record\.snapshots\[0\] = 'now': must be a number"),
+        (lambda: Output(bins=0), r"^Record\.bins = 0: must be .* at least 1"),
+        (lambda: FromSliding(perturbation=math.inf), r"^FromSliding\.perturbation = inf: must be a finite number"),
     ],
 )
 def test_bad_choices(make, message):
@@ -702,7 +716,7 @@ def test_bad_choices(make, message):
         make()
 
 
-def test_thresholds_of_one_value_and_laws_without_memory_run():
-    for law in (Gaussian(mean=1, spread=0), Exponential(mean=1.0)):
-        run = run_of(replace(FIG4, interface=interface(0.1, law), count=50))
-        assert np.all(np.isfinite(run["F_d"]))
+def test_distributions_of_one_value_and_distributions_without_memory_run():
+    for distribution in (Gaussian(mean=1, std=0), Exponential(mean=1.0)):
+        run = run_of(replace(FIG4, interface=interface(0.1, distribution), count=50))
+        assert np.all(np.isfinite(run["spring_force"]))

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from stickslip import store
-from stickslip.drive import ForceAbove, Travel, hold, ramp
 from stickslip.errors import InputError
+from stickslip.io import datasets as store
 from stickslip.kernels.langevin import Langevin as Constants
 from stickslip.kernels.langevin_steady import steady_friction
 from stickslip.model import (
@@ -22,11 +21,12 @@ from stickslip.model import (
     RandomDelay,
     Slider,
 )
-from stickslip.simulate import Contacts, MasterEquation, PaperClosure, Record, Relaxed, Sliding, repeat, simulate
-from stickslip.theory import closure_friction, growth_law, kinetic_friction, lives
-from stickslip.thresholds import Uniform
+from stickslip.model.distributions import Uniform
+from stickslip.model.drive import ForceAbove, Travel, constant, ramp
+from stickslip.simulation import Contacts, FromRest, FromSliding, MasterEquation, Output, PaperClosure, rerun, simulate
+from stickslip.theory import closure_friction, growth_model, kinetic_friction, lives
 
-SAMPLED = Record(interval=0.004)
+SAMPLED = Output(interval=0.004)
 SOFT = Slider(stiffness=1.0, mass=1.0, damping=1.0)
 
 
@@ -35,13 +35,13 @@ def aged(rate, newborn=0.0, **changes):
 
 
 def late(run, since):
-    return run["F_d"].to_numpy()[run["t"].to_numpy() >= since]
+    return run["spring_force"].to_numpy()[run["time"].to_numpy() >= since]
 
 
 @pytest.fixture(scope="module")
 def slips():
     return {
-        name: simulate(aged(1.5), FIG8.slider, hold(1.0, 10.0), method, record=SAMPLED)
+        name: simulate(aged(1.5), FIG8.slider, constant(1.0, 10.0), method, output=SAMPLED)
         for name, method in (("contacts", Contacts(2_000, seed=1)), ("density", MasterEquation(cells=400)))
     }
 
@@ -58,26 +58,26 @@ def test_stick_slip_of_figure_8_in_both_solvers(slips):
 
 @pytest.mark.parametrize("method", [Contacts(2_000, seed=1), MasterEquation(cells=400)])
 def test_small_stick_slip_of_figure_8_in_both_solvers(method):
-    run = simulate(aged(0.9), FIG8.slider, hold(1.0, 10.0), method, record=SAMPLED)
+    run = simulate(aged(0.9), FIG8.slider, constant(1.0, 10.0), method, output=SAMPLED)
     assert 0.36 < np.ptp(late(run, 5.0)) < 0.46
 
 
 @pytest.mark.parametrize("method", [Contacts(2_000, seed=1), MasterEquation(cells=200)])
 def test_slow_ageing_slides_smoothly_as_in_figure_8(method):
-    run = simulate(aged(0.7), FIG8.slider, hold(1.0, 10.0), method, record=SAMPLED)
+    run = simulate(aged(0.7), FIG8.slider, constant(1.0, 10.0), method, output=SAMPLED)
     assert np.ptp(late(run, 5.0)) < 0.05
 
 
 def test_upper_range_of_figure_8_depends_on_the_start():
     method = MasterEquation(cells=200)
-    relaxed = simulate(aged(2.0), FIG8.slider, hold(1.0, 8.0), method, record=SAMPLED, start=Relaxed())
-    steady = simulate(aged(2.0), FIG8.slider, hold(1.0, 4.0), method, record=SAMPLED, start=Sliding())
+    relaxed = simulate(aged(2.0), FIG8.slider, constant(1.0, 8.0), method, output=SAMPLED, start=FromRest())
+    steady = simulate(aged(2.0), FIG8.slider, constant(1.0, 4.0), method, output=SAMPLED, start=FromSliding())
     assert 1.17 < np.ptp(late(relaxed, 4.0)) < 1.26
     assert np.ptp(late(steady, 0.0)) < 0.12
 
 
-# The spread of a contact's stretching is below .3: .3/sqrt(N) at the start, less in the mean over time. The kinetic
-# equation is good to .3 % of the force.
+# The standard deviation of a contact's stretching is below .3: .3/sqrt(N) at the start, less in the mean over time. The
+# kinetic equation is good to .3 % of the force.
 @pytest.mark.parametrize(
     ("method", "tolerance"), [(Contacts(8_000, seed=3), 0.008), (MasterEquation(cells=400), 0.0012)]
 )
@@ -85,21 +85,21 @@ def test_a_sliding_start_is_in_balance_and_stays(method, tolerance):
     velocity = 0.5
     expected = steady_friction(np.array([velocity]), Constants(1.0, 1.0, 0.1))[0]
     heavy = Slider(stiffness=20.0, mass=1.0, damping=5.0)  # stiff and damped: smooth
-    run = simulate(aged(1.0), heavy, hold(velocity, 3.0), method, start=Sliding())
-    assert float(run["F_c"][0]) == pytest.approx(expected, abs=2 * tolerance)
-    assert float(run["F_c"].mean()) == pytest.approx(expected, abs=tolerance)
+    run = simulate(aged(1.0), heavy, constant(velocity, 3.0), method, start=FromSliding())
+    assert float(run["friction_force"][0]) == pytest.approx(expected, abs=2 * tolerance)
+    assert float(run["friction_force"].mean()) == pytest.approx(expected, abs=tolerance)
     assert float(run["velocity"][0]) == velocity
     drag = heavy.mass * heavy.damping * velocity
-    assert float(run["F_d"][0]) == pytest.approx(float(run["F_c"][0]) + drag, abs=1e-9)
+    assert float(run["spring_force"][0]) == pytest.approx(float(run["friction_force"][0]) + drag, abs=1e-9)
 
 
 def test_variables_are_those_of_other_runs_less_the_unknown_energies(slips):
     run = slips["contacts"]
     assert set(run.data_vars) == {
-        "X",
+        "displacement",
         "velocity",
-        "F_d",
-        "F_c",
+        "spring_force",
+        "friction_force",
         "attached",
         "drive_velocity",
         "kinetic_energy",
@@ -111,35 +111,35 @@ def test_variables_are_those_of_other_runs_less_the_unknown_energies(slips):
 
 @pytest.mark.parametrize("method", [Contacts(300, seed=4), MasterEquation(cells=60)])
 def test_a_run_repeats_from_its_file(method, tmp_path):
-    drive = ramp(0.5, 1.0, 0.5).then(hold(1.0, 0.5))
-    record = Record(interval=0.01, snapshots=(0.3, 0.8))
-    run = simulate(aged(1.5), SOFT, drive, method, record=record, start=Sliding(kick=0.01))
-    xr.testing.assert_identical(repeat(store.load(store.save(run, tmp_path / "run.nc"))), run)
-    np.testing.assert_allclose((run["Q"] * (run["x"][1] - run["x"][0])).sum("x"), 1.0, atol=2e-2)
-    other = simulate(aged(1.5), SOFT, drive, method, record=Record(interval=0.01), start=Sliding(kick=0.01))
-    np.testing.assert_array_equal(other["X"], run["X"])  # snapshots do not change the motion
+    drive = ramp(0.5, 1.0, 0.5).then(constant(1.0, 0.5))
+    output = Output(interval=0.01, snapshots=(0.3, 0.8))
+    run = simulate(aged(1.5), SOFT, drive, method, output=output, start=FromSliding(perturbation=0.01))
+    xr.testing.assert_identical(rerun(store.load(store.save(run, tmp_path / "run.nc"))), run)
+    np.testing.assert_allclose((run["stretching_density"] * (run["x"][1] - run["x"][0])).sum("x"), 1.0, atol=2e-2)
+    other = simulate(aged(1.5), SOFT, drive, method, output=Output(interval=0.01), start=FromSliding(perturbation=0.01))
+    np.testing.assert_array_equal(other["displacement"], run["displacement"])  # snapshots do not change the motion
 
 
 @pytest.mark.parametrize("method", [Contacts(300, seed=4), MasterEquation(cells=60)])
 def test_pieces_end_where_their_conditions_are_met(method):
-    never = hold(1.0, 3.0).until(ForceAbove(99.0))
-    plain = simulate(aged(1.5), SOFT, never, method, record=Record(interval=0.01))
-    drive = hold(1.0, 3.0).until(ForceAbove(0.4)).then(hold(0.5, 2.0).until(Travel(0.1)))
-    run = simulate(aged(1.5), SOFT, drive, method, record=Record(interval=0.01))
-    seam = int(np.argmax(run["F_d"].to_numpy() >= 0.4))
-    np.testing.assert_array_equal(run["X"][: seam + 1], plain["X"][: seam + 1])
-    assert np.all(run["F_d"][:seam] < 0.4)
+    never = constant(1.0, 3.0).until(ForceAbove(99.0))
+    plain = simulate(aged(1.5), SOFT, never, method, output=Output(interval=0.01))
+    drive = constant(1.0, 3.0).until(ForceAbove(0.4)).then(constant(0.5, 2.0).until(Travel(0.1)))
+    run = simulate(aged(1.5), SOFT, drive, method, output=Output(interval=0.01))
+    seam = int(np.argmax(run["spring_force"].to_numpy() >= 0.4))
+    np.testing.assert_array_equal(run["displacement"][: seam + 1], plain["displacement"][: seam + 1])
+    assert np.all(run["spring_force"][:seam] < 0.4)
     np.testing.assert_array_equal(run["drive_velocity"][: seam + 1], 1.0)
     np.testing.assert_array_equal(run["drive_velocity"][seam + 1 :], 0.5)
-    assert run["X"][-1] - run["X"][seam] >= 0.1
-    assert run["X"][-2] - run["X"][seam] < 0.1
+    assert run["displacement"][-1] - run["displacement"][seam] >= 0.1
+    assert run["displacement"][-2] - run["displacement"][seam] < 0.1
 
 
 def test_contacts_with_a_delay_need_newborns_with_strength():
-    run = simulate(aged(1.0, newborn=0.3, delay=Delay(0.3)), SOFT, hold(1.0, 4.0), Contacts(500, seed=2))
+    run = simulate(aged(1.0, newborn=0.3, delay=Delay(0.3)), SOFT, constant(1.0, 4.0), Contacts(500, seed=2))
     assert 0.3 < float(run["attached"][-1]) < 0.95
     with pytest.raises(InputError, match=r"newborn = 0"):
-        simulate(aged(1.0, delay=Delay(0.3)), SOFT, hold(1.0, 1.0), Contacts(500))
+        simulate(aged(1.0, delay=Delay(0.3)), SOFT, constant(1.0, 1.0), Contacts(500))
 
 
 # ---------------------------------------------------------------- the paper's closure
@@ -151,13 +151,13 @@ def test_the_closure_slides_by_its_own_friction_and_has_a_slip_of_its_own():
     expected = closure_friction(aged(1.0), 0.5)
     assert expected == pytest.approx(0.911 * kinetic_friction(aged(1.0), 0.5), rel=2e-3)
     assert closure_friction(aged(1.0), np.array([0.01, 1.0])) == pytest.approx([0.5025, 0.0894], rel=5e-3)
-    run = simulate(aged(1.0), heavy, hold(0.5, 2.0), PaperClosure(cells=200), start=Sliding())
+    run = simulate(aged(1.0), heavy, constant(0.5, 2.0), PaperClosure(cells=200), start=FromSliding())
     # First order in a step of 4/cells.
-    assert float(run["F_c"].mean()) == pytest.approx(expected, rel=0.03)
+    assert float(run["friction_force"].mean()) == pytest.approx(expected, rel=0.03)
     assert float(run["attached"].min()) == pytest.approx(1.0, abs=1e-9)
-    slips = simulate(aged(1.5), FIG8.slider, hold(1.0, 2.0), PaperClosure(cells=200), record=SAMPLED)
-    assert float(slips["F_d"].max()) > 0.6
-    xr.testing.assert_identical(repeat(slips), slips)
+    slips = simulate(aged(1.5), FIG8.slider, constant(1.0, 2.0), PaperClosure(cells=200), output=SAMPLED)
+    assert float(slips["spring_force"].max()) > 0.6
+    xr.testing.assert_identical(rerun(slips), slips)
 
 
 def test_the_closure_is_for_langevin_ageing_without_delay():
@@ -167,12 +167,12 @@ def test_the_closure_is_for_langevin_ageing_without_delay():
         (aged(1.0, newborn=0.3, delay=Delay(0.3)), "use Contacts"),
     ):
         with pytest.raises(InputError, match=message):
-            simulate(interface, FIG8.slider, hold(1.0, 1.0), PaperClosure())
+            simulate(interface, FIG8.slider, constant(1.0, 1.0), PaperClosure())
     with pytest.raises(InputError, match="knows no delay"):
         closure_friction(aged(1.0, newborn=0.3, delay=Delay(0.3)), 1.0)
 
 
-# ---------------------------------------------------------------- thresholds that grow by a fixed law
+# ---------------------------------------------------------------- thresholds that grow by a fixed rule
 
 GROWTH = [
     ExponentialGrowth(rate=2.0),
@@ -182,7 +182,7 @@ GROWTH = [
 
 
 @pytest.mark.parametrize("ageing", GROWTH)
-@pytest.mark.parametrize("delay", [Delay(0.0), RandomDelay(mean=0.2, spread=0.1)])
+@pytest.mark.parametrize("delay", [Delay(0.0), RandomDelay(mean=0.2, std=0.1)])
 def test_growing_contacts_slide_with_their_steady_force_from_both_starts(ageing, delay):
     heavy = Slider(stiffness=20.0, mass=1.0, damping=5.0)
     interface = Interface(
@@ -191,41 +191,41 @@ def test_growing_contacts_slide_with_their_steady_force_from_both_starts(ageing,
     expected, n = kinetic_friction(interface, 0.7), 4_000
     # The stretchings of a sample, and the strengths of the pool it is drawn from, scatter by less than .4.
     tolerance = 4 * 0.4 / np.sqrt(n)
-    steady = simulate(interface, heavy, hold(0.7, 4.0), Contacts(n, seed=6), start=Sliding())
-    assert float(steady["F_c"][0]) == pytest.approx(expected, abs=tolerance)
-    assert float(steady["F_c"].mean()) == pytest.approx(expected, abs=tolerance)
-    life = lives(growth_law(interface), np.linspace(0.5, 1.5, 2001), 0.7).mean()
+    steady = simulate(interface, heavy, constant(0.7, 4.0), Contacts(n, seed=6), start=FromSliding())
+    assert float(steady["friction_force"][0]) == pytest.approx(expected, abs=tolerance)
+    assert float(steady["friction_force"].mean()) == pytest.approx(expected, abs=tolerance)
+    life = lives(growth_model(interface), np.linspace(0.5, 1.5, 2001), 0.7).mean()
     assert float(steady["attached"].mean()) == pytest.approx(life / (life + delay.moment(1)), abs=0.03)
-    relaxed = simulate(interface, heavy, hold(0.7, 15.0), Contacts(n, seed=6))
-    assert float(relaxed["F_c"][0]) == pytest.approx(0.0, abs=tolerance)
-    assert float(relaxed["F_c"].sel(t=slice(8.0, None)).mean()) == pytest.approx(expected, abs=tolerance)
+    relaxed = simulate(interface, heavy, constant(0.7, 15.0), Contacts(n, seed=6))
+    assert float(relaxed["friction_force"][0]) == pytest.approx(0.0, abs=tolerance)
+    assert float(relaxed["friction_force"].sel(time=slice(8.0, None)).mean()) == pytest.approx(expected, abs=tolerance)
 
 
 def test_growth_that_has_long_ended_is_the_run_without_ageing():
     quick = replace(FIG4.interface, delay=Delay(0.2), ageing=ExponentialGrowth(rate=1e4))
     plain = replace(quick, ageing=None)
     runs = [
-        simulate(interface, FIG4.slider, hold(1.0, 12.0), Contacts(1_000, seed=5), record=SAMPLED)
+        simulate(interface, FIG4.slider, constant(1.0, 12.0), Contacts(1_000, seed=5), output=SAMPLED)
         for interface in (quick, plain)
     ]
-    swing = [np.ptp(late(run, 6.0)) for run in runs]
-    assert swing[0] == pytest.approx(swing[1], rel=0.1)
-    assert swing[0] > 0.6
+    oscillation = [np.ptp(late(run, 6.0)) for run in runs]
+    assert oscillation[0] == pytest.approx(oscillation[1], rel=0.1)
+    assert oscillation[0] > 0.6
 
 
 def test_a_growing_run_repeats_from_its_file(tmp_path):
     interface = replace(FIG8.interface, ageing=GROWTH[2], delay=Delay(0.05))
-    record = Record(interval=0.01, snapshots=(0.5,))
-    run = simulate(interface, SOFT, ramp(0.5, 1.0, 1.0), Contacts(300, seed=4), record=record, start=Sliding())
-    xr.testing.assert_identical(repeat(store.load(store.save(run, tmp_path / "run.nc"))), run)
+    output = Output(interval=0.01, snapshots=(0.5,))
+    run = simulate(interface, SOFT, ramp(0.5, 1.0, 1.0), Contacts(300, seed=4), output=output, start=FromSliding())
+    xr.testing.assert_identical(rerun(store.load(store.save(run, tmp_path / "run.nc"))), run)
 
 
 def test_contacts_that_break_as_soon_as_they_are_born_hold_nothing():
     interface = replace(FIG8.interface, ageing=ExponentialGrowth(rate=0.5))
     heavy = Slider(stiffness=20.0, mass=1.0, damping=5.0)
     assert kinetic_friction(interface, 3.0) == 0.0
-    run = simulate(interface, heavy, hold(3.0, 0.5), Contacts(200, seed=1), start=Sliding())
-    assert float(abs(run["F_c"]).max()) < 0.05
+    run = simulate(interface, heavy, constant(3.0, 0.5), Contacts(200, seed=1), start=FromSliding())
+    assert float(abs(run["friction_force"]).max()) < 0.05
 
 
 @pytest.mark.parametrize(
@@ -239,4 +239,4 @@ def test_contacts_that_break_as_soon_as_they_are_born_hold_nothing():
 )
 def test_what_has_no_solver_is_refused(interface, method, message):
     with pytest.raises(InputError, match=message):
-        simulate(interface, FIG8.slider, hold(1.0, 1.0), method)
+        simulate(interface, FIG8.slider, constant(1.0, 1.0), method)

@@ -9,13 +9,24 @@ import numpy as np
 import pytest
 
 from stickslip.errors import InputError, UndecidedError
+from stickslip.io.datasets import read_provenance
 from stickslip.model import FIG7, Delay, ExponentialGrowth, Interface, RandomDelay, Slider
+from stickslip.model.distributions import (
+    Empirical,
+    Exponential,
+    Gamma,
+    Gaussian,
+    LogNormal,
+    SteadyState,
+    Uniform,
+    Weibull,
+)
 from stickslip.stability import (
-    KNOBS,
+    PARAMETERS,
     STIFFNESS,
     VELOCITY,
-    Knob,
     Modes,
+    Parameter,
     RadiationDamping,
     Setting,
     SpringMassDamper,
@@ -24,60 +35,58 @@ from stickslip.stability import (
     critical_damping,
     critical_delay,
     critical_mass,
-    critical_spread,
     critical_spring,
+    critical_std,
     critical_velocities,
     dynamic_stiffness,
     growth_rate,
     stability_map,
     unstable_modes,
 )
+from stickslip.stability.impedances import impedance, natural_frequencies, poles
 from stickslip.stability.modes import neutral_frequencies
 from stickslip.stability.response import _laplace, respond, transforms
-from stickslip.stability.rigs import impedance, natural_frequencies, poles
-from stickslip.store import read_provenance
 from stickslip.theory import kinetic_friction
-from stickslip.thresholds import Empirical, Exponential, Gamma, Gaussian, LogNormal, SteadyState, Uniform, Weibull
 
 INTERFACE, SLIDER = FIG7.interface, FIG7.slider
-NARROW = Gaussian(mean=0.0, spread=0.001)
+NARROW = Gaussian(mean=0.0, std=0.001)
 
-LAWS = [
-    Gaussian(mean=1.0, spread=0.1),
-    Gaussian(mean=1.0, spread=0.3),
-    Gaussian(mean=1.0, spread=0.01),
+DISTRIBUTIONS = [
+    Gaussian(mean=1.0, std=0.1),
+    Gaussian(mean=1.0, std=0.3),
+    Gaussian(mean=1.0, std=0.01),
     Uniform(low=0.6, high=1.5),
     Exponential(mean=1.0),
-    Gamma(mean=1.0, spread=0.25),
-    LogNormal(mean=1.0, spread=0.2),
-    LogNormal(mean=1.0, spread=0.6),
+    Gamma(mean=1.0, std=0.25),
+    LogNormal(mean=1.0, std=0.2),
+    LogNormal(mean=1.0, std=0.6),
     Weibull(scale=1.0, shape=4.0),
     Weibull(scale=1.0, shape=0.8),
     Empirical.from_samples(np.random.default_rng(0).normal(1.0, 0.15, 500)),
-    SteadyState(thresholds=Gaussian(mean=1.5, spread=0.2)),
+    SteadyState(thresholds=Gaussian(mean=1.5, std=0.2)),
 ]
 DELAYS = [
     Delay(0.1),
     Delay(1.3),
-    RandomDelay(mean=0.2, spread=0.12),
-    RandomDelay(mean=0.2, spread=0.12, negative="redraw"),
-    RandomDelay(mean=0.2, spread=0.12, negative="fold"),
-    RandomDelay(mean=0.2, spread=0.02),
+    RandomDelay(mean=0.2, std=0.12),
+    RandomDelay(mean=0.2, std=0.12, negative="redraw"),
+    RandomDelay(mean=0.2, std=0.12, negative="fold"),
+    RandomDelay(mean=0.2, std=0.02),
 ]
 
 
-def case(law, delay):
-    return Interface(thresholds=law, initial=NARROW, delay=delay)
+def case(distribution, delay):
+    return Interface(thresholds=distribution, initial=NARROW, delay=delay)
 
 
 # ---------------------------------------------------------------- an independent model: formulas of a plain Gaussian
 
 
-def by_hand(s, *, velocity, delay, stiffness, mass, damping, spread=0.1):
-    """Z + kappa for a Gaussian law so narrow that its cut at zero does not matter, as PHYSICS prints it."""
+def by_hand(s, *, velocity, delay, stiffness, mass, damping, std=0.1):
+    """Z + kappa for a Gaussian distribution so narrow that its cut at zero does not matter, as PHYSICS prints it."""
     q = s / velocity
-    transform = np.exp(-q + 0.5 * (q * spread) ** 2)
-    slope = (-1 + q * spread**2) * transform
+    transform = np.exp(-q + 0.5 * (q * std) ** 2)
+    slope = (-1 + q * std**2) * transform
     h = (1 - transform) / q**2 + slope / q
     kappa = -q * h * (1 - np.exp(-s * delay))
     kappa /= (1 + velocity * delay) * (1 - np.exp(-s * delay) * transform)
@@ -146,11 +155,11 @@ def test_critical_delay_times_velocity_depends_on_mass_times_velocity_squared_on
 
 
 @pytest.mark.parametrize(
-    ("spread", "stick_slip", "smooth"), [(0.06, (1.0, 3.0), (0.25, 8.0)), (0.08, (1.2, 2.0), (0.36, 4.0, 6.0))]
+    ("std", "stick_slip", "smooth"), [(0.06, (1.0, 3.0), (0.25, 8.0)), (0.08, (1.2, 2.0), (0.36, 4.0, 6.0))]
 )
-def test_windows_of_random_delays(spread, stick_slip, smooth):
+def test_windows_of_random_delays(std, stick_slip, smooth):
     # Fig. 7b: the same speeds that runs of the contacts find on either side.
-    interface = case(Gaussian(mean=1.0, spread=0.1), RandomDelay(mean=0.2, spread=spread))
+    interface = case(Gaussian(mean=1.0, std=0.1), RandomDelay(mean=0.2, std=std))
     loses, regains = critical_velocities(interface, SLIDER, between=(0.1, 20)).edges
     assert loses.loses_stability
     assert regains.regains_stability
@@ -159,7 +168,7 @@ def test_windows_of_random_delays(spread, stick_slip, smooth):
 
 
 def test_wide_random_delays_leave_no_window():
-    interface = case(Gaussian(mean=1.0, spread=0.1), RandomDelay(mean=0.2, spread=0.12))
+    interface = case(Gaussian(mean=1.0, std=0.1), RandomDelay(mean=0.2, std=0.12))
     found = critical_velocities(interface, SLIDER, between=(0.2, 5))
     assert len(found) == 0
     assert found.searched == (0.2, 5)
@@ -169,18 +178,18 @@ def test_wide_random_delays_leave_no_window():
 # ---------------------------------------------------------------- the dynamic stiffness
 
 
-@pytest.mark.parametrize("law", LAWS, ids=str)
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS, ids=str)
 @pytest.mark.parametrize("delay", DELAYS, ids=str)
-def test_slow_shaking_sees_the_slope_of_kinetic_friction(law, delay):
-    interface, v, d = case(law, delay), 0.7, 1e-4
+def test_slow_shaking_sees_the_slope_of_kinetic_friction(distribution, delay):
+    interface, v, d = case(distribution, delay), 0.7, 1e-4
     slope = (kinetic_friction(interface, v * (1 + d)) - kinetic_friction(interface, v * (1 - d))) / (2 * d * v)
     s = 1e-8 * np.array([1.0, 1j, 0.6 + 0.8j])
     assert dynamic_stiffness(interface, v, s) / s == pytest.approx(np.full(3, slope), rel=1e-6)
 
 
-@pytest.mark.parametrize("law", LAWS, ids=str)
-def test_without_delay_smooth_sliding_is_neutral(law):
-    interface = case(law, Delay(0.0))
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS, ids=str)
+def test_without_delay_smooth_sliding_is_neutral(distribution):
+    interface = case(distribution, Delay(0.0))
     assert np.all(dynamic_stiffness(interface, 1.0, np.array([1j, 3.0, 0.5 + 20j])) == 0)
     assert unstable_modes(interface, SLIDER, 1.0) == 0
     assert critical_spring(interface, SLIDER, 1.0) == 0
@@ -188,40 +197,42 @@ def test_without_delay_smooth_sliding_is_neutral(law):
     assert growth_rate(interface, SLIDER, 1.0).real == pytest.approx(-0.5 * SLIDER.damping, rel=1e-12)
 
 
-@pytest.mark.parametrize("law", LAWS, ids=str)
-def test_shape_function_is_the_integral_it_stands_for(law):
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS, ids=str)
+def test_shape_function_is_the_integral_it_stands_for(distribution):
     # H = q Int x J_c(x) exp(-q x) dx, on both sides of the change from series to closed form
-    law = law.positive()
+    distribution = distribution.positive()
     node, weight = np.polynomial.legendre.leggauss(20)
-    # in x = y^5: laws may rise steeply at zero
+    # in x = y^5: distributions may rise steeply at zero
     edges = np.unique(
-        np.concatenate([np.linspace(0, law.support[1] ** 0.2, 300), [k**0.2 for k in law.knots if k > 0]])
+        np.concatenate(
+            [np.linspace(0, distribution.support[1] ** 0.2, 300), [k**0.2 for k in distribution.knots if k > 0]]
+        )
     )
     y = (edges[:-1, None] + 0.5 * np.diff(edges)[:, None] * (1 + node)).ravel()
     dx = (0.5 * np.diff(edges)[:, None] * weight).ravel() * 5 * y**4
     x = y**5
-    survival = law.survival(x)
+    survival = distribution.survival(x)
     for q in np.array([1e-4, 0.01j, 0.1, 0.3 + 0.2j, 0.49j, 0.51j, 1.0, 2 + 3j, 12j, 40j]):
-        complement, shape = transforms(law, np.array([q]))
+        complement, shape = transforms(distribution, np.array([q]))
         assert shape[0] == pytest.approx(q * np.sum(dx * x * survival * np.exp(-q * x)), rel=2e-7, abs=1e-13)
         assert complement[0] == pytest.approx(q * np.sum(dx * survival * np.exp(-q * x)), rel=2e-7, abs=1e-13)
 
 
 @pytest.mark.parametrize(
-    "law",
+    "distribution",
     [
-        LogNormal(mean=1.0, spread=0.2),
-        LogNormal(mean=1.0, spread=1.0),
+        LogNormal(mean=1.0, std=0.2),
+        LogNormal(mean=1.0, std=1.0),
         Weibull(scale=1.0, shape=0.7),
         Weibull(scale=1.0, shape=5.0),
     ],
     ids=str,
 )
-def test_transforms_on_a_turned_path(law):
+def test_transforms_on_a_turned_path(distribution):
     q = np.array([0.3, 2.0, 1j, -3j, 1 + 10j, 0.2 - 40j, 200j])
-    mean, slope = _laplace(law, q)
-    assert mean == pytest.approx(law.laplace(q), abs=1e-12)
-    assert slope == pytest.approx(law.laplace(q, 1), abs=1e-11)
+    mean, slope = _laplace(distribution, q)
+    assert mean == pytest.approx(distribution.laplace(q), abs=1e-12)
+    assert slope == pytest.approx(distribution.laplace(q, 1), abs=1e-11)
 
 
 def test_dynamic_stiffness_is_real_on_the_real_axis_and_symmetric_about_it():
@@ -235,10 +246,10 @@ def test_dynamic_stiffness_is_real_on_the_real_axis_and_symmetric_about_it():
     assert kappa.ravel() == pytest.approx(np.array(by), rel=1e-12)
 
 
-@pytest.mark.parametrize("law", LAWS, ids=str)
-def test_whatever_the_delay_the_response_lies_in_one_disc(law):
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS, ids=str)
+def test_whatever_the_delay_the_response_lies_in_one_disc(distribution):
     for delay in DELAYS:
-        response = respond(case(law, delay))
+        response = respond(case(distribution, delay))
         axis = response.axis(0.8, 20.0)
         kappa = response.stiffness(0.8, 0.8j * axis.y[::8]) * response.scale(0.8)
         centre = axis.centre[::8]
@@ -246,11 +257,11 @@ def test_whatever_the_delay_the_response_lies_in_one_disc(law):
 
 
 def test_no_answer_where_there_is_no_steady_sliding():
-    gaussian = Gaussian(mean=1.0, spread=0.1)
-    with pytest.raises(InputError, match="never come back"):
+    gaussian = Gaussian(mean=1.0, std=0.1)
+    with pytest.raises(InputError, match="never re-attach"):
         dynamic_stiffness(case(gaussian, Delay(math.inf)), 1.0, 1j)
     with pytest.raises(InputError, match="share one threshold"):
-        growth_rate(case(Gaussian(mean=1.0, spread=0.0), Delay(0.1)), SLIDER, 1.0)
+        growth_rate(case(Gaussian(mean=1.0, std=0.0), Delay(0.1)), SLIDER, 1.0)
     with pytest.raises(InputError, match="ageing"):
         critical_spring(Interface(thresholds=gaussian, ageing=ExponentialGrowth(rate=1.0)), SLIDER, 1.0)
     with pytest.raises(InputError, match="velocity = 0"):
@@ -258,13 +269,13 @@ def test_no_answer_where_there_is_no_steady_sliding():
 
 
 def test_equal_thresholds_without_delay_are_neutral_too():
-    equal = case(Gaussian(mean=1.0, spread=0.0), Delay(0.0))
+    equal = case(Gaussian(mean=1.0, std=0.0), Delay(0.0))
     assert unstable_modes(equal, SLIDER, 1.0) == 0
     assert growth_rate(equal, SLIDER, 1.0).real == pytest.approx(-0.5 * SLIDER.damping)
 
 
 def test_no_answer_where_the_transform_does_not_exist():
-    heavy = case(LogNormal(mean=1.0, spread=0.3), Delay(0.1))
+    heavy = case(LogNormal(mean=1.0, std=0.3), Delay(0.1))
     with pytest.raises(InputError, match="no transform"):
         dynamic_stiffness(heavy, 1.0, -0.1 + 1j)
     with pytest.raises(InputError, match="no transform"):
@@ -289,7 +300,7 @@ def test_no_answer_where_the_transform_does_not_exist():
 def test_counts_and_growth_rates_against_a_search_by_hand(velocity, delay, stiffness, mass, damping):
     parameters = {"velocity": velocity, "delay": delay, "stiffness": stiffness, "mass": mass, "damping": damping}
     known = roots_by_hand(-0.3, **parameters)
-    interface = case(Gaussian(mean=1.0, spread=0.1), Delay(delay))
+    interface = case(Gaussian(mean=1.0, std=0.1), Delay(delay))
     slider = Slider(stiffness=stiffness, mass=mass, damping=damping)
     assert unstable_modes(interface, slider, velocity) == 2 * np.sum(known.real > 0)
     root = growth_rate(interface, slider, velocity)
@@ -297,12 +308,12 @@ def test_counts_and_growth_rates_against_a_search_by_hand(velocity, delay, stiff
     assert abs(by_hand(root, **parameters)) < 1e-11
 
 
-@pytest.mark.parametrize("law", LAWS, ids=str)
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS, ids=str)
 @pytest.mark.parametrize("seed", range(4))
-def test_two_counts_and_the_growth_rate_agree(law, seed):
-    rng = np.random.default_rng([seed, LAWS.index(law)])
+def test_two_counts_and_the_growth_rate_agree(distribution, seed):
+    rng = np.random.default_rng([seed, DISTRIBUTIONS.index(distribution)])
     delay = DELAYS[rng.integers(len(DELAYS))]
-    interface, v = case(law, delay), 10 ** rng.uniform(-1, 1.3)
+    interface, v = case(distribution, delay), 10 ** rng.uniform(-1, 1.3)
     stiffness, mass = 10 ** rng.uniform(-1.5, 1), 10 ** rng.uniform(-5, 0)
     slider = Slider(stiffness=stiffness, mass=mass, damping=math.sqrt(stiffness / mass) * 10 ** rng.uniform(-2, 0.5))
     count = unstable_modes(interface, slider, v)
@@ -311,7 +322,7 @@ def test_two_counts_and_the_growth_rate_agree(law, seed):
     try:
         root = growth_rate(interface, slider, v)
     except UndecidedError:
-        # Only a stable rig may have no slowest mode, and only with a law whose tail decays more slowly.
+        # Only a stable rig may have no slowest mode, and only with a distribution whose tail decays more slowly.
         assert count == 0
         assert math.isfinite(respond(interface).leftmost)
     else:
@@ -323,7 +334,7 @@ def test_two_counts_and_the_growth_rate_agree(law, seed):
 
 def test_unstable_without_oscillation():
     # A spring so soft that a growing mode does not even oscillate
-    interface = case(Gaussian(mean=1.0, spread=0.034), RandomDelay(mean=0.24, spread=0.36, negative="redraw"))
+    interface = case(Gaussian(mean=1.0, std=0.034), RandomDelay(mean=0.24, std=0.36, negative="redraw"))
     slider = Slider(stiffness=0.032, mass=1.37e-5, damping=36.8)
     root = growth_rate(interface, slider, 0.48)
     assert root.imag == 0
@@ -356,20 +367,20 @@ def test_critical_spring_divides_stable_from_unstable(velocity):
 
 
 @pytest.mark.parametrize(
-    ("knob", "between"),
+    ("parameter", "between"),
     [
         ("stiffness", (0.1, 50)),
         ("velocity", (0.1, 30)),
         ("mass", (1e-6, 10)),
         ("damping", (0.1, 1e5)),
         ("delay", (0.01, 0.5)),
-        ("spread", (0.05, 0.4)),
+        ("std", (0.05, 0.4)),
     ],
 )
-def test_each_knob_changes_the_count_where_it_says_so(knob, between):
-    found = critical(knob, INTERFACE, SLIDER, 3.0, between=between)
+def test_each_parameter_changes_the_count_where_it_says_so(parameter, between):
+    found = critical(parameter, INTERFACE, SLIDER, 3.0, between=between)
     assert found.edges
-    turned = next(known for known in KNOBS if known.name == knob)
+    turned = next(known for known in PARAMETERS if known.name == parameter)
     start = Setting(interface=INTERFACE, rig=SLIDER, velocity=3.0)
     for crossing in found:
         below, above = (
@@ -384,12 +395,12 @@ def test_named_functions_are_the_general_one():
     assert critical_mass(INTERFACE, SLIDER, 3.0, between) == critical("mass", INTERFACE, SLIDER, 3.0, between=between)
     between = (100.0, 1e4)
     assert critical_damping(INTERFACE, SLIDER, 3.0, between).edges[0].regains_stability
-    assert critical_spread(INTERFACE, SLIDER, 3.0, (0.1, 0.3)).edges[0].regains_stability
+    assert critical_std(INTERFACE, SLIDER, 3.0, (0.1, 0.3)).edges[0].regains_stability
 
 
-@pytest.mark.parametrize("law", LAWS, ids=str)
-def test_critical_spring_with_every_law(law):
-    interface = case(law, Delay(0.3))
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS, ids=str)
+def test_critical_spring_with_every_distribution(distribution):
+    interface = case(distribution, Delay(0.3))
     spring = critical_spring(interface, SLIDER, 1.0)
     if spring == 0:
         assert unstable_modes(interface, replace(SLIDER, stiffness=1e-3), 1.0) == 0
@@ -404,7 +415,7 @@ def test_smooth_sliding_may_be_lost_and_regained_more_than_once():
 
 
 def test_no_critical_delay_says_so_with_the_range():
-    wide = case(Gaussian(mean=1.0, spread=0.4), Delay(0.1))
+    wide = case(Gaussian(mean=1.0, std=0.4), Delay(0.1))
     stiff = Slider(stiffness=50.0, mass=1e-4, damping=200.0)
     with pytest.raises(UndecidedError, match=r"stable all the way for delay from 0.01 to 5"):
         critical_delay(wide, stiff, 1.0, between=(0.01, 5.0))
@@ -419,9 +430,9 @@ def test_bad_questions():
         critical_velocities(INTERFACE, SLIDER, between=(2, 1))
     with pytest.raises(InputError, match="no mass"):
         critical_mass(INTERFACE, lambda s: 2.0 + 0 * s, 1.0, (1e-3, 1))
-    with pytest.raises(InputError, match="no spread"):
-        critical_spread(case(Exponential(mean=1.0), Delay(0.1)), SLIDER, 1.0, (0.1, 1))
-    with pytest.raises(InputError, match="two different knobs"):
+    with pytest.raises(InputError, match="no standard deviation"):
+        critical_std(case(Exponential(mean=1.0), Delay(0.1)), SLIDER, 1.0, (0.1, 1))
+    with pytest.raises(InputError, match="two different parameters"):
         boundary(INTERFACE, SLIDER, 1.0, over=("mass", "mass"), within=((1, 2), (1, 2)))
     with pytest.raises(InputError, match="values of stiffness = -1"):
         stability_map(INTERFACE, SLIDER, 1.0, values=([-1.0, 2.0], [1.0]))
@@ -555,12 +566,12 @@ def test_boundary_goes_round_its_folds():
     [
         (("velocity", "delay"), ((0.3, 5.0), (0.03, 0.5))),
         (("mass", "damping"), ((1e-5, 1e-2), (10.0, 1e4))),
-        (("spread", "delay"), ((0.06, 0.3), (0.05, 0.4))),
+        (("std", "delay"), ((0.06, 0.3), (0.05, 0.4))),
     ],
 )
-def test_boundary_over_any_two_knobs_separates_the_counts(over, within):
+def test_boundary_over_any_two_parameters_separates_the_counts(over, within):
     found = boundary(INTERFACE, SLIDER, 3.0, over=over, within=within)
-    first, second = (next(k for k in KNOBS if k.name == name) for name in over)
+    first, second = (next(k for k in PARAMETERS if k.name == name) for name in over)
     assert found.sizes["point"] > 10
     start = Setting(interface=INTERFACE, rig=SLIDER, velocity=3.0)
     for curve in curves(found):
@@ -593,8 +604,8 @@ class Bowl:
 
 
 def test_boundary_that_closes_upon_itself():
-    knobs = [
-        Knob(
+    parameters = [
+        Parameter(
             name=name,
             unit="1",
             get=lambda setting, name=name: getattr(setting.rig, name),
@@ -603,7 +614,7 @@ def test_boundary_that_closes_upon_itself():
         for name in "ab"
     ]
     window = (math.exp(-3), math.exp(3))
-    found = boundary(INTERFACE, Bowl(), 1.0, over=(knobs[0], knobs[1]), within=(window, window))
+    found = boundary(INTERFACE, Bowl(), 1.0, over=(parameters[0], parameters[1]), within=(window, window))
     outer = curves(found.isel(point=found.other_unstable == 0))
     assert len(outer) == 1
     radius = np.hypot(np.log(outer[0].a), np.log(outer[0].b))
@@ -614,7 +625,7 @@ def test_boundary_that_closes_upon_itself():
 
 
 def test_boundary_where_there_is_none():
-    found = boundary(case(LAWS[0], Delay(0.0)), SLIDER, 1.0, within=((0.1, 10.0), (0.1, 10.0)))
+    found = boundary(case(DISTRIBUTIONS[0], Delay(0.0)), SLIDER, 1.0, within=((0.1, 10.0), (0.1, 10.0)))
     assert found.sizes["point"] == 0
     assert read_provenance(found)["arguments"]["within"] == [[0.1, 10.0], [0.1, 10.0]]
 
@@ -634,7 +645,7 @@ def test_map_is_the_count_at_each_point(over):
     found = stability_map(INTERFACE, SLIDER, 2.0, over=over, values=(values[0], values[1]))
     assert found.unstable_modes.dims == over
     assert found.unstable_modes.shape == (7, 8)
-    first, second = (next(k for k in KNOBS if k.name == name) for name in over)
+    first, second = (next(k for k in PARAMETERS if k.name == name) for name in over)
     start = Setting(interface=INTERFACE, rig=SLIDER, velocity=2.0)
     for i in range(0, 7, 2):
         for j in range(0, 8, 3):

@@ -15,30 +15,33 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stickslip import drive, model, store, thresholds, units
+from stickslip import model
 from stickslip.errors import InputError
-from stickslip.simulate import records
+from stickslip.io import datasets as store
+from stickslip.model import distributions as thresholds
+from stickslip.model import drive, units
+from stickslip.simulation import records
 
-LAWS_INSIDE = thresholds.SteadyState(thresholds=thresholds.Gamma(mean=1.0, spread=0.5))
+LAWS_INSIDE = thresholds.SteadyState(thresholds=thresholds.Gamma(mean=1.0, std=0.5))
 CASES = [
-    thresholds.Gaussian(mean=1.0, spread=0.1),
-    thresholds.Gaussian(mean=1.0, spread=0.1, lower=0.0),
+    thresholds.Gaussian(mean=1.0, std=0.1),
+    thresholds.Gaussian(mean=1.0, std=0.1, lower=0.0),
     thresholds.Uniform(low=0.1, high=1 / 3),
     thresholds.Exponential(mean=0.8),
     LAWS_INSIDE,
-    thresholds.LogNormal(mean=1.0, spread=0.5),
+    thresholds.LogNormal(mean=1.0, std=0.5),
     thresholds.Weibull(scale=1.1, shape=2.5),
     thresholds.Empirical(edges=(0.1, 0.3, 0.7, 2.0), weights=(1, 1, 5)),
     model.Delay(math.inf),
-    model.RandomDelay(mean=0.2, spread=0.12, negative="redraw"),
+    model.RandomDelay(mean=0.2, std=0.12, negative="redraw"),
     model.Langevin(rate=1.5),
     model.ExponentialGrowth(rate=2.0, newborn=0.1),
     model.LogarithmicGrowth(slope=0.05, time=1e-3),
     model.Interface(thresholds=LAWS_INSIDE.thresholds, initial=LAWS_INSIDE, ageing=model.Langevin(rate=1)),
     model.Slider(stiffness=2.0, mass=1e-4, damping=200.0),
     model.FIG5,
-    drive.hold(0.1, 2).then(drive.ramp(1, -2, 3)).until(drive.Travel(0.1)),
-    drive.hold(0.1, 2).until(drive.ForceAbove(0.1)).then(drive.hold(0.1, 2).until(drive.ForceBelow(-0.1))),
+    drive.constant(0.1, 2).then(drive.ramp(1, -2, 3)).until(drive.Travel(0.1)),
+    drive.constant(0.1, 2).until(drive.ForceAbove(0.1)).then(drive.constant(0.1, 2).until(drive.ForceBelow(-0.1))),
     units.Scales(force=768.0, stretching=1e-6, time=0.01),
 ]
 KINDS = records()
@@ -46,10 +49,10 @@ CASES += [
     KINDS["Contacts"](123, seed=2**100 + 1),
     KINDS["MasterEquation"](cells=100, memoryless=True),
     KINDS["PaperClosure"](cells=200),
-    KINDS["Record"](interval=0.1, snapshots=(0.3, 1 / 7), bins=7),
-    KINDS["Record"](),
-    KINDS["Relaxed"](),
-    KINDS["Sliding"](kick=-1e-3),
+    KINDS["Output"](interval=0.1, snapshots=(0.3, 1 / 7), bins=7),
+    KINDS["Output"](),
+    KINDS["FromRest"](),
+    KINDS["FromSliding"](perturbation=-1e-3),
 ]
 
 
@@ -95,7 +98,7 @@ def test_plain_values_and_containers():
 
 
 def test_an_argument_may_be_called_record():
-    arguments = {"record": KINDS["Record"](bins=3), "kind": 1}
+    arguments = {"record": KINDS["Output"](bins=3), "kind": 1}
     assert store.decode(store.encode(arguments), KINDS) == arguments
 
 
@@ -110,7 +113,7 @@ def test_what_is_no_data_is_refused(value):
 
 def test_equal_records_have_equal_hashes():
     assert store.content_hash(model.Delay(1)) == store.content_hash(model.Delay(1.0))
-    assert store.content_hash(drive.hold(-0.0, 1)) == store.content_hash(drive.hold(0.0, 1))
+    assert store.content_hash(drive.constant(-0.0, 1)) == store.content_hash(drive.constant(0.0, 1))
     hashes = [store.content_hash(case) for case in CASES]
     assert len(set(hashes)) == len(CASES)
     assert all(len(digest) == 64 for digest in hashes)
@@ -148,13 +151,13 @@ def test_the_hash_is_the_same_in_every_process():
 def result() -> xr.Dataset:
     return xr.Dataset(
         {
-            "F_d": ("t", np.random.default_rng(0).normal(size=500), {"units": "f_s", "long_name": "force"}),
-            "Q": (("snapshot", "x"), np.arange(6.0).reshape(2, 3)),
+            "spring_force": ("time", np.random.default_rng(0).normal(size=500), {"units": "f_s", "long_name": "force"}),
+            "stretching_density": (("snapshot", "x"), np.arange(6.0).reshape(2, 3)),
             "count": ((), 3),
             "name": ((), "a word"),
             "kinds": ("snapshot", np.array(["one", "two"], dtype=object)),
         },
-        {"t": ("t", 0.1 * np.arange(500)), "x": ("x", [0.1, 0.2, 0.3])},
+        {"time": ("time", 0.1 * np.arange(500)), "x": ("x", [0.1, 0.2, 0.3])},
         {"provenance": store.provenance("simulate", {"slider": CASES[14]})},
     )
 
@@ -164,7 +167,7 @@ def test_a_dataset_comes_back_bit_for_bit(result, tmp_path):
     assert path == tmp_path / "run.nc"
     again = store.load(path)
     xr.testing.assert_identical(again, result)
-    assert again["F_d"].dtype == np.float64
+    assert again["spring_force"].dtype == np.float64
     assert again["count"].dtype.kind == "i"
     assert store.is_netcdf(path)
     assert os.listdir(tmp_path) == ["run.nc"]
@@ -181,10 +184,10 @@ def test_saving_replaces_a_file(result, tmp_path):
     path = store.save(result, tmp_path / "run.nc")
     before = path.read_bytes()
     with path.open("rb") as reader:
-        store.save(result.isel(t=slice(0, 10)), path)
+        store.save(result.isel(time=slice(0, 10)), path)
         # Moved into place, not written over: who has the old file open reads on in it.
         assert reader.read() == before
-    assert store.load(path).sizes["t"] == 10
+    assert store.load(path).sizes["time"] == 10
 
 
 def test_permissions_follow_the_umask(result, tmp_path):
@@ -223,7 +226,7 @@ def test_a_killed_write_leaves_nothing_under_the_final_name(tmp_path):
     code = f"""
 import os, signal
 import xarray as xr
-from stickslip import store
+from stickslip.io import datasets as store
 
 os.fsync = lambda _: os.kill(os.getpid(), signal.SIGKILL)
 store.save(xr.Dataset(), {str(tmp_path / "run.nc")!r})
@@ -245,7 +248,7 @@ def hdf5(place: Path) -> None:
 
 def cut_short(place: Path) -> None:
     whole = place.with_name("whole.nc")
-    store.save(xr.Dataset({"a": ("t", np.random.default_rng(0).normal(size=5000))}), whole)
+    store.save(xr.Dataset({"a": ("time", np.random.default_rng(0).normal(size=5000))}), whole)
     place.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
 
 
@@ -340,7 +343,7 @@ def test_damaged_provenance(text):
         ({"class": "Delay", "time": 1, "colour": 2}, "of Delay has the field 'colour', unknown to this version"),
         ({"class": "Slider", "mass": 1}, "of Slider lacks a field; make the run again"),
         ({"class": "Slider", "mass": -1, "stiffness": 1, "damping": 1}, r"Slider\.mass = -1: must be"),
-        ({"class": "Interface", "thresholds": 3}, r"Interface\.thresholds = 3: must be a law"),
+        ({"class": "Interface", "thresholds": 3}, r"Interface\.thresholds = 3: must be a distribution"),
     ],
 )
 def test_records_that_cannot_be_made_again(plain, message):

@@ -20,10 +20,10 @@ import xarray as xr
 
 import stickslip as ss
 from stickslip import cli, plot
-from stickslip import rig as rigs
 from stickslip.errors import InputError
+from stickslip.io import rig_files as rigs
 from stickslip.measure import regime
-from stickslip.simulate import Contacts, MasterEquation, Relaxed, Sliding
+from stickslip.simulation import Contacts, FromRest, FromSliding, MasterEquation
 from stickslip.sweep import Span, Threads, _table, open_sweep, study, summary
 from stickslip.sweep.plan import Refinement, from_document, open_plan, plan_of, read_plan, with_theory
 
@@ -42,7 +42,7 @@ NATURAL = {
     "rig": {
         "units": "natural",
         "slider": {"stiffness": 2.0, "mass": 1e-4, "damping": 200.0},
-        "interface": {"thresholds": {"law": "gaussian", "spread": 0.1}, "delay": 0.2},
+        "interface": {"thresholds": {"distribution": "gaussian", "std": 0.1}, "delay": 0.2},
     },
 }
 
@@ -133,7 +133,7 @@ def test_parameters_are_in_the_units_of_the_file():
         "rig": tomllib.loads(BENCH.read_text()),
         "axes": {
             "stiffness": ["1 MN/m"], "velocity": ["2 mm/s"], "mass": ["10 g"],
-            "damping": ["100 1/s"], "delay": ["1 ms"], "spread": [0.2],
+            "damping": ["100 1/s"], "delay": ["1 ms"], "std": [0.2],
         },
     }  # fmt: skip
     plan = from_document(document)
@@ -144,7 +144,7 @@ def test_parameters_are_in_the_units_of_the_file():
     assert scales.si(setting.rig.damping, "rate") == pytest.approx(100.0)
     assert scales.si(setting.velocity, "velocity") == pytest.approx(2e-3)
     assert scales.si(setting.interface.delay.time, "time") == pytest.approx(1e-3)
-    assert setting.interface.thresholds == ss.Gaussian(mean=1.0, spread=0.2)
+    assert setting.interface.thresholds == ss.Gaussian(mean=1.0, std=0.2)
 
 
 MISTAKES = [
@@ -168,7 +168,7 @@ MISTAKES = [
     ("rig.slider.mas", 1.0, "rig: slider.mas", "did you mean 'mass'"),
     ("rig.slider.mass", 0.0, "rig.slider.mass = 0", "above 0"),
     ("rig.drive", {"pieces": [{"start": 1.0, "end": 2.0, "duration": 1.0}]}, "rig.drive.pieces", "drive.velocity"),
-    ("rig.interface.thresholds", {"law": "exponential"}, "Interface.thresholds", "has no spread of its own to vary"),
+    ("rig.interface.thresholds", {"distribution": "exponential"}, "Interface.thresholds", "has no standard deviation of its own to vary"),
     ("run.contcts", 3, "run.contcts", "did you mean 'contacts'"),
     ("run.contacts", 0, "Contacts.count = 0", "at least 1"),
     ("run.method", "monte carlo", "run.method", "'contacts' or 'master equation'"),
@@ -190,7 +190,7 @@ MISTAKES = [
 def test_a_mistake_names_its_place_and_its_remedy(tmp_path, capsys, path, value, place, remedy):
     document = changed(path, value)
     if path == "rig.interface.thresholds":
-        document = changed("axes.spread", [0.1], document)
+        document = changed("axes.std", [0.1], document)
     line = refused(capsys, "sweep", written(tmp_path, document), "--store", tmp_path / "s.sqlite")
     assert line.startswith("stickslip: sweep.toml: ")
     assert place in line
@@ -216,11 +216,11 @@ def test_a_case_can_be_made_again_from_what_the_store_says(tmp_path, capsys):
     assert {"travel", "slips"}.isdisjoint(result)  # not asked for, but kept
     assert {"travel", "slips"} <= set(open_sweep(tmp_path / "s.sqlite"))
     assert len(np.unique(result["seed"])) == 12
-    for start, of_start in (("from rest", Relaxed()), ("sliding", Sliding())):
+    for start, of_start in (("from rest", FromRest()), ("sliding", FromSliding())):
         here = result.isel(stiffness=1, velocity=0).sel(start=start)
-        interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, spread=0.1), delay=ss.Delay(0.2))
+        interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
         slider = ss.Slider(stiffness=float(here["stiffness"]), mass=1e-4, damping=200.0)
-        drive = ss.hold(0.3, 12.0 / 0.3)
+        drive = ss.constant(0.3, 12.0 / 0.3)
         seen = regime(ss.simulate(interface, slider, drive, Contacts(100, int(here["seed"])), start=of_start))
         assert study.KINDS[here["regime"].item()] == seen.kind
         for name in ("peak_to_peak", "mean_force", "period"):
@@ -270,7 +270,7 @@ def test_results_come_in_the_units_of_the_file():
     result = plan.run().isel(velocity=0, seed=0)
     scales = plan.study.scales
     setting = plan.study.at({})
-    inside = regime(ss.simulate(setting.interface, setting.rig, ss.hold(setting.velocity, 20 / setting.velocity),
+    inside = regime(ss.simulate(setting.interface, setting.rig, ss.constant(setting.velocity, 20 / setting.velocity),
                                 Contacts(100, 3)))  # fmt: skip
     assert float(result["peak_to_peak"]) == pytest.approx(scales.si(inside.peak_to_peak, "force"))
     assert float(result["travel"]) == pytest.approx(40e-6)
@@ -345,19 +345,19 @@ def test_seeds_of_an_ensemble_are_those_of_the_file():
 
 
 def test_cases_that_fail_are_recorded_and_told(tmp_path, capsys):
-    document = changed("axes", {"spread": [0.1, -0.1, 0.2], "velocity": [0.5, 1.0]})
+    document = changed("axes", {"std": [0.1, -0.1, 0.2], "velocity": [0.5, 1.0]})
     file, store = written(tmp_path, document), tmp_path / "s.sqlite"
     assert run("sweep", file, "--store", store, "--plot", tmp_path / "s.png") == 1
     lines = capsys.readouterr().out.strip().splitlines()
     assert lines[-1] == "4 of 6 cases done, 2 failed"
     told = [line for line in lines if line.startswith("failed: ")]
     assert len(told) == 2
-    assert "spread = -0.1, velocity = 0.5: InputError: Gaussian.spread = -0.1: must be" in told[0]
+    assert "std = -0.1, velocity = 0.5: InputError: Gaussian.std = -0.1: must be" in told[0]
     result = open_sweep(store)
-    assert (result["error"].sel(spread=-0.1) != "").all()
-    assert (result["peak_to_peak"].sel(spread=[0.1, 0.2]) > 0).all()
+    assert (result["error"].sel(std=-0.1) != "").all()
+    assert (result["peak_to_peak"].sel(std=[0.1, 0.2]) > 0).all()
     assert run("sweep", file, "--store", store, "--json") == 1  # it still says so
-    assert json.loads(capsys.readouterr().out)["failures"][1]["parameters"] == {"spread": -0.1, "velocity": 1.0}
+    assert json.loads(capsys.readouterr().out)["failures"][1]["parameters"] == {"std": -0.1, "velocity": 1.0}
 
 
 def test_stores_that_will_not_do(tmp_path, capsys, monkeypatch):
@@ -504,10 +504,10 @@ def test_a_sweep_along_one_axis_is_a_line(tmp_path):
     assert "<svg" in (tmp_path / "s.svg").read_text()
     figure = plot.sweep_picture(with_theory(open_sweep(store)))
     (ax,) = figure.axes
-    swing = open_sweep(store)["peak_to_peak"]
+    oscillation = open_sweep(store)["peak_to_peak"]
     lines = {line.get_label(): line for line in ax.lines}
     assert lines["from a start at rest"].get_ydata() == pytest.approx(
-        swing.sel(start="from rest").median("seed").values
+        oscillation.sel(start="from rest").median("seed").values
     )
     marks = sum(np.isfinite(line.get_ydata()).sum() for line in ax.lines if line.get_linestyle() == "None")
     assert marks == 12

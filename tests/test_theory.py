@@ -18,26 +18,26 @@ from stickslip.model import (
     RandomDelay,
     Slider,
 )
+from stickslip.model.distributions import Gaussian, Uniform
 from stickslip.theory import (
     attached_fraction,
     critical_delay_estimate,
     critical_stiffness_estimate,
     driving_force,
     effective_potential,
-    growth_law,
+    growth_model,
     kinetic_friction,
     lives,
     slip_displacement,
 )
-from stickslip.thresholds import Gaussian, Uniform
 
-NARROW = Gaussian(mean=0.0, spread=0.01)
+NARROW = Gaussian(mean=0.0, std=0.01)
 
 
-@pytest.mark.parametrize(("spread", "expected"), [(0.1, 0.50500), (0.3, 0.54498)])
-def test_kinetic_friction_without_delay(spread, expected):
-    interface = Interface(thresholds=Gaussian(mean=1.0, spread=spread), initial=NARROW)
-    # .54498 is the truncated law's: the plain Gaussian gives .54500
+@pytest.mark.parametrize(("std", "expected"), [(0.1, 0.50500), (0.3, 0.54498)])
+def test_kinetic_friction_without_delay(std, expected):
+    interface = Interface(thresholds=Gaussian(mean=1.0, std=std), initial=NARROW)
+    # .54498 is the truncated distribution's: the plain Gaussian gives .54500
     assert kinetic_friction(interface) == pytest.approx(expected, abs=5e-6)
     assert kinetic_friction(interface, 7.0) == kinetic_friction(interface)
 
@@ -54,9 +54,7 @@ def test_attached_fraction():
     # vbar = xbar/tau_d = 5: half of the contacts are attached there
     assert attached_fraction(FIG4.interface, 5.0) == pytest.approx(0.5, rel=1e-12)
     assert attached_fraction(FIG4.interface, 0.0) == 1.0
-    random = Interface(
-        thresholds=Gaussian(mean=1.0, spread=0.1), initial=NARROW, delay=RandomDelay(mean=0.2, spread=0.12)
-    )
+    random = Interface(thresholds=Gaussian(mean=1.0, std=0.1), initial=NARROW, delay=RandomDelay(mean=0.2, std=0.12))
     assert attached_fraction(random, 3.0) == pytest.approx(1 / (1 + 3.0 * random.delay.moment(1)), rel=1e-12)
     never = Interface(thresholds=FIG4.interface.thresholds, initial=NARROW, delay=Delay(math.inf))
     assert attached_fraction(never, 1.0) == 0.0
@@ -78,8 +76,8 @@ def test_no_closed_form_where_there_is_none():
         attached_fraction(ageing, 1.0)
     with pytest.raises(InputError, match="velocity = 0"):
         kinetic_friction(ageing)
-    with pytest.raises(InputError, match="no fixed law of growth"):
-        growth_law(ageing)
+    with pytest.raises(InputError, match="no fixed rule of growth"):
+        growth_model(ageing)
     with pytest.raises(InputError, match="newborn = 0"):
         kinetic_friction(replace(ageing, delay=Delay(0.1)), 1.0)
     never = Interface(thresholds=FIG4.interface.thresholds, initial=NARROW, delay=Delay(math.inf))
@@ -89,7 +87,7 @@ def test_no_closed_form_where_there_is_none():
         kinetic_friction(FIG4.interface, -1.0)
 
 
-def test_friction_of_growing_thresholds_has_the_limits_of_its_laws():
+def test_friction_of_growing_thresholds_has_the_limits_of_its_distributions():
     interface = Interface(thresholds=FIG4.interface.thresholds, initial=NARROW, delay=Delay(0.2))
     aged = kinetic_friction(interface, 0.5)
     # Growth that has ended before anything happens, and growth that never begins.
@@ -97,7 +95,7 @@ def test_friction_of_growing_thresholds_has_the_limits_of_its_laws():
         assert kinetic_friction(replace(interface, ageing=ageing), 0.5) == pytest.approx(aged, rel=1e-3)
     # Equal strengths: f(t) = t, held while v t < 1 - exp(-t).
     equal = replace(interface, thresholds=Uniform(low=1 - 1e-6, high=1 + 1e-6), ageing=ExponentialGrowth(rate=1.0))
-    (life,) = lives(growth_law(equal), np.ones(1), 0.5)
+    (life,) = lives(growth_model(equal), np.ones(1), 0.5)
     assert 0.5 * life == pytest.approx(1 - math.exp(-life))
     assert kinetic_friction(equal, 0.5) == pytest.approx(0.25 * life**2 / (life + 0.2), rel=1e-3)
 
@@ -110,7 +108,7 @@ def test_mean_driving_force_balances_damping_and_friction():
 @pytest.mark.eq(9)
 def test_critical_stiffness_estimate():
     assert critical_stiffness_estimate(FIG4.interface) == pytest.approx(1 / 0.11, rel=1e-9)
-    wide = Interface(thresholds=Uniform(low=0.5, high=1.5), initial=Gaussian(mean=0.0, spread=0.0))
+    wide = Interface(thresholds=Uniform(low=0.5, high=1.5), initial=Gaussian(mean=0.0, std=0.0))
     assert critical_stiffness_estimate(wide) == pytest.approx(math.sqrt(12), rel=1e-12)
 
 

@@ -52,7 +52,7 @@ COMMA = str.maketrans(".", ",")
         (rows(lambda t, f: f"{t},{f}"), {"time": "1", "force": "2"}),
         (rows(lambda t, f: f"{t},{f}"), {"force": 2, "step": 0.25}),
         ("x,a,b\n" + rows(lambda t, f: f"{9 - f},{f},{t}"), {"force": "a", "time": "B"}),
-        ('"t","F_d","what"\n' + rows(lambda t, f: f'"{t}","{f}","pull, slow"'), {}),
+        ('"t","spring_force","what"\n' + rows(lambda t, f: f'"{t}","{f}","pull, slow"'), {}),
         ("date,t,F_d\n" + rows(lambda t, f: f"2020-01-02,{t},{f}"), {}),
         ("Instrument: X7\nOperator: N. N.\n\nt;F_d\n" + rows(lambda t, f: f"{t};{f}"), {}),
         (rows(lambda t, f: f"{t}|{f}"), {"delimiter": "|", "time": 1, "force": 2}),
@@ -64,23 +64,23 @@ COMMA = str.maketrans(".", ",")
 )
 def test_tables_of_every_usual_form_are_read(tmp_path, text, options):
     data = read_trace(written(tmp_path, text, encoding="utf-8"), **options)
-    np.testing.assert_array_equal(data["F_d"], FORCES)
-    np.testing.assert_allclose(data["t"], 0.25 * np.arange(FORCES.size))
-    assert data["F_d"].attrs["units"] == "N"
-    assert data["t"].attrs["units"] == "s"
+    np.testing.assert_array_equal(data["spring_force"], FORCES)
+    np.testing.assert_allclose(data["time"], 0.25 * np.arange(FORCES.size))
+    assert data["spring_force"].attrs["units"] == "N"
+    assert data["time"].attrs["units"] == "s"
     assert not data["filled"].any()
 
 
 def test_units_are_kept(tmp_path):
     path = written(tmp_path, "t (ms);F (mN)\n" + rows(lambda t, f: f"{t};{f}"))
     data = read_trace(path)
-    assert (data["t"].attrs["units"], data["F_d"].attrs["units"]) == ("ms", "mN")
+    assert (data["time"].attrs["units"], data["spring_force"].attrs["units"]) == ("ms", "mN")
     latin = tmp_path / "latin.csv"
     latin.write_bytes(("t (s);F (µN)\n" + rows(lambda t, f: f"{t};{f}")).encode("latin-1"))
-    assert read_trace(latin)["F_d"].attrs["units"] == "µN"
+    assert read_trace(latin)["spring_force"].attrs["units"] == "µN"
     wide = tmp_path / "wide.csv"
     wide.write_bytes(("t;F\n" + rows(lambda t, f: f"{t};{f}")).encode("utf-16"))
-    np.testing.assert_array_equal(read_trace(wide)["F_d"], FORCES)
+    np.testing.assert_array_equal(read_trace(wide)["spring_force"], FORCES)
 
 
 @pytest.mark.parametrize("word", ["NaN N1", "inf", "---", "1e999", "overload", "1.2.3"])
@@ -88,8 +88,8 @@ def test_a_few_unreadable_rows_are_filled_and_reported(tmp_path, word):
     lines = [f"{f}" for f in FORCES]
     lines[20] = word
     data = read_trace(written(tmp_path, "\n".join(lines)), step=0.25)
-    assert data.sizes["t"] == FORCES.size
-    assert float(data["F_d"][20]) == pytest.approx(0.5 * (FORCES[19] + FORCES[21]))
+    assert data.sizes["time"] == FORCES.size
+    assert float(data["spring_force"][20]) == pytest.approx(0.5 * (FORCES[19] + FORCES[21]))
     assert list(np.flatnonzero(data["filled"])) == [20]
     assert json.loads(data.attrs["unreadable"]) == [{"line": 21, "text": word}]
     assert "line 21" in data.attrs["note"]
@@ -99,9 +99,9 @@ def test_unreadable_rows_with_times_leave_a_gap_in_time(tmp_path):
     lines = [f"{0.25 * i},{f}" for i, f in enumerate(FORCES)]
     lines[10], lines[30] = "2.5,", "??"
     data = read_trace(written(tmp_path, "t,F_d\n" + "\n".join(lines)))
-    assert data.sizes["t"] == FORCES.size - 1  # the time of row 30 is not known
-    assert 7.5 not in data["t"].values
-    assert bool(data["filled"].sel(t=2.5))
+    assert data.sizes["time"] == FORCES.size - 1  # the time of row 30 is not known
+    assert 7.5 not in data["time"].values
+    assert bool(data["filled"].sel(time=2.5))
     assert "2 of 60 rows" in data.attrs["note"]
 
 
@@ -119,10 +119,10 @@ TWO = "t,F_d\n" + rows(lambda t, f: f"{t},{f}")
         (NUMBERS, {"step": 0.25, "force": 2}, "no such column"),
         (NUMBERS, {"step": 0.25, "delimiter": ";;"}, "delimiter"),
         (NUMBERS, {"step": 0.25, "decimal": "x"}, "decimal"),
-        (TWO, {"force": "F_c"}, "did you mean 'F_d'"),
+        (TWO, {"force": "friction_force"}, "did you mean 'spring_force'"),
         (TWO, {"force": 0}, "counted from 1"),
         (TWO, {"force": 1, "time": 1}, "both time and force"),
-        (TWO, {"step": 0.1, "time": "t"}, "leave one out"),
+        (TWO, {"step": 0.1, "time": "time"}, "leave one out"),
         (rows(lambda t, f: f"{t},{f}"), {"step": 0.1}, "which column is the force"),
         (rows(lambda t, f: f"{int(t)},{int(f)}"), {"step": 0.1}, "decimal comma"),
         ("", {"step": 1.0}, "empty"),
@@ -200,9 +200,9 @@ def test_files_are_read_as_instruments_write_them(tmp_path, text, encoding, unit
     path = tmp_path / "export.txt"
     path.write_bytes(text.encode(encoding))
     data = read_trace(path)
-    np.testing.assert_allclose(data["F_d"], FORCES)
-    np.testing.assert_allclose(data["t"], TIMES)
-    assert (data["t"].attrs["units"], data["F_d"].attrs["units"]) == units
+    np.testing.assert_allclose(data["spring_force"], FORCES)
+    np.testing.assert_allclose(data["time"], TIMES)
+    assert (data["time"].attrs["units"], data["spring_force"].attrs["units"]) == units
     assert not data["filled"].any()
     assert data.attrs["rows"] == FORCES.size
     assert "interpolated" not in data.attrs["note"]
@@ -210,8 +210,8 @@ def test_files_are_read_as_instruments_write_them(tmp_path, text, encoding, unit
 
 def test_units_in_a_row_of_their_own_are_used(tmp_path):
     data = read_trace(written(tmp_path, "Zeit;Kraft\nms;kN\n" + rows(lambda t, f: f"{1e3 * t};{f}")))
-    assert (data["t"].attrs["units"], data["F_d"].attrs["units"]) == ("ms", "kN")
-    assert float(data["t"][-1]) == pytest.approx(1e3 * TIMES[-1])
+    assert (data["time"].attrs["units"], data["spring_force"].attrs["units"]) == ("ms", "kN")
+    assert float(data["time"][-1]) == pytest.approx(1e3 * TIMES[-1])
 
 
 def test_several_columns_are_told_by_their_names(tmp_path):
@@ -222,7 +222,7 @@ def test_several_columns_are_told_by_their_names(tmp_path):
     np.testing.assert_allclose(data["mu"], FORCES / 20.0)
     assert data["mu"].attrs == {"units": "1", "long_name": "coefficient of friction"}
     by_name = read_trace(tmp_path / "trace.csv", force="Kraft", time="zeit", load="Normalkraft", displacement=3)
-    np.testing.assert_array_equal(by_name["F_d"], data["F_d"])
+    np.testing.assert_array_equal(by_name["spring_force"], data["spring_force"])
     other = read_trace(tmp_path / "trace.csv", force="Kraft (N)", load="0.04 kN")
     np.testing.assert_allclose(other["mu"], FORCES / 40.0)
     with pytest.raises(ss.InputError, match="load = '-3 N'"):
@@ -235,14 +235,14 @@ def test_several_columns_are_told_by_their_names(tmp_path):
 )
 def test_a_coefficient_of_friction_is_no_force(tmp_path, head):
     data = read_trace(written(tmp_path, head + "\n" + rows(lambda t, f: f"{t},{f / 10:.4f}"), encoding="utf-8"))
-    assert data["F_d"].attrs == {"units": "1", "long_name": "coefficient of friction"}
+    assert data["spring_force"].attrs == {"units": "1", "long_name": "coefficient of friction"}
     assert "N assumed" not in data.attrs["note"]
 
 
 def test_a_bare_friction_column_beside_units_is_a_coefficient(tmp_path):
     head = "Time(s)\tDispl(microns)\tFriction\tNormal_stress(MPa)\n"
     data = read_trace(written(tmp_path, head + rows(lambda t, f: f"{t}\t{3 * t}\t{f / 10:.4f}\t19.97")))
-    assert data["F_d"].attrs["long_name"] == "coefficient of friction"
+    assert data["spring_force"].attrs["long_name"] == "coefficient of friction"
     assert data["displacement"].attrs["units"] == "microns"
     assert data["load"].attrs["units"] == "MPa"
     assert "mu" not in data
@@ -266,10 +266,10 @@ def mixed(form):
 @pytest.mark.parametrize("form", [lambda f, u: f"{f:.7g} {u}", lambda f, u: f"{f:.7g}{u}"])
 def test_units_that_change_from_cell_to_cell_are_turned_to_one(tmp_path, form):
     data = read_trace(written(tmp_path, mixed(form)))
-    assert data["F_d"].attrs["units"] == "N"
-    np.testing.assert_allclose(data["F_d"], FORCES)
+    assert data["spring_force"].attrs["units"] == "N"
+    np.testing.assert_allclose(data["spring_force"], FORCES)
     blanks = read_trace(written(tmp_path, mixed(form).removeprefix("t;F\n").replace(";", " ")), time=1)
-    np.testing.assert_allclose(blanks["F_d"], FORCES)
+    np.testing.assert_allclose(blanks["spring_force"], FORCES)
 
 
 @pytest.mark.parametrize(
@@ -323,7 +323,7 @@ def test_what_could_be_misread_is_refused(tmp_path, text, message):
     assert len(str(caught.value)) < 500
 
 
-def test_a_spreadsheet_is_read(tmp_path):
+def test_a_stdsheet_is_read(tmp_path):
     openpyxl = pytest.importorskip("openpyxl")
     book = openpyxl.Workbook()
     book.active.append(["see the second sheet"])
@@ -340,9 +340,9 @@ def test_a_spreadsheet_is_read(tmp_path):
         sheet.append([1e3 * float(t), float(f), None])
     book.save(tmp_path / "bench.xlsx")
     data = read_trace(tmp_path / "bench.xlsx")
-    np.testing.assert_array_equal(data["F_d"], FORCES)
-    np.testing.assert_allclose(data["t"], 1e3 * TIMES)
-    assert (data["t"].attrs["units"], data["F_d"].attrs["units"]) == ("ms", "kN")
+    np.testing.assert_array_equal(data["spring_force"], FORCES)
+    np.testing.assert_allclose(data["time"], 1e3 * TIMES)
+    assert (data["time"].attrs["units"], data["spring_force"].attrs["units"]) == ("ms", "kN")
 
 
 def test_a_tdms_file_is_read(tmp_path):
@@ -354,9 +354,9 @@ def test_a_tdms_file_is_read(tmp_path):
             nptdms.ChannelObject("Run 1", "Temperature", FORCES, properties=waveform | {"unit_string": "°C"}),
         ])  # fmt: skip
     data = read_trace(tmp_path / "bench.tdms")
-    np.testing.assert_array_equal(data["F_d"], FORCES)
-    np.testing.assert_allclose(data["t"], TIMES)
-    assert data["F_d"].attrs["units"] == "mN"
+    np.testing.assert_array_equal(data["spring_force"], FORCES)
+    np.testing.assert_allclose(data["time"], TIMES)
+    assert data["spring_force"].attrs["units"] == "mN"
 
 
 @pytest.mark.parametrize(
@@ -377,7 +377,7 @@ def test_a_reader_that_is_missing_is_named(tmp_path, monkeypatch, name, start, m
 def test_a_force_may_be_flipped(tmp_path):
     path = written(tmp_path, "t,F\n" + rows(lambda t, f: f"{t},{f}"))
     data = read_trace(path, flip=True)
-    np.testing.assert_array_equal(data["F_d"], -FORCES)
+    np.testing.assert_array_equal(data["spring_force"], -FORCES)
     assert data.attrs["flipped"] == 1
 
 

@@ -53,7 +53,7 @@ def case_of(seed, softest=0.3):
     slider = ss.Slider(stiffness=stiffness, mass=(stiffness + 1.0) / omega**2, damping=2.0 * ratio * omega)
     pieces = []
     for _ in range(rng.integers(1, 4)):
-        # Long against the slowest relaxation, so that in most pieces all of it has died out.
+        # Long against the slowest relaxation, so that in most pieces all of it has decays.
         duration = 10 ** rng.uniform(1.5, 3.3) * max(ratio, 1.0) / omega
         farthest = rng.uniform(0.3, 3.0) * (stiffness + 1.0) / stiffness
         velocity = rng.choice([-1, 1]) * 4.0 * farthest / duration
@@ -72,12 +72,12 @@ def delay_of(seed, drive):
 
 def run_of(case, delay, method, samples=2000):
     interface = ss.Interface(thresholds=BROAD, delay=delay)
-    record = ss.Record(interval=case.drive.duration / samples)
-    return ss.simulate(interface, case.slider, case.drive, method, record=record)
+    output = ss.Output(interval=case.drive.duration / samples)
+    return ss.simulate(interface, case.slider, case.drive, method, output=output)
 
 
 def imbalance(run):
-    """Largest gap between the work of the drive and what became of it, as a share of all energy turned over."""
+    """Largest gap between the work of the drive and what became of it, as a fraction of all energy turned over."""
     parts = ("kinetic_energy", "spring_energy", "contact_energy", "damped_energy", "broken_energy")
     found = sum(run[name].to_numpy() for name in parts)
     gap = run["work"].to_numpy() - found
@@ -208,7 +208,7 @@ def test_forces_stay_within_the_thresholds_and_balances_close(seed, method, slac
     delay = delay_of(seed, case.drive)
     run = run_of(case, delay, method)
     attached = run["attached"].to_numpy()
-    force = np.abs(run["F_c"].to_numpy())
+    force = np.abs(run["friction_force"].to_numpy())
     assert np.all(force <= BROAD.high * attached + slack)
     assert imbalance(run) < slack
     assert np.all((attached >= 0.0) & (attached <= 1.0 + 1e-11))
@@ -230,16 +230,18 @@ def test_a_drive_that_ends_where_it_began_has_broken_contacts_on_the_way(
     direction, damping, velocity, duration, method
 ):
     """Without a break the force would go to 2/3 of the drive's farthest place, above 2 mean thresholds."""
-    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, spread=0.1))
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1))
     slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=damping)
     there = ss.ramp(direction * velocity, 0.0, duration / 2).then(ss.ramp(0.0, -direction * velocity, duration / 2))
     whole, halves = (
-        ss.simulate(interface, slider, drive, method, record=ss.Record(interval=duration / 2000))
+        ss.simulate(interface, slider, drive, method, output=ss.Output(interval=duration / 2000))
         for drive in (ss.ramp(direction * velocity, -direction * velocity, duration), there)
     )
     assert float(whole["broken_energy"][-1]) > 0.4
-    assert float(np.abs(whole["F_c"]).max()) == pytest.approx(0.796, abs=0.01)
-    assert float(np.abs(whole["F_c"] - halves["F_c"]).max()) < (2.0 * ONE_RUN if method is COARSE else 1e-9)
+    assert float(np.abs(whole["friction_force"]).max()) == pytest.approx(0.796, abs=0.01)
+    assert float(np.abs(whole["friction_force"] - halves["friction_force"]).max()) < (
+        2.0 * ONE_RUN if method is COARSE else 1e-9
+    )
 
 
 # ------------------------------------------------------------------------------------------------ one against another
@@ -255,8 +257,8 @@ def test_contacts_scatter_about_the_master_equation(seed):
     many, limit = (run_of(case, delay, method) for method in (ss.Contacts(N, seed=seed), COARSE))
     # One contact's force has the variance <x^2> - <x>^2. The force of all falls no faster than 1.7/1.4 f_s/x_s, so that
     # the spring lets what scatters grow by at most K/(K - 1.7/1.4) < 1.5.
-    variance = float((2.0 * limit["contact_energy"] - limit["F_c"] ** 2).max())
-    apart = float(np.abs(many["F_c"] - limit["F_c"]).max())
+    variance = float((2.0 * limit["contact_energy"] - limit["friction_force"] ** 2).max())
+    apart = float(np.abs(many["friction_force"] - limit["friction_force"]).max())
     assert apart < 1.5 * 5.0 * math.sqrt(variance / N) + ONE_RUN
 
 
@@ -268,7 +270,7 @@ def test_a_piece_can_be_cut_where_it_turns(seed):
     halves = Case(case.slider, case.ratio, cut(case.drive))
     for method, slack in ((ss.Contacts(500, seed=3), 1e-9), (COARSE, 2.0 * ONE_RUN)):
         one, two = (run_of(drive, delay, method) for drive in (case, halves))
-        for name in ("X", "F_c", "attached"):
+        for name in ("displacement", "friction_force", "attached"):
             assert np.abs(one[name].to_numpy() - two[name].to_numpy()).max() < slack
 
 
@@ -289,16 +291,16 @@ def test_a_piece_can_be_cut_where_it_turns(seed):
 def test_ageing_contacts_hold_an_overdamped_slider_as_springs_do(damping, ageing, method):
     """Far below all thresholds the contacts are springs, over times up to 5e5 of the fastest relaxation."""
     interface = ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, spread=0.02), initial=ss.Gaussian(mean=0.0, spread=1e-9), ageing=ageing
+        thresholds=ss.Gaussian(mean=1.0, std=0.02), initial=ss.Gaussian(mean=0.0, std=1e-9), ageing=ageing
     )
     slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=damping)
     duration = max(1.0, 5e-5 * damping)
     drive = ss.ramp(1.2 / duration, -1.2 / duration, duration)
-    run = ss.simulate(interface, slider, drive, method, record=ss.Record(interval=duration / 20))
+    run = ss.simulate(interface, slider, drive, method, output=ss.Output(interval=duration / 20))
     matrix = np.zeros((5, 5))
     matrix[0, 1] = matrix[2, 3] = matrix[3, 4] = 1.0
     matrix[1, :3] = -(slider.stiffness + 1.0) / slider.mass, -damping, slider.stiffness / slider.mass
     start = np.array([0.0, 0.0, 0.0, drive.pieces[0].start, drive.pieces[0].acceleration])
-    exact = [(expm(matrix * t) @ start)[0] for t in run["t"].to_numpy()]
-    assert run["X"].to_numpy() == pytest.approx(exact, abs=1e-7)
-    assert run["F_c"].to_numpy() == pytest.approx(exact, abs=1e-7)
+    exact = [(expm(matrix * t) @ start)[0] for t in run["time"].to_numpy()]
+    assert run["displacement"].to_numpy() == pytest.approx(exact, abs=1e-7)
+    assert run["friction_force"].to_numpy() == pytest.approx(exact, abs=1e-7)

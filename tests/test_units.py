@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stickslip.errors import InputError
-from stickslip.units import Quantity, Scales
+from stickslip.model.units import Quantity, Scales
 
 SIZE = st.floats(1e-9, 1e9)
 scales = st.builds(Scales, force=SIZE, stretching=SIZE, time=SIZE)

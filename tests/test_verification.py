@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from stickslip.paper import Claim
-from stickslip.paper.record import at_most
+from stickslip.paper.figure import at_most
 
 ROOT = Path(__file__).parents[1]
 

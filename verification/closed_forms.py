@@ -1,4 +1,4 @@
-"""Laws of thresholds for which the answer can be written down."""
+"""Distributions of thresholds for which the answer can be written down."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from stickslip import (
     critical_stiffness,
     effective_stiffness,
     kinetic_friction,
-    slide,
+    rigid_slide,
     static_friction,
 )
+from stickslip.model.distributions import Distribution
 from stickslip.paper import Claim
-from stickslip.paper.record import at_least, at_most, near
-from stickslip.thresholds import Law
+from stickslip.paper.figure import at_least, at_most, near
 from verification.study import Study, finding
 
-_AT_REST = Gaussian(mean=0.0, spread=0.0)
+_AT_REST = Gaussian(mean=0.0, std=0.0)
 
 
 def _uniform() -> tuple[Claim, ...]:
@@ -38,12 +38,16 @@ def _uniform() -> tuple[Claim, ...]:
         stiffness.append(
             near(f"K* on [{low}, {high}]", critical_stiffness(interface), high / (high - low) - 1, 1e-3, "k")
         )
-        run = slide(interface, low + 0.5 * min(high - low, low), method=Renewal(4096))
-        X = run["X"].to_numpy()
-        # X (1 - broken) and what the reborn have gained, each Int_low^X (X - a) da / width.
+        run = rigid_slide(interface, low + 0.5 * min(high - low, low), method=Renewal(4096))
+        X = run["displacement"].to_numpy()
+        # X (1 - broken) and what the re-attached have gained, each Int_low^X (X - a) da / width.
         past = np.maximum(X - low, 0.0) / (high - low)
         parabola = X * (1 - past) + 0.5 * past * np.maximum(X - low, 0.0)
-        force.append(at_most(f"error of F on [{low}, {high}]", float(np.abs(run["F_c"] - parabola).max()), 1e-6, "f_s"))
+        force.append(
+            at_most(
+                f"error of F on [{low}, {high}]", float(np.abs(run["friction_force"] - parabola).max()), 1e-6, "f_s"
+            )
+        )
     return (
         finding(
             "Rectangular thresholds on [x1, x2] from a delta start, x2 < 2 x1: K* = x2/(x2 - x1) - 1, Eq. (8)",
@@ -60,21 +64,21 @@ def _uniform() -> tuple[Claim, ...]:
 
 def _exponential() -> tuple[Claim, ...]:
     mean = 0.8
-    law = Exponential(mean=mean)
-    rest = Interface(thresholds=law, initial=_AT_REST)
+    distribution = Exponential(mean=mean)
+    rest = Interface(thresholds=distribution, initial=_AT_REST)
     X = np.linspace(0.0, 10.0, 200)
-    run = slide(rest, 5.0)
-    steady = slide(Interface(thresholds=law, initial=SteadyState(thresholds=law)), 5.0)
-    exact = mean * (1 - np.exp(-run["X"].to_numpy() / mean))
-    cohorts = slide(rest, 5.0, method=MasterEquation(cells=1600))
-    other = mean * (1 - np.exp(-cohorts["X"].to_numpy() / mean))
+    run = rigid_slide(rest, 5.0)
+    steady = rigid_slide(Interface(thresholds=distribution, initial=SteadyState(thresholds=distribution)), 5.0)
+    exact = mean * (1 - np.exp(-run["displacement"].to_numpy() / mean))
+    cohorts = rigid_slide(rest, 5.0, method=MasterEquation(cells=1600))
+    other = mean * (1 - np.exp(-cohorts["displacement"].to_numpy() / mean))
     return (
         finding(
             "Exponential thresholds have no memory: F = m1 (1 - exp(-X/m1)) from rest, and never falls",
-            at_most("error of F, renewal", float(np.abs(run["F_c"] - exact).max()), 1e-8, "f_s"),
+            at_most("error of F, renewal", float(np.abs(run["friction_force"] - exact).max()), 1e-8, "f_s"),
             at_most(
                 "error of F, cohorts (second order, 1600 cells)",
-                float(np.abs(cohorts["F_c"] - other).max()),
+                float(np.abs(cohorts["friction_force"] - other).max()),
                 2e-6,
                 "f_s",
             ),
@@ -84,19 +88,19 @@ def _exponential() -> tuple[Claim, ...]:
         ),
         finding(
             "In the steady state of exponential thresholds the force is N k m1 at once",
-            at_most("largest relative deviation", float(np.abs(steady["F_c"] / mean - 1).max()), 1e-9),
+            at_most("largest relative deviation", float(np.abs(steady["friction_force"] / mean - 1).max()), 1e-9),
             evidence="renewal convolution from SteadyState",
         ),
     )
 
 
 def _gamma() -> tuple[Claim, ...]:
-    """A gamma law of shape 2 makes births an alternating renewal process of two exponential stages."""
+    """A gamma distribution of shape 2 makes births an alternating renewal process of two exponential stages."""
     rate = 2.0  # shape 2, mean 1
-    law = Gamma(mean=1.0, spread=1.0 / np.sqrt(2.0))
-    interface = Interface(thresholds=law, initial=_AT_REST)
-    run = slide(interface, 6.0)
-    X = run["X"].to_numpy()
+    distribution = Gamma(mean=1.0, std=1.0 / np.sqrt(2.0))
+    interface = Interface(thresholds=distribution, initial=_AT_REST)
+    run = rigid_slide(interface, 6.0)
+    X = run["displacement"].to_numpy()
     births = rate / 2 * (1 - np.exp(-2 * rate * X))  # renewal density of two stages of rate 2
     # F = X J(X) + Int births(X - x) x J(x) dx, J = (1 + rate x) exp(-rate x): integrated by hand.
     survival = (1 + rate * X) * np.exp(-rate * X)
@@ -114,7 +118,7 @@ def _gamma() -> tuple[Claim, ...]:
         finding(
             "Gamma thresholds of shape 2 have a closed renewal density, and with it a closed force",
             at_most("error of the breaking rate", float(np.abs(run["breaking_rate"] - births).max()), 1e-7, "1/x_s"),
-            at_most("error of F", float(np.abs(run["F_c"] - force).max()), 1e-7, "f_s"),
+            at_most("error of F", float(np.abs(run["friction_force"] - force).max()), 1e-7, "f_s"),
             near("F_k = m2/(2 m1)", float(kinetic_friction(interface)), 0.75, 1e-12, "f_s"),
             evidence="renewal convolution over 6 x_s against the integral by hand",
         ),
@@ -122,22 +126,22 @@ def _gamma() -> tuple[Claim, ...]:
 
 
 def _static_over_kinetic() -> tuple[Claim, ...]:
-    laws: dict[str, Law] = {
-        "Gaussian .02": Gaussian(mean=1.0, spread=0.02),
-        "Gaussian .1": Gaussian(mean=1.0, spread=0.1),
-        "Gaussian .3": Gaussian(mean=1.0, spread=0.3),
+    distributions: dict[str, Distribution] = {
+        "Gaussian .02": Gaussian(mean=1.0, std=0.02),
+        "Gaussian .1": Gaussian(mean=1.0, std=0.1),
+        "Gaussian .3": Gaussian(mean=1.0, std=0.3),
         "uniform [.6, 1.4]": Uniform(low=0.6, high=1.4),
-        "gamma .4": Gamma(mean=1.0, spread=0.4),
-        "log-normal .5": LogNormal(mean=1.0, spread=0.5),
+        "gamma .4": Gamma(mean=1.0, std=0.4),
+        "log-normal .5": LogNormal(mean=1.0, std=0.5),
         "Weibull 2.5": Weibull(scale=1.1, shape=2.5),
         "exponential": Exponential(mean=1.0),
     }
     measured = []
-    for name, law in laws.items():
-        interface = Interface(thresholds=law, initial=_AT_REST)
+    for name, distribution in distributions.items():
+        interface = Interface(thresholds=distribution, initial=_AT_REST)
         ratio = static_friction(interface)[0] / float(kinetic_friction(interface))
         measured += [at_least(f"F_s/F_k, {name}, less 1", ratio - 1.0, -1e-3), at_most(f"F_s/F_k, {name}", ratio, 2.0)]
-    narrow = Interface(thresholds=Gaussian(mean=1.0, spread=0.002), initial=_AT_REST)
+    narrow = Interface(thresholds=Gaussian(mean=1.0, std=0.002), initial=_AT_REST)
     limit = static_friction(narrow)[0] / float(kinetic_friction(narrow))
     return (
         finding(

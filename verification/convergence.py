@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from stickslip.paper.output import at_most, between, near
 
 from stickslip import (
     Contacts,
@@ -14,19 +15,18 @@ from stickslip import (
     Interface,
     Langevin,
     MasterEquation,
-    Record,
+    Output,
     Renewal,
-    hold,
+    constant,
     kinetic_friction,
+    rigid_slide,
     simulate,
-    slide,
 )
 from stickslip.model import FIG4, FIG8
 from stickslip.paper import Claim
-from stickslip.paper.record import at_most, between, near
 from verification.study import Study, finding, held_friction
 
-_SMOOTH = Interface(thresholds=Gaussian(mean=1.0, spread=0.1), initial=Gaussian(mean=0.0, spread=0.1))
+_SMOOTH = Interface(thresholds=Gaussian(mean=1.0, std=0.1), initial=Gaussian(mean=0.0, std=0.1))
 
 
 def _slope(steps: list[int], errors: list[float]) -> float:
@@ -37,16 +37,20 @@ def _slope(steps: list[int], errors: list[float]) -> float:
 def _renewal() -> tuple[Claim, ...]:
     distance = 4.0
     points = [128, 256, 512]
-    exact = slide(_SMOOTH, distance, method=Renewal(8192))["F_c"].to_numpy()
+    exact = rigid_slide(_SMOOTH, distance, method=Renewal(8192))["friction_force"].to_numpy()
     errors = []
     for n in points:
-        errors.append(float(np.abs(slide(_SMOOTH, distance, method=Renewal(n))["F_c"] - exact[:: 8192 // n]).max()))
+        errors.append(
+            float(
+                np.abs(rigid_slide(_SMOOTH, distance, method=Renewal(n))["friction_force"] - exact[:: 8192 // n]).max()
+            )
+        )
     return (
         finding(
-            "The renewal convolution is of sixth order for a smooth law",
+            "The renewal convolution is of sixth order for a smooth distribution",
             between("order", _slope(points, errors), 5.0, 9.0),
             at_most("error with 512 intervals", errors[-1], 1e-7, "f_s"),
-            evidence="Gaussian thresholds and start of spread .1 over 4 x_s, against 8,192 intervals",
+            evidence="Gaussian thresholds and start of standard deviation .1 over 4 x_s, against 8,192 intervals",
         ),
     )
 
@@ -54,21 +58,28 @@ def _renewal() -> tuple[Claim, ...]:
 def _cohorts() -> tuple[Claim, ...]:
     interface = replace(FIG4.interface, delay=Delay(0.2))
     cells, finest = [200, 400, 800], 3200
-    record = Record(interval=0.01)
+    output = Output(interval=0.01)
 
     def table(count: int) -> np.ndarray:
-        run = simulate(interface, FIG4.slider, hold(1.0, 3.0), MasterEquation(cells=count), record=record)
-        return np.stack([run[name].to_numpy() for name in ("X", "F_d", "F_c")])
+        run = simulate(interface, FIG4.slider, constant(1.0, 3.0), MasterEquation(cells=count), output=output)
+        return np.stack([run[name].to_numpy() for name in ("displacement", "spring_force", "friction_force")])
 
     exact = table(finest)
     errors = []
     for count in cells:
         errors.append(float(np.abs(table(count) - exact).max()))
     rigid = []
-    renewal = slide(_SMOOTH, 4.0, method=Renewal(4096))
+    renewal = rigid_slide(_SMOOTH, 4.0, method=Renewal(4096))
     for count in cells:
-        run = slide(_SMOOTH, 4.0, method=MasterEquation(cells=count))
-        rigid.append(float(np.abs(run["F_c"] - np.interp(run["X"], renewal["X"], renewal["F_c"])).max()))
+        run = rigid_slide(_SMOOTH, 4.0, method=MasterEquation(cells=count))
+        rigid.append(
+            float(
+                np.abs(
+                    run["friction_force"]
+                    - np.interp(run["displacement"], renewal["displacement"], renewal["friction_force"])
+                ).max()
+            )
+        )
     return (
         finding(
             "The master equation on cohorts is of second order",
@@ -83,13 +94,21 @@ def _cohorts() -> tuple[Claim, ...]:
 
 def _contacts() -> tuple[Claim, ...]:
     counts, seeds = [400, 1_600, 6_400, 25_600], 24
-    reference = slide(_SMOOTH, 4.0)
+    reference = rigid_slide(_SMOOTH, 4.0)
     scatter = []
     for N in counts:
         square = 0.0
         for seed in range(seeds):
-            run = slide(_SMOOTH, 4.0, method=Contacts(N, seed=seed))
-            square += float(((run["F_c"] - np.interp(run["X"], reference["X"], reference["F_c"])) ** 2).mean())
+            run = rigid_slide(_SMOOTH, 4.0, method=Contacts(N, seed=seed))
+            square += float(
+                (
+                    (
+                        run["friction_force"]
+                        - np.interp(run["displacement"], reference["displacement"], reference["friction_force"])
+                    )
+                    ** 2
+                ).mean()
+            )
         scatter.append(math.sqrt(square / seeds))
     return (
         finding(

@@ -2,8 +2,8 @@
 
 The linear boundary speaks of small disturbances of smooth sliding, so it is compared with runs that start from there.
 Below it the interface is bistable: a start at rest, which is a finite disturbance, leads to stick-slip down to where
-the cycle itself ends in a fold. Between the two, N contacts may kick themselves over; more contacts do so less, hence
-more of them here than in the example.
+the cycle itself ends in a fold. Between the two, N contacts may perturbation themselves over; more contacts do so less,
+hence more of them here than in the example.
 """
 
 from __future__ import annotations
@@ -13,9 +13,10 @@ from dataclasses import replace
 
 import xarray as xr
 
-from stickslip import Contacts, Slider, bistable_band, critical_velocities, rig
+from stickslip import Contacts, Slider, bistable_band, critical_velocities
+from stickslip.io import rig_files as rig
 from stickslip.paper import Claim
-from stickslip.paper.record import at_least, near
+from stickslip.paper.figure import at_least, near
 from stickslip.sweep.plan import Plan, read_plan
 from stickslip.sweep.study import FROM_REST, FROM_SLIDING, KINDS
 from verification.study import finding
@@ -52,8 +53,8 @@ def _linear(plan: Plan, diagram: xr.Dataset) -> Claim:
     cells = diagram["regime"].size / 2
     return finding(
         "From smooth sliding, the stable side of the linear boundary stays smooth and the unstable side oscillates",
-        near("share of the cells that do", as_claimed / claimed, 1.0, 0.0),
-        at_least("share of the grid that is not too near to the boundary to be judged", claimed / cells, 0.8),
+        near("fraction of the cells that do", as_claimed / claimed, 1.0, 0.0),
+        at_least("fraction of the grid that is not too near to the boundary to be judged", claimed / cells, 0.8),
         evidence=f"{cells:.0f} rigs of {_CONTACTS:,} contacts; those within a factor {_MARGIN:g} left out",
     )
 
@@ -85,7 +86,7 @@ def _fold(plan: Plan) -> Claim:
             seen = plan.study(stiffness=stiffness, velocity=velocity, start=start, seed=1)["regime"]
             cases.append(seen == expected)
     return finding(
-        "From rest stick-slip lasts down to the fold of its cycle; between fold and linear boundary both regimes last",
-        near("share of the runs that do as computed", sum(cases) / len(cases), 1.0, 0.0),
+        "From rest stick-slip persists down to the fold of its cycle; between fold and linear boundary both regimes last",
+        near("fraction of the runs that do as computed", sum(cases) / len(cases), 1.0, 0.0),
         evidence=f"{len(cases)} runs of {_CONTACTS:,} contacts at two stiffnesses, on both sides of the fold",
     )

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import stickslip
-from stickslip import files
+from stickslip.io import files
 from stickslip.paper import Claim
 from verification import STUDIES
 

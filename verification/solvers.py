@@ -7,50 +7,55 @@ from dataclasses import replace
 
 import numpy as np
 import xarray as xr
+from stickslip.paper.output import at_most, near
 
 from stickslip import (
     Contacts,
     Delay,
+    FromSliding,
     Gaussian,
     Interface,
     Langevin,
     MasterEquation,
+    Output,
     RandomDelay,
-    Record,
-    Sliding,
+    constant,
     critical_velocities,
     growth_rate,
-    hold,
     kinetic_friction,
     ramp,
     regime,
+    rigid_slide,
     simulate,
-    slide,
 )
 from stickslip.model import FIG4, FIG7, FIG8
 from stickslip.paper import Claim, Measured
-from stickslip.paper.record import at_most, near
 from stickslip.theory import driving_force
 from verification import phase_diagram
 from verification.study import Study, finding, held_friction
 
-_NARROW = Interface(thresholds=Gaussian(mean=1.0, spread=0.1), initial=Gaussian(mean=0.0, spread=0.05))
+_NARROW = Interface(thresholds=Gaussian(mean=1.0, std=0.1), initial=Gaussian(mean=0.0, std=0.05))
 
 
 def _rigid() -> tuple[Claim, ...]:
-    delays = (Delay(0.0), Delay(0.3), RandomDelay(mean=0.2, spread=0.12, negative="redraw"))
+    delays = (Delay(0.0), Delay(0.3), RandomDelay(mean=0.2, std=0.12, negative="redraw"))
     N, seeds, distance, velocity = 10_000, 8, 4.0, 0.7
     between, scaled = [], []
     for delay in delays:
         interface = replace(_NARROW, delay=delay)
-        cohorts = slide(interface, distance, velocity=velocity, method=MasterEquation(cells=800))
-        X = cohorts["X"].to_numpy()
-        renewal = slide(interface, distance, velocity=velocity)
-        exact = np.interp(X, renewal["X"], renewal["F_c"])
+        cohorts = rigid_slide(interface, distance, velocity=velocity, method=MasterEquation(cells=800))
+        X = cohorts["displacement"].to_numpy()
+        renewal = rigid_slide(interface, distance, velocity=velocity)
+        exact = np.interp(X, renewal["displacement"], renewal["friction_force"])
         between.append(
-            at_most(f"cohorts less renewal, {delay}", float(np.abs(cohorts["F_c"] - exact).max()), 1e-4, "f_s")
+            at_most(
+                f"cohorts less renewal, {delay}", float(np.abs(cohorts["friction_force"] - exact).max()), 1e-4, "f_s"
+            )
         )
-        runs = [slide(interface, distance, velocity=velocity, method=Contacts(N, seed=s))["F_c"] for s in range(seeds)]
+        runs = [
+            rigid_slide(interface, distance, velocity=velocity, method=Contacts(N, seed=s))["friction_force"]
+            for s in range(seeds)
+        ]
         rms = math.sqrt(N * np.mean([(run.to_numpy() - exact) ** 2 for run in runs]))
         # A contact's force lies between 0 and some 1.3: its deviation is at most half of that.
         scaled.append(at_most(f"rms of contacts about it times sqrt(N), {delay}", rms, 0.65, "f_s"))
@@ -61,7 +66,7 @@ def _rigid() -> tuple[Claim, ...]:
             evidence=f"{distance:g} x_s at velocity {velocity:g}, 800 cells per x_s",
         ),
         finding(
-            "Rigid motion: contacts scatter about the master equation within the spread of one contact's force",
+            "Rigid motion: contacts scatter about the master equation within the standard deviation of one contact's force",
             *scaled,
             evidence=f"{seeds} runs of {N:,} contacts for each delay",
         ),
@@ -69,26 +74,26 @@ def _rigid() -> tuple[Claim, ...]:
 
 
 def _cycle(run: xr.Dataset) -> tuple[float, float, float]:
-    late = run.sel(t=slice(60.0, None))
+    late = run.sel(time=slice(60.0, None))
     seen = regime(late)
-    force = late["F_d"]
+    force = late["spring_force"]
     return float(force.max() - force.min()), seen.period, float(late["velocity"].max())
 
 
 def _stick_slip() -> tuple[Claim, ...]:
     interface = replace(FIG4.interface, delay=Delay(0.2))
     slider = replace(FIG4.slider, stiffness=2.0)
-    drive, record = hold(1.0, 100.0), Record(interval=0.002)
-    cohorts = simulate(interface, slider, drive, MasterEquation(cells=800), record=record)
-    contacts = simulate(interface, slider, drive, Contacts(200_000, seed=5), record=record)
-    (swing, period, fastest), (swing_n, period_n, fastest_n) = _cycle(cohorts), _cycle(contacts)
+    drive, output = constant(1.0, 100.0), Output(interval=0.002)
+    cohorts = simulate(interface, slider, drive, MasterEquation(cells=800), output=output)
+    contacts = simulate(interface, slider, drive, Contacts(200_000, seed=5), output=output)
+    (oscillation, period, fastest), (swing_n, period_n, fastest_n) = _cycle(cohorts), _cycle(contacts)
     return (
         finding(
             "Fig. 4c: the cycle of 200,000 contacts is that of the master equation",
-            near("peak-to-peak force, contacts over cohorts", swing_n / swing, 1.0, 0.02),
+            near("peak-to-peak force, contacts over cohorts", swing_n / oscillation, 1.0, 0.02),
             near("period, contacts over cohorts", period_n / period, 1.0, 0.005),
             near("largest velocity, contacts over cohorts", fastest_n / fastest, 1.0, 0.03),
-            near("peak-to-peak force of the cohorts", swing, 0.77, 0.02, "f_s"),
+            near("peak-to-peak force of the cohorts", oscillation, 0.77, 0.02, "f_s"),
             near("period of the cohorts", period, 1.487, 0.010, "time"),
             evidence="K 2, tau .2, eta 200, v 1; the last 40 of 100 time units",
         ),
@@ -98,9 +103,9 @@ def _stick_slip() -> tuple[Claim, ...]:
 def _energy() -> tuple[Claim, ...]:
     interface = replace(FIG4.interface, delay=Delay(0.1))
     drives = {
-        "hold": hold(1.0, 20.0),
+        "constant": constant(1.0, 20.0),
         "up and down": ramp(0.1, 3.0, 10.0).then(ramp(3.0, 0.1, 10.0)),
-        "there and back": hold(1.0, 5.0).then(hold(-1.0, 10.0)).then(hold(1.0, 5.0)),
+        "there and back": constant(1.0, 5.0).then(constant(-1.0, 10.0)).then(constant(1.0, 5.0)),
     }
     gaps, counts = [], []
     for name, drive in drives.items():
@@ -119,33 +124,35 @@ def _energy() -> tuple[Claim, ...]:
 
 
 def _linear() -> tuple[Claim, ...]:
-    """A small kick of the cohorts grows at the rate of linear theory, and stops growing where theory says so."""
+    """A small perturbation of the cohorts grows at the rate of linear theory, and stops growing where theory says so."""
     slider = FIG7.slider
     interface = replace(FIG7.interface, delay=Delay(0.1))
     v1 = critical_velocities(interface, slider, between=(1.0, 1.9))[0]
     rates, turns, speeds = [], [], (1.2, 1.3, 1.5, 1.6)
     for velocity in speeds:
-        drive = hold(velocity, 24.0)
+        drive = constant(velocity, 24.0)
         run = simulate(
             interface,
             slider,
             drive,
             MasterEquation(cells=3200),
-            start=Sliding(kick=1e-3),
-            record=Record(interval=0.004),
+            start=FromSliding(perturbation=1e-3),
+            output=Output(interval=0.004),
         )
-        rate, turn = _swing(run["t"].to_numpy(), run["F_d"].to_numpy() - driving_force(interface, slider, velocity))
+        rate, turn = _swing(
+            run["time"].to_numpy(), run["spring_force"].to_numpy() - driving_force(interface, slider, velocity)
+        )
         mode = growth_rate(interface, slider, velocity)
         rates.append(near(f"growth rate at v = {velocity:g}, less theory", rate - mode.real, 0.0, 2e-3, "1/time"))
         turns.append(near(f"frequency at v = {velocity:g}, less theory", turn - abs(mode.imag), 0.0, 5e-3, "1/time"))
     return (
         finding(
-            "Small kicks of smooth sliding grow or die at the rate of linear theory",
+            "Small perturbations of smooth sliding grow or die at the rate of linear theory",
             near("v1 of Fig. 7a", v1.value, 1.388221, 1e-6, "x_s/time"),
             near("its frequency", v1.frequency, 7.265139, 1e-6, "1/time"),
             *rates,
             *turns,
-            evidence="cohorts, 3,200 cells, kick of a thousandth of the velocity; the slowest mode fitted after t = 8",
+            evidence="cohorts, 3,200 cells, perturbation of a thousandth of the velocity; the slowest mode fitted after t = 8",
         ),
     )
 
@@ -161,8 +168,8 @@ def _swing(t: np.ndarray, force: np.ndarray) -> tuple[float, float]:
     turn = 2 * math.pi * np.fft.rfftfreq(16 * t.size, t[1] - t[0])[power.argmax()]
 
     def rest(p: np.ndarray) -> np.ndarray:
-        swing = np.exp(p[0] * t)[:, None] * np.column_stack([np.cos(p[1] * t), np.sin(p[1] * t)])
-        basis = np.column_stack([swing, np.ones_like(t)])
+        oscillation = np.exp(p[0] * t)[:, None] * np.column_stack([np.cos(p[1] * t), np.sin(p[1] * t)])
+        basis = np.column_stack([oscillation, np.ones_like(t)])
         return np.asarray(basis @ np.linalg.lstsq(basis, force, rcond=None)[0] - force)
 
     found = least_squares(rest, [0.0, turn], x_scale=[0.1, 0.1])
@@ -182,11 +189,11 @@ def _ageing() -> tuple[Claim, ...]:
             steady = float(kinetic_friction(interface, velocity))
             name = f"F at u = {u:g}, beta = {rate:g}"
             measured.append(near(f"{name}, kinetic equation", steady, exact, 3e-3 * exact, "f_s"))
-            record = Record(interval=0.02 / velocity)
+            output = Output(interval=0.02 / velocity)
             for found, method, within in (
                 (contacts, Contacts(20_000, seed=7), 1e-2), (kinetic, MasterEquation(), 3e-3)
             ):  # fmt: skip
-                force = held_friction(interface, velocity, method, distance=12.0, after=4.0, record=record)
+                force = held_friction(interface, velocity, method, distance=12.0, after=4.0, output=output)
                 found.append(near(f"{name}, {type(method).__name__}", force, exact, within * exact, "f_s"))
     return (
         finding(
@@ -208,7 +215,7 @@ STUDIES = (
     Study(name="rigid", group=_GROUP, title="Rigid motion", run=_rigid),
     Study(name="cycle", group=_GROUP, title="Stick-slip cycle", run=_stick_slip),
     Study(name="energy", group=_GROUP, title="Balance of energy", run=_energy),
-    Study(name="linear", group=_GROUP, title="Linear stability against small kicks", run=_linear),
+    Study(name="linear", group=_GROUP, title="Linear stability against small perturbations", run=_linear),
     Study(name="phase-diagram", group=_GROUP, title="Regimes simulated and computed", run=phase_diagram.regimes),
     Study(name="ageing", group=_GROUP, title="Ageing thresholds in steady sliding", run=_ageing),
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from stickslip import Contacts, Interface, MasterEquation, Record, Slider, Sliding, hold, simulate
+from stickslip import Contacts, FromSliding, Interface, MasterEquation, Output, Slider, constant, simulate
 from stickslip.paper import Claim, Measured
 
 
@@ -49,13 +49,15 @@ def held_friction(
     *,
     distance: float,
     after: float,
-    record: Record = Record(),
+    record: Output = Output(),
 ) -> float:
     """Return the mean force of steady sliding in a run over a distance, what comes `after` a part of it.
 
     A stiff, heavily damped spring holds the slider to the drive: the force is that of steady sliding.
     """
     slider = Slider(stiffness=200.0, mass=1e-2, damping=100.0)
-    run = simulate(interface, slider, hold(velocity, distance / velocity), method, start=Sliding(), record=record)
+    run = simulate(
+        interface, slider, constant(velocity, distance / velocity), method, start=FromSliding(), record=record
+    )
     drag = slider.mass * slider.damping * velocity
-    return float(run["F_d"].sel(t=slice(after / velocity, None)).mean()) - drag
+    return float(run["spring_force"].sel(time=slice(after / velocity, None)).mean()) - drag

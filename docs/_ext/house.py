@@ -70,7 +70,8 @@ def rig_keys() -> str:
     """Every key that a rig file may hold, from the models that read it."""
     from pydantic import BaseModel
 
-    from stickslip import door, rig
+    from stickslip.io import rig_files as rig
+    from stickslip.io import validation as door
 
     parts = {
         name: part
@@ -85,20 +86,20 @@ def rig_keys() -> str:
         for part in inner:
             lines += [f"### `[{key}]`", "", *_table(part, names)]
             for sub, subfield in part.model_fields.items():
-                for law in _models(subfield.annotation):
-                    heading = _heading(key, sub, law)
+                for distribution in _models(subfield.annotation):
+                    heading = _heading(key, sub, distribution)
                     if heading not in lines:
-                        lines += [heading, "", *_table(law, names)]
+                        lines += [heading, "", *_table(distribution, names)]
     return "\n".join(lines)
 
 
-def _heading(key: str, sub: str, law: Any) -> str:
-    tag = law.model_fields.get("law")
+def _heading(key: str, sub: str, distribution: Any) -> str:
+    tag = distribution.model_fields.get("distribution")
     if tag is None:
         return f"#### `{key}.{sub}`"
     kind = tag.annotation.__args__[0]
     where = "thresholds` and `interface.initial" if sub in ("thresholds", "initial") else sub
-    return f'#### `{key}.{where}` with `law = "{kind}"`'
+    return f'#### `{key}.{where}` with `distribution = "{kind}"`'
 
 
 def _models(annotation: Any) -> list[Any]:
@@ -115,7 +116,7 @@ def _models(annotation: Any) -> list[Any]:
 def _table(part: Any, names: dict[Any, str]) -> list[str]:
     rows = ["| key | value | if left out | meaning |", "|---|---|---|---|"]
     for key, field in part.model_fields.items():
-        if key == "law":
+        if key == "distribution":
             continue
         if field.is_required():
             default = "must be given"
@@ -123,7 +124,7 @@ def _table(part: Any, names: dict[Any, str]) -> list[str]:
             default = "—"
         elif _models(field.annotation):
             given = value.model_dump(exclude_defaults=False)
-            default = _toml(given) if "law" in given else "all its defaults"
+            default = _toml(given) if "distribution" in given else "all its defaults"
         else:
             default = f"`{json.dumps(value)}`"
         meaning = " ".join((field.description or "").replace("``", "`").split())

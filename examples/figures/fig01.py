@@ -3,9 +3,9 @@ Figure 1: the force on a rigid slider
 =====================================
 
 A slider is pushed over the interface at constant speed. From a narrow start all contacts stretch together and break
-together: the force rises, overshoots and falls, and the fall is what a soft spring cannot follow. Contacts reborn at
-different places spread their stretchings, and the force settles at the kinetic friction. Lines are the master equation,
-dots a thousand contacts.
+together: the force rises, overshoots and falls, and the fall is what a soft spring cannot follow. Contacts re-attached
+at different places spread their stretchings, and the force settles at the kinetic friction. Lines are the master
+equation, dots a thousand contacts.
 
 The same with all points and contacts, and with the paper's claims checked: ``stickslip paper fig1 --check``.
 """

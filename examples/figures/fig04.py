@@ -1,9 +1,9 @@
 """
-Figure 4: driving force with and without delay
+Figure 4: spring force with and without delay
 ==============================================
 
 The same interface on a soft and on a stiff spring, for contacts that come back at once and after a delay. Without a
-delay every oscillation dies, however soft the spring. With one, the soft system sticks and slips for good, strictly
+delay every oscillation decays, however soft the spring. With one, the soft system sticks and slips for good, strictly
 periodically.
 
 The same with all points and contacts, and with the paper's claims checked: ``stickslip paper fig4 --check``.

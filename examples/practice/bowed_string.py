@@ -18,16 +18,16 @@ from matplotlib.figure import Figure
 
 import stickslip as ss
 from stickslip import plot
-from stickslip.stability import Knob, Modes
-from stickslip.units import Scales
+from stickslip.model.units import Scales
+from stickslip.stability import Modes, Parameter
 
 LENGTH, PITCH, DENSITY, QUALITY = 0.33, 440.0, 6e-4, 100.0
 """Of an A string, in m, Hz, kg/m; and the quality of its modes with a finger and a bow on it (assumed)."""
 BOW = 0.11
-"""Where the bow is, as a share of the length."""
+"""Where the bow is, as a fraction of the length."""
 MODES = np.arange(1, 13)
-ROSIN = ss.Interface(thresholds=ss.Gaussian(mean=1.0, spread=0.2), delay=ss.RandomDelay(mean=0.1, spread=0.03))
-"""Contacts of rosin stretch by 10 µm and come back after a tenth of a millisecond (assumed)."""
+ROSIN = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.RandomDelay(mean=0.1, std=0.03))
+"""Contacts of rosin stretch by 10 µm and re-attach after a tenth of a millisecond (assumed)."""
 SPEEDS = np.geomspace(0.02, 1.0, 12)
 """Of the bow, in m/s."""
 
@@ -45,13 +45,13 @@ def string(friction: float) -> Modes:
     )
 
 
-FRICTION = Knob(
+FRICTION = Parameter(
     name="friction",
     unit="N",
     get=lambda setting: string(1.0).masses[0] / setting.rig.masses[0],
     set=lambda setting, value: replace(setting, rig=string(value)),
 )
-"""The force of friction as a knob of our own, for `stickslip.critical`."""
+"""The force of friction as a parameter of our own, for `stickslip.critical`."""
 
 
 def lightest(speed: float) -> tuple[float, float]:

@@ -16,7 +16,8 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 import stickslip as ss
-from stickslip import advise, plot, rig
+from stickslip import advise, plot
+from stickslip.io import rig_files as rig
 
 RIG = rig.example("brake_pad")
 

@@ -17,7 +17,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import stickslip as ss
-from stickslip import plot, rig
+from stickslip import plot
+from stickslip.io import rig_files as rig
 
 RIG = rig.example("precision_stage")
 SPEEDS = np.geomspace(0.2e-3, 20e-3, 25)
@@ -40,10 +41,10 @@ def softest_servo(stage: rig.Rig) -> np.ndarray:
 def error_of_tracking(stage: rig.Rig, stiffness: float) -> tuple[np.ndarray, np.ndarray]:
     """Time in s, and how far the stage strays from its course, in m."""
     slider = replace(stage.slider, stiffness=stage.scales.natural(stiffness, "stiffness"))
-    run = ss.simulate(stage.interface, slider, stage.drive, stage.method, record=stage.record)
+    run = ss.simulate(stage.interface, slider, stage.drive, stage.method, output=stage.output)
     shown = stage.in_its_units(run)
-    lag = (shown["F_d"] / stiffness).to_numpy()
-    return shown["t"].to_numpy(), lag - lag[lag.size // 2 :].mean()
+    lag = (shown["spring_force"] / stiffness).to_numpy()
+    return shown["time"].to_numpy(), lag - lag[lag.size // 2 :].mean()
 
 
 def draw(path: Path = RIG) -> Figure:

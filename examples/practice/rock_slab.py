@@ -15,7 +15,8 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 import stickslip as ss
-from stickslip import plot, rig
+from stickslip import plot
+from stickslip.io import rig_files as rig
 
 RIG = rig.example("rock_slab")
 FACTORS = (1.0, 10.0, 100.0)
@@ -25,9 +26,9 @@ FACTORS = (1.0, 10.0, 100.0)
 def load(slab: rig.Rig, factor: float):
     """A run at another speed over the same distance, in SI units."""
     velocity = factor * slab.velocity
-    drive = ss.hold(velocity, slab.drive.duration / factor)
-    record = ss.Record(interval=slab.scales.natural(1e-3, "time"))  # a slip lasts some milliseconds
-    return slab.in_its_units(ss.simulate(slab.interface, slab.slider, drive, slab.method, record=record))
+    drive = ss.constant(velocity, slab.drive.duration / factor)
+    output = ss.Output(interval=slab.scales.natural(1e-3, "time"))  # a slip lasts some milliseconds
+    return slab.in_its_units(ss.simulate(slab.interface, slab.slider, drive, slab.method, output=output))
 
 
 def recurrence_and_drop(run) -> tuple[float, float]:
@@ -46,7 +47,7 @@ def draw(path: Path = RIG) -> Figure:
             run = load(slab, factor)
             wait, drop = recurrence_and_drop(run)
             speed = 1e6 * float(run["drive_velocity"][-1])
-            ax.plot(1e-3 * speed * run["t"], 1e-6 * run["F_d"], color=colour, linewidth=0.8)
+            ax.plot(1e-3 * speed * run["time"], 1e-6 * run["spring_force"], color=colour, linewidth=0.8)
             ax.set_title(f"{speed:.0f} µm/s: an event every {wait:.3g} s, drop {1e-6 * drop:.2g} MN")
         panels[1].set_ylabel("shear force (MN)")
         panels[-1].set_xlabel("displacement of the press (mm)")

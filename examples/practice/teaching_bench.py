@@ -17,7 +17,8 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 import stickslip as ss
-from stickslip import plot, rig
+from stickslip import plot
+from stickslip.io import rig_files as rig
 
 RIG = rig.example("teaching_bench")
 SPRINGS = (100.0, 500.0, 10_000.0)
@@ -25,7 +26,7 @@ SPRINGS = (100.0, 500.0, 10_000.0)
 
 
 def pull(bench: rig.Rig, stiffness: float):
-    """The run with another spring, in SI units; the damping stays the same share of the block's own swing."""
+    """The run with another spring, in SI units; the damping stays the same fraction of the block's own oscillation."""
     share = bench.slider.damping / bench.slider.frequency
     slider = replace(bench.slider, stiffness=bench.scales.natural(stiffness, "stiffness"))
     slider = replace(slider, damping=share * slider.frequency)
@@ -40,8 +41,8 @@ def draw(path: Path = RIG) -> Figure:
         panels = figure.subplots(len(SPRINGS), sharex=True, sharey=True)
         for ax, stiffness, colour in zip(panels, SPRINGS, plot.PALETTE, strict=False):
             run = pull(bench, stiffness)
-            late = run.sel(t=slice(20.0, 30.0))
-            ax.plot(late["t"], late["F_d"], color=colour)
+            late = run.sel(time=slice(20.0, 30.0))
+            ax.plot(late["time"], late["spring_force"], color=colour)
             ax.set_title(f"{stiffness:g} N/m: {ss.regime(run).kind}")
         panels[1].set_ylabel("force in the spring (N)")
         panels[-1].set_xlabel("time (s)")

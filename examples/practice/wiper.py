@@ -16,7 +16,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import stickslip as ss
-from stickslip import plot, rig
+from stickslip import plot
+from stickslip.io import rig_files as rig
 
 RIG = rig.example("wiper")
 
@@ -32,7 +33,7 @@ def draw(path: Path = RIG) -> Figure:
     wiper = rig.read(path)
     low, high = chattering(wiper)
     run = wiper.in_its_units(ss.simulate(wiper.interface, wiper.slider, wiper.drive, wiper.method))
-    time, speed = run["t"].to_numpy(), run["drive_velocity"].to_numpy()
+    time, speed = run["time"].to_numpy(), run["drive_velocity"].to_numpy()
 
     with plot.house_style():
         figure = plot.new_figure(plot.PAGE, 3.6)
@@ -41,7 +42,7 @@ def draw(path: Path = RIG) -> Figure:
         above.axhspan(low, high, color=plot.ORANGE, alpha=0.2, label="smooth wiping is unstable")
         above.set(ylabel="speed (m/s)", ylim=(0, None))
         plot.legend_above(above)
-        below.plot(time, run["F_d"], color=plot.BLUE)
+        below.plot(time, run["spring_force"], color=plot.BLUE)
         below.fill_between(time, 0, 1, np.abs(speed - 0.5 * (low + high)) < 0.5 * (high - low), color=plot.ORANGE,
                            alpha=0.2, transform=below.get_xaxis_transform(), linewidth=0)  # fmt: skip
         below.set(xlabel="time (s)", ylabel="force on the arm (N)")

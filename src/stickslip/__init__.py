@@ -10,7 +10,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 # `simulate` shares its name with its module. Imported first, the function keeps the name for good.
-from stickslip.simulate import Contacts, MasterEquation, PaperClosure, Record, Relaxed, Sliding, repeat, simulate
+from stickslip.simulation import Contacts, FromRest, FromSliding, MasterEquation, Output, PaperClosure, rerun, simulate
 
 if TYPE_CHECKING:
     from stickslip.cycles import (
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
         lasting_velocities,
         lasts,
     )
-    from stickslip.drive import Drive, ForceAbove, ForceBelow, Travel, hold, ramp
     from stickslip.errors import InputError, UndecidedError
+    from stickslip.io.datasets import load, save
     from stickslip.measure import (
         drops,
         read_trace,
@@ -38,34 +38,7 @@ if TYPE_CHECKING:
         RandomDelay,
         Slider,
     )
-    from stickslip.rigid import (
-        Renewal,
-        critical_stiffness,
-        effective_stiffness,
-        slide,
-        static_friction,
-    )
-    from stickslip.stability import (
-        boundary,
-        critical,
-        critical_damping,
-        critical_delay,
-        critical_mass,
-        critical_spread,
-        critical_spring,
-        critical_velocities,
-        dynamic_stiffness,
-        growth_rate,
-        stability_map,
-        unstable_modes,
-    )
-    from stickslip.store import load, save
-    from stickslip.theory import (
-        closure_friction,
-        effective_potential,
-        kinetic_friction,
-    )
-    from stickslip.thresholds import (
+    from stickslip.model.distributions import (
         Empirical,
         Exponential,
         Gamma,
@@ -75,7 +48,34 @@ if TYPE_CHECKING:
         Uniform,
         Weibull,
     )
-    from stickslip.units import Scales
+    from stickslip.model.drive import Drive, ForceAbove, ForceBelow, Travel, constant, ramp
+    from stickslip.model.units import Scales
+    from stickslip.rigid import (
+        Renewal,
+        critical_stiffness,
+        effective_stiffness,
+        rigid_slide,
+        static_friction,
+    )
+    from stickslip.stability import (
+        boundary,
+        critical,
+        critical_damping,
+        critical_delay,
+        critical_mass,
+        critical_spring,
+        critical_std,
+        critical_velocities,
+        dynamic_stiffness,
+        growth_rate,
+        stability_map,
+        unstable_modes,
+    )
+    from stickslip.theory import (
+        closure_friction,
+        effective_potential,
+        kinetic_friction,
+    )
 
 __version__ = version("stickslip")
 
@@ -88,7 +88,7 @@ _HOMES = {
         "lasting_velocities",
         "lasts",
     ),
-    "drive": ("Drive", "ForceAbove", "ForceBelow", "Travel", "hold", "ramp"),
+    "drive": ("Drive", "ForceAbove", "ForceBelow", "Travel", "constant", "ramp"),
     "errors": ("InputError", "UndecidedError"),
     "measure": (
         "drops",
@@ -101,7 +101,7 @@ _HOMES = {
         "Renewal",
         "critical_stiffness",
         "effective_stiffness",
-        "slide",
+        "rigid_slide",
         "static_friction",
     ),
     "stability": (
@@ -147,6 +147,8 @@ __all__ = [
     "ExponentialGrowth",
     "ForceAbove",
     "ForceBelow",
+    "FromRest",
+    "FromSliding",
     "Gamma",
     "Gaussian",
     "InputError",
@@ -155,14 +157,12 @@ __all__ = [
     "LogNormal",
     "LogarithmicGrowth",
     "MasterEquation",
+    "Output",
     "PaperClosure",
     "RandomDelay",
-    "Record",
-    "Relaxed",
     "Renewal",
     "Scales",
     "Slider",
-    "Sliding",
     "SteadyState",
     "Travel",
     "UndecidedError",
@@ -171,6 +171,7 @@ __all__ = [
     "bistable_band",
     "boundary",
     "closure_friction",
+    "constant",
     "critical",
     "critical_damping",
     "critical_delay",
@@ -185,7 +186,6 @@ __all__ = [
     "effective_potential",
     "effective_stiffness",
     "growth_rate",
-    "hold",
     "kinetic_friction",
     "lasting",
     "lasting_delay",
@@ -195,10 +195,10 @@ __all__ = [
     "ramp",
     "read_trace",
     "regime",
-    "repeat",
+    "rerun",
+    "rigid_slide",
     "save",
     "simulate",
-    "slide",
     "stability_map",
     "static_friction",
     "sweep",

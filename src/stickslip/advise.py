@@ -2,7 +2,7 @@
 
 `predict` answers for a `Rig`: the regime of a simulation with its evidence, the friction forces, the elastic
 instability (the whole first fall of the force), the linear stability of smooth sliding, the margin
-in every knob of the rig, and the smallest single changes that would cure it.
+in every parameter of the rig, and the smallest single changes that would cure it.
 
 Three questions are kept apart, because their answers differ:
 
@@ -23,17 +23,17 @@ import numpy as np
 
 from stickslip import stability
 from stickslip.cycles import bistable_region, lasts
-from stickslip.drive import hold
 from stickslip.errors import InputError, UndecidedError, number, whole
+from stickslip.io.rig_files import Rig
 from stickslip.measure import Regime, regime
 from stickslip.model import Slider
-from stickslip.rig import Rig
+from stickslip.model.drive import constant
+from stickslip.model.units import quantity
 from stickslip.rigid import critical_stiffness, static_friction
-from stickslip.simulate import Contacts, Method, Progress, Relaxed, Sliding, Start, simulate
-from stickslip.stability import Knob, Setting
-from stickslip.stability.knobs import knob_named
+from stickslip.simulation import Contacts, FromRest, FromSliding, Method, Progress, Start, simulate
+from stickslip.stability import Parameter, Setting
+from stickslip.stability.parameters import parameter_named
 from stickslip.theory import kinetic_friction
-from stickslip.units import quantity
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -41,17 +41,17 @@ if TYPE_CHECKING:
 _EXTENSIONS = 2
 """How often a run that cannot be judged is made twice as long."""
 _CLEARANCE = 0.05
-"""How far past a linear boundary a remedy goes."""
+"""How far past a linear boundary a mitigation goes."""
 _STEPS = (1.0, 1.1, 1.25, 1.6, 2.2, 3.5, 6.0, 10.0, 20.0)
 _HALVINGS = 2
-"""How a knob is turned in search of where stick-slip dies: by these factors, then by halving the last step."""
+"""How a parameter is turned in search of where stick-slip decays: by these factors, then by halving the last step."""
 _TRIES = 12
 _JUDGE = Contacts(10_000, seed=20)
-"""The contacts that a remedy must calm, and how often it is pushed on until it does."""
+"""The contacts that a mitigation must calm, and how often it is pushed on until it does."""
 _SHORTEST, _CYCLES = 120.0, 12.0
 """A run lasts at least this many ``x_s``, and about this many cycles of a spring that unloads by ``f_s``."""
 _RANGE = 30.0
-"""Margins are looked for within this factor on either side of a knob's value."""
+"""Margins are looked for within this factor on either side of a parameter's value."""
 _AGED_RANGE, _AGED_STEPS, _AGED_JUDGE = 10.0, (1.0, 1.25, 1.8, 3.0), Contacts(2_000, seed=20)
 """The same for thresholds that age, whose response and runs cost more; contacts search as well as judge."""
 
@@ -61,18 +61,18 @@ _TITLES = {
     "mass": "mass of the slider",
     "damping": "damping eta",
     "delay": "delay of re-attachment",
-    "spread": "spread of the thresholds",
+    "std": "standard deviation of the thresholds",
     "ageing": "time of ageing of the thresholds",
 }
 
 
 @dataclass(frozen=True, kw_only=True)
 class Margin:
-    """How far a knob can be turned, alone, before smooth sliding changes its linear stability.
+    """How far a parameter can be turned, alone, before smooth sliding changes its linear stability.
 
     Attributes
     ----------
-    knob : str
+    parameter : str
     value : float
         Where it stands.
     lower, upper : float or None
@@ -80,7 +80,7 @@ class Margin:
     searched : (float, float)
     """
 
-    knob: str
+    parameter: str
     value: float
     lower: float | None
     upper: float | None
@@ -88,12 +88,12 @@ class Margin:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Remedy:
-    """A change of one knob, alone, that gives smooth sliding.
+class Mitigation:
+    """A change of one parameter, alone, that gives smooth sliding.
 
     Attributes
     ----------
-    knob : str
+    parameter : str
     value : float
         Where it stands.
     keeps : float or None
@@ -107,7 +107,7 @@ class Remedy:
         With ``verify``: the rig's own method after each change, `keeps` from smooth sliding, `stops` from rest.
     """
 
-    knob: str
+    parameter: str
     value: float
     keeps: float | None
     stops: float | None
@@ -116,7 +116,7 @@ class Remedy:
 
     @property
     def size(self) -> float:
-        """How far the knob must be turned, as the logarithm of a factor."""
+        """How far the parameter must be turned, as the logarithm of a factor."""
         target = self.stops if self.stops is not None else self.keeps
         return abs(math.log(target / self.value)) if target else math.inf
 
@@ -151,7 +151,7 @@ class Prediction:
     growth: complex | None
     theory_note: str
     margins: tuple[Margin, ...]
-    remedies: tuple[Remedy, ...]
+    mitigations: tuple[Mitigation, ...]
 
     @property
     def stiffness_margin(self) -> float:
@@ -193,7 +193,7 @@ class Prediction:
     def numbers(self) -> Iterator[tuple[str, str]]:
         """Names and values, with units, of the quantities behind the verdict."""
         rig = self.rig
-        yield "thresholds of all contacts together N f_s", rig.in_units(1.0, "force")
+        yield "total contact strength N f_s", rig.in_units(1.0, "force")
         aged = ", thresholds fully aged" if rig.interface.ageing is not None else ""
         yield f"static friction F_s (slow rigid motion{aged})", rig.in_units(self.static_friction, "force")
         yield "kinetic friction F_k at this speed", rig.in_units(self.kinetic_friction, "force")
@@ -214,38 +214,42 @@ class Prediction:
             rate = rig.in_units(self.growth.real, "rate")
             turn = rig.in_units(abs(self.growth.imag) / (2 * math.pi), "rate")
             state = f"unstable, {self.unstable_modes} growing modes" if self.unstable_modes else "stable"
-            swing = f", swinging at {turn}" if self.growth.imag else ", without swinging"
-            yield "linear stability of smooth sliding", f"{state}; fastest mode: growth rate {rate}{swing}"
+            oscillation = f", oscillating at {turn}" if self.growth.imag else ", without oscillating"
+            yield "linear stability of smooth sliding", f"{state}; fastest mode: growth rate {rate}{oscillation}"
 
     def margin_rows(self) -> Iterator[tuple[str, str, str, str]]:
-        """Knob, value and nearest edges, in words."""
+        """Parameter, value and nearest edges, in words."""
         for margin in self.margins:
-            low, high = (amount(self.rig, margin.knob, value) for value in margin.searched)
+            low, high = (amount(self.rig, margin.parameter, value) for value in margin.searched)
             yield (
-                _TITLES[margin.knob],
-                amount(self.rig, margin.knob, margin.value),
-                f"none down to {low}" if margin.lower is None else amount(self.rig, margin.knob, margin.lower),
-                f"none up to {high}" if margin.upper is None else amount(self.rig, margin.knob, margin.upper),
+                _TITLES[margin.parameter],
+                amount(self.rig, margin.parameter, margin.value),
+                f"none down to {low}" if margin.lower is None else amount(self.rig, margin.parameter, margin.lower),
+                f"none up to {high}" if margin.upper is None else amount(self.rig, margin.parameter, margin.upper),
             )
 
-    def remedy_lines(self) -> Iterator[str]:
-        """Each remedy as a sentence."""
-        for remedy in self.remedies:
-            now = amount(self.rig, remedy.knob, remedy.value)
-            words = [f"{_TITLES[remedy.knob]}: from {now}"]
-            if remedy.keeps is not None:
-                words.append(f"to {amount(self.rig, remedy.knob, remedy.keeps)}, and smooth sliding, once there, stays")
-            if remedy.stops is not None:
-                if remedy.keeps is not None:
+    def mitigation_lines(self) -> Iterator[str]:
+        """Each mitigation as a sentence."""
+        for mitigation in self.mitigations:
+            now = amount(self.rig, mitigation.parameter, mitigation.value)
+            words = [f"{_TITLES[mitigation.parameter]}: from {now}"]
+            if mitigation.keeps is not None:
+                words.append(
+                    f"to {amount(self.rig, mitigation.parameter, mitigation.keeps)}, and smooth sliding, once there, stays"
+                )
+            if mitigation.stops is not None:
+                if mitigation.keeps is not None:
                     words.append("; on")
                 words.append(
-                    f"to {amount(self.rig, remedy.knob, remedy.stops)}, and stick-slip dies from a start at rest, too "
+                    f"to {amount(self.rig, mitigation.parameter, mitigation.stops)}, and stick-slip decays from a start at rest, too "
                     "(simulated)"
                 )
             else:
                 words.append("; from a start at rest, stick-slip lasted in every run tried")
-            if remedy.checked:
-                words.append("; checked with the rig's own method: " + ", ".join(seen.kind for seen in remedy.checked))
+            if mitigation.checked:
+                words.append(
+                    "; checked with the rig's own method: " + ", ".join(seen.kind for seen in mitigation.checked)
+                )
             yield " ".join(words).replace(" ;", ";")
 
 
@@ -256,9 +260,9 @@ def predict(rig: Rig, *, verify: bool = False, progress: Progress | None = None)
     ----------
     rig : Rig
     verify : bool
-        Simulate the rig with its own method after each change that a remedy proposes.
+        Simulate the rig with its own method after each change that a mitigation proposes.
     progress : callable, optional
-        Called with the share of the work that is done.
+        Called with the fraction of the work that is done.
 
     Raises
     ------
@@ -285,11 +289,13 @@ def predict(rig: Rig, *, verify: bool = False, progress: Progress | None = None)
         growth=growth,
         theory_note=note,
         margins=margins,
-        remedies=(),
+        mitigations=(),
     )
     if found.ill:
-        remedies = _remedies(setting, margins, bool(modes), lambda share: report(0.4 + 0.5 * share))
-        found = replace(found, remedies=tuple(_verified(rig, remedy) if verify else remedy for remedy in remedies))
+        mitigations = _mitigations(setting, margins, bool(modes), lambda share: report(0.4 + 0.5 * share))
+        found = replace(
+            found, mitigations=tuple(_verified(rig, mitigation) if verify else mitigation for mitigation in mitigations)
+        )
     report(1.0)
     return found
 
@@ -299,13 +305,13 @@ def _watch(rig: Rig, progress: Progress) -> tuple[xr.Dataset, Regime]:
     drive = rig.drive
     for attempt in range(_EXTENSIONS + 1):
         run = simulate(
-            rig.interface, rig.slider, drive, rig.method, record=rig.record, start=rig.start, progress=progress
+            rig.interface, rig.slider, drive, rig.method, output=rig.output, start=rig.start, progress=progress
         )
         seen = regime(rig.in_its_units(run))
         last = drive.pieces[-1]
         if seen.kind != "undecided" or last.start != last.end or attempt == _EXTENSIONS:
             break
-        drive = drive.then(hold(last.end, drive.duration))
+        drive = drive.then(constant(last.end, drive.duration))
     return run, seen
 
 
@@ -320,33 +326,35 @@ def _linear(setting: Setting) -> tuple[int | None, complex | None, str]:
         return None, None, str(reason)
     try:
         return modes, stability.growth_rate(interface, slider, setting.velocity), ""
-    except UndecidedError:  # stable, and no mode decays more slowly than the tail of the law: the count stands alone
+    except (
+        UndecidedError
+    ):  # stable, and no mode decays more slowly than the tail of the distribution: the count stands alone
         return modes, None, ""
 
 
 def _margins(setting: Setting) -> Iterator[Margin]:
-    """Look up and down from where each knob stands for the nearest boundary of linear stability."""
-    for knob in stability.KNOBS:
+    """Look up and down from where each parameter stands for the nearest boundary of linear stability."""
+    for parameter in stability.PARAMETERS:
         try:
-            value = knob.get(setting)
-        except InputError:  # the rig has no such knob
+            value = parameter.get(setting)
+        except InputError:  # the rig has no such parameter
             continue
         if value <= 0:
             continue
         widest = _RANGE if setting.interface.ageing is None else _AGED_RANGE
         searched = (value / widest, value * widest)
-        if knob.name == "spread":  # wider than that is no longer a law of thresholds about its mean
+        if parameter.name == "std":  # wider than that is no longer a distribution of thresholds about its mean
             searched = (value / 3.0, max(0.5, 1.5 * value))
-        elif knob.name == "delay":  # longer delays never help, and have many modes
+        elif parameter.name == "delay":  # longer delays never help, and have many modes
             searched = (value / _RANGE, value * 3.0)
         try:
-            found = stability.critical(knob, setting.interface, setting.rig, setting.velocity, between=searched)
+            found = stability.critical(parameter, setting.interface, setting.rig, setting.velocity, between=searched)
         except (InputError, UndecidedError):
             continue
         below = [edge.value for edge in found.edges if edge.value < value]
         above = [edge.value for edge in found.edges if edge.value > value]
         yield Margin(
-            knob=knob.name,
+            parameter=parameter.name,
             value=value,
             lower=max(below, default=None),
             upper=min(above, default=None),
@@ -354,37 +362,41 @@ def _margins(setting: Setting) -> Iterator[Margin]:
         )
 
 
-def _remedies(setting: Setting, margins: tuple[Margin, ...], unstable: bool, report: Progress) -> tuple[Remedy, ...]:
-    """For each knob, the nearest value past the linear boundary, and the nearest from which stick-slip dies."""
+def _mitigations(
+    setting: Setting, margins: tuple[Margin, ...], unstable: bool, report: Progress
+) -> tuple[Mitigation, ...]:
+    """For each parameter, the nearest value past the linear boundary, and the nearest from which stick-slip decays."""
     found = []
     for i, margin in enumerate(margins):
         report(i / len(margins))
-        knob = knob_named(margin.knob)
+        parameter = parameter_named(margin.parameter)
         sides = [side for side in (-1, 1) if _leads_out(margin, side, unstable)]
         for side in sides:
             edge = margin.lower if side < 0 else margin.upper
             keeps = edge * (1 + _CLEARANCE) ** side if unstable and edge else None
             where = _where_it_dies if setting.interface.ageing is None else _where_it_dies_aged
-            stops, seen = where(setting, knob, margin, keeps or margin.value, side) or (None, None)
+            stops, seen = where(setting, parameter, margin, keeps or margin.value, side) or (None, None)
             if keeps is not None or stops is not None:
-                found.append(Remedy(knob=knob.name, value=margin.value, keeps=keeps, stops=stops, seen=seen))
-    return tuple(sorted(found, key=lambda remedy: (remedy.stops is None, remedy.size)))
+                found.append(
+                    Mitigation(parameter=parameter.name, value=margin.value, keeps=keeps, stops=stops, seen=seen)
+                )
+    return tuple(sorted(found, key=lambda mitigation: (mitigation.stops is None, mitigation.size)))
 
 
 def _leads_out(margin: Margin, side: int, unstable: bool) -> bool:
-    """Whether turning a knob this way leads into, or deeper into, stability."""
+    """Whether turning a parameter this way leads into, or deeper into, stability."""
     edge = margin.lower if side < 0 else margin.upper
     if unstable:
         return edge is not None
-    # Stable, but stick-slip lasts: go away from the boundary on the other side, if there is none on this one.
+    # Stable, but stick-slip persists: go away from the boundary on the other side, if there is none on this one.
     other = margin.upper if side < 0 else margin.lower
     return edge is None and other is not None
 
 
 def _where_it_dies(
-    setting: Setting, knob: Knob, margin: Margin, begin: float, side: int
+    setting: Setting, parameter: Parameter, margin: Margin, begin: float, side: int
 ) -> tuple[float, Regime] | None:
-    """Turn the knob on until stick-slip dies from rest, and then until a run with many contacts slides smoothly.
+    """Turn the parameter on until stick-slip decays from rest, and then until a run with many contacts slides smoothly.
 
     The first search is that of `lasts`, without noise. Near the boundary the noise of the contacts keeps a mode that
     hardly decays alive for good; the second goes past that, and one step further.
@@ -397,21 +409,21 @@ def _where_it_dies(
             return None
         if value == margin.value:  # known to be ill
             continue
-        if _dies(knob, setting, value):
+        if _dies(parameter, setting, value):
             break
         ill = value
     else:
         return None
     for _ in range(_HALVINGS):
         middle = math.sqrt(value * ill)
-        if _dies(knob, setting, middle):
+        if _dies(parameter, setting, middle):
             value = middle
         else:
             ill = middle
     calm = 0
     for _ in range(_TRIES):
         value *= (1.0 + _CLEARANCE) ** side
-        seen = _run_from(Relaxed(), knob.set(setting, value), _JUDGE, extensions=0)
+        seen = _run_from(FromRest(), parameter.set(setting, value), _JUDGE, extensions=0)
         calm = calm + 1 if seen.kind == "smooth sliding" else 0
         if calm == 2:
             return value, seen
@@ -420,22 +432,22 @@ def _where_it_dies(
 
 
 def _where_it_dies_aged(
-    setting: Setting, knob: Knob, margin: Margin, begin: float, side: int
+    setting: Setting, parameter: Parameter, margin: Margin, begin: float, side: int
 ) -> tuple[float, Regime] | None:
-    """Return the same for thresholds that age: turn the knob on until a run of contacts from rest slides smoothly."""
+    """Return the same for thresholds that age: vary the parameter on until a run of contacts from rest slides smoothly."""
     for growth in _AGED_STEPS:
         value = begin * growth**side
         if value == margin.value or not margin.searched[0] <= value <= margin.searched[1]:
             continue
-        seen = _run_from(Relaxed(), knob.set(setting, value), _AGED_JUDGE, extensions=0)
+        seen = _run_from(FromRest(), parameter.set(setting, value), _AGED_JUDGE, extensions=0)
         if seen.kind == "smooth sliding":
             return value, seen
     return None
 
 
-def _dies(knob: Knob, setting: Setting, value: float) -> bool:
+def _dies(parameter: Parameter, setting: Setting, value: float) -> bool:
     """Whether stick-slip is known to die from a start at rest."""
-    turned = knob.set(setting, value)
+    turned = parameter.set(setting, value)
     assert isinstance(turned.rig, Slider)
     return lasts(turned.interface, turned.rig, turned.velocity).lasts is False
 
@@ -446,7 +458,7 @@ def _run_from(start: Start, setting: Setting, method: Method, extensions: int = 
     assert isinstance(slider, Slider)
     distance = max(_SHORTEST, _CYCLES / slider.stiffness)
     for _ in range(extensions + 1):
-        drive = hold(setting.velocity, distance / setting.velocity)
+        drive = constant(setting.velocity, distance / setting.velocity)
         seen = regime(simulate(setting.interface, slider, drive, method, start=start))
         if seen.kind != "undecided":
             break
@@ -454,19 +466,22 @@ def _run_from(start: Start, setting: Setting, method: Method, extensions: int = 
     return seen
 
 
-def _verified(rig: Rig, remedy: Remedy) -> Remedy:
+def _verified(rig: Rig, mitigation: Mitigation) -> Mitigation:
     """Simulate both changes with the rig's own method."""
-    knob = knob_named(remedy.knob)
+    parameter = parameter_named(mitigation.parameter)
     setting = Setting(interface=rig.interface, rig=rig.slider, velocity=rig.velocity)
-    targets = [(value, start) for value, start in ((remedy.keeps, Sliding()), (remedy.stops, Relaxed())) if value]
+    targets = [
+        (value, start) for value, start in ((mitigation.keeps, FromSliding()), (mitigation.stops, FromRest())) if value
+    ]
     return replace(
-        remedy, checked=tuple(_run_from(start, knob.set(setting, value), rig.method) for value, start in targets)
+        mitigation,
+        checked=tuple(_run_from(start, parameter.set(setting, value), rig.method) for value, start in targets),
     )
 
 
-def amount(rig: Rig, knob: str, value: float) -> str:
-    """Return a knob's value in words, in the rig's units; a spread as a share of the mean threshold."""
-    return f"{value:.3g}" if knob == "spread" else rig.in_units(value, quantity(knob_named(knob).unit))
+def amount(rig: Rig, parameter: str, value: float) -> str:
+    """Return a parameter's value in words, in the rig's units; a standard deviation as a fraction of the mean threshold."""
+    return f"{value:.3g}" if parameter == "std" else rig.in_units(value, quantity(parameter_named(parameter).unit))
 
 
 def chart(
@@ -478,41 +493,42 @@ def chart(
     *,
     bistable: bool = False,
 ) -> xr.Dataset:
-    """Map the linear stability of smooth sliding over two knobs around a rig's own point, in the rig's units.
+    """Map the linear stability of smooth sliding over two parameters around a rig's own point, in the rig's units.
 
     Parameters
     ----------
     rig : Rig
     over : (str, str)
-        Names of two knobs: the first along the horizontal axis.
+        Names of two parameters: the first along the horizontal axis.
     around : float
         Factor on either side of the rig's own values.
     points : int
-        Twice the points of the shading along each knob.
+        Twice the points of the shading along each parameter.
     bistable : bool
-        Whether to follow stick-slip from the boundary to where it dies, along the second knob, at some values of the
-        first; takes seconds for each.
+        Whether to follow stick-slip from the boundary to where it decays, along the second parameter, at some values of
+        the first; takes seconds for each.
 
     Returns
     -------
     xarray.Dataset
-        ``growth_rate`` over the two knobs; along ``point`` the boundary with ``curve`` and ``frequency``; scalars
-        ``here_<knob>``; with `bistable`, along ``band`` both ends of the bistable band; the attribute ``summary`` in
-        words.
+        ``growth_rate`` over the two parameters; along ``point`` the boundary with ``curve`` and ``frequency``; scalars
+        ``here_<parameter>``; with `bistable`, along ``band`` both ends of the bistable band; the attribute ``summary``
+        in words.
     """
     around = number("map: around", around, above=1.0, at_most=1e4)
     points = whole("map: points", points, at_least=4, at_most=2_000)
     report = progress or (lambda _share: None)
     setting = Setting(interface=rig.interface, rig=rig.slider, velocity=rig.velocity)
-    knobs = [knob_named(name) for name in over]
-    here = [knob.get(setting) for knob in knobs]
-    for knob, value in zip(knobs, here, strict=True):
-        number(f"map: {knob.name} of the rig", value, above=0)
+    parameters = [parameter_named(name) for name in over]
+    here = [parameter.get(setting) for parameter in parameters]
+    for parameter, value in zip(parameters, here, strict=True):
+        number(f"map: {parameter.name} of the rig", value, above=0)
     window = tuple(
-        (value / around, min(value * around, _widest(knob))) for knob, value in zip(knobs, here, strict=True)
+        (value / around, min(value * around, _widest(parameter)))
+        for parameter, value in zip(parameters, here, strict=True)
     )
     grids = tuple(np.geomspace(low, high, max(points // 2, 4)) for low, high in window)
-    names = (knobs[0].name, knobs[1].name)
+    names = (parameters[0].name, parameters[1].name)
     found = stability.stability_map(
         rig.interface, rig.slider, rig.velocity, over=names, values=(grids[0], grids[1]), growth=True
     )
@@ -546,6 +562,6 @@ def chart(
     return rig.in_its_units(found)
 
 
-def _widest(knob: Knob) -> float:
-    """Largest value that makes sense: a law of thresholds wider than half its mean is another law."""
-    return 0.5 if knob.name == "spread" else math.inf
+def _widest(parameter: Parameter) -> float:
+    """Largest value that makes sense: a distribution of thresholds wider than half its mean is another distribution."""
+    return 0.5 if parameter.name == "std" else math.inf

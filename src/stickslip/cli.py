@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from stickslip.advise import Prediction
-    from stickslip.rig import Rig
+    from stickslip.io.rig_files import Rig
     from stickslip.sweep import Progress
 
 Value = TypeVar("Value")
@@ -37,7 +37,7 @@ app = App(
 
 
 def _number(_type: object, tokens: Sequence[Token]) -> float:
-    from stickslip.door import read_number
+    from stickslip.io.validation import read_number
 
     return _told(read_number, tokens[0].value)
 
@@ -52,7 +52,7 @@ def _whole(_type: object, tokens: Sequence[Token]) -> int:
 
 
 def _seconds(_type: object, tokens: Sequence[Token]) -> float:
-    from stickslip.door import read_quantity
+    from stickslip.io.validation import read_quantity
 
     return _told(partial(read_quantity, unit="s", example="0.5 ms", bare=True), tokens[0].value)
 
@@ -104,17 +104,17 @@ def _fail(message: str, code: int = 2) -> int:
 
 @app.command
 def predict(rig: Path, *, verify: bool = False, json: Json = False, plot: Plot = None) -> None:
-    """Say whether a rig will stick-slip, with margins and remedies.
+    """Say whether a rig will stick-slip, with margins and mitigations.
 
     Parameters
     ----------
     rig
         A rig file in TOML, or the name of an example: `stickslip new` lists them.
     verify
-        Simulate the rig after each remedy with its own method.
+        Simulate the rig after each mitigation with its own method.
     """
     from stickslip import advise
-    from stickslip import rig as rigs
+    from stickslip.io import rig_files as rigs
 
     _check_outputs(plot, read=rig)
     described = rigs.read(rig)
@@ -140,7 +140,7 @@ def new(example: str | None = None) -> None:
     example
         Name of a rig that comes with the package; without one, their names are listed.
     """
-    from stickslip import rig as rigs
+    from stickslip.io import rig_files as rigs
 
     if example is None:
         for name in rigs.examples():
@@ -167,15 +167,16 @@ def simulate(
     rig
         A rig file in TOML, or with --again a run that `simulate` wrote.
     """
-    from stickslip import measure, store
-    from stickslip import rig as rigs
-    from stickslip.simulate import repeat
-    from stickslip.simulate import simulate as run_case
+    from stickslip import measure
+    from stickslip.io import datasets as store
+    from stickslip.io import rig_files as rigs
+    from stickslip.simulation import rerun
+    from stickslip.simulation import simulate as run_case
 
     _check_outputs(output, plot, read=rig)
     with _bar("simulating") as progress:
         if again:
-            run = repeat(before := store.load(rig), progress=progress)
+            run = rerun(before := store.load(rig), progress=progress)
             run.attrs.update({key: value for key, value in before.attrs.items() if key not in run.attrs})
         else:
             described = rigs.read(rig)
@@ -184,7 +185,7 @@ def simulate(
                 described.slider,
                 described.drive,
                 described.method,
-                record=described.record,
+                output=described.output,
                 start=described.start,
                 progress=progress,
             )
@@ -219,7 +220,9 @@ def measure(
     minimum_drop: Annotated[
         float | None, Parameter(help="Smallest drop that counts as a slip.", converter=_number)
     ] = None,
-    after: Annotated[float | None, Parameter(help="Look at what comes after this time only.", converter=_number)] = None,
+    after: Annotated[
+        float | None, Parameter(help="Look at what comes after this time only.", converter=_number)
+    ] = None,
     events: Annotated[Path | None, Parameter(help="Write the catalogue of slips as CSV.")] = None,
     json: Json = False,
     plot: Plot = None,
@@ -231,8 +234,8 @@ def measure(
     data
         A run (NetCDF), or a table in plain text with a column of force.
     """
-    from stickslip import files
     from stickslip import measure as measures
+    from stickslip.io import files
 
     _check_outputs(events, plot, read=data)
     trace = _read_data(data, force, time, step, displacement=displacement, load=load, flip=flip)
@@ -322,14 +325,14 @@ def plot(
 def map(
     rig: Path,
     *,
-    over: Annotated[str, Parameter(help="Two knobs, such as stiffness,velocity.")] = "stiffness,velocity",
+    over: Annotated[str, Parameter(help="Two parameters, such as stiffness,velocity.")] = "stiffness,velocity",
     around: Annotated[float, Parameter(help="Factor on either side of the rig's own point.", converter=_number)] = 30.0,
-    points: Annotated[int, Parameter(help="Points of the map along each knob.", converter=_whole)] = 80,
-    bistable: Annotated[bool, Parameter(help="Show where stick-slip lasts beside it, too.", negative="")] = False,
+    points: Annotated[int, Parameter(help="Points of the map along each parameter.", converter=_whole)] = 80,
+    bistable: Annotated[bool, Parameter(help="Show where stick-slip persists beside it, too.", negative="")] = False,
     output: Annotated[Path, Parameter(alias="-o", help="The picture.")] = Path("map.png"),
     json: Json = False,
 ) -> None:
-    """Draw where smooth sliding is stable, over two knobs of a rig; computed, not swept.
+    """Draw where smooth sliding is stable, over two parameters of a rig; computed, not swept.
 
     Parameters
     ----------
@@ -338,13 +341,13 @@ def map(
     """
     from stickslip import advise
     from stickslip import plot as drawing
-    from stickslip import rig as rigs
+    from stickslip.io import rig_files as rigs
 
     _check_outputs(output, read=rig)
     names = tuple(part.strip() for part in over.split(","))
     if len(names) != 2:
         raise InputError(
-            f"--over {shortened(over)}: must name two knobs with a comma between, such as stiffness,velocity"
+            f"--over {shortened(over)}: must name two parameters with a comma between, such as stiffness,velocity"
         )
     described = rigs.read(rig)
     with _bar("mapping") as progress:
@@ -430,7 +433,7 @@ def paper(
         fig1, fig2 ...
     """
     from stickslip import plot as drawing
-    from stickslip import store
+    from stickslip.io import datasets as store
     from stickslip.paper import FIGURES
 
     if figure not in FIGURES:
@@ -607,7 +610,7 @@ def _dask(scheduler: str) -> Iterator[Any]:
 
 def _cut(result: xr.Dataset, at: str | None) -> xr.Dataset:
     """Select from a sweep, each axis at the value nearest to the one given."""
-    from stickslip.door import read_number
+    from stickslip.io.validation import read_number
 
     for part in (at or "").split(",") if at else ():
         name, _, value = (word.strip() for word in part.partition("="))
@@ -681,7 +684,7 @@ _PATIENCE = "10s"
 
 def _check_outputs(*outputs: Path | None, read: Path | None = None) -> None:
     """Complain before any work is done of a place that cannot be written, or that holds the file that is read."""
-    from stickslip import files
+    from stickslip.io import files
 
     taken: set[Path] = set()
     for output in outputs:
@@ -708,11 +711,11 @@ def _read_data(
 ) -> xr.Dataset:
     """Read a run, in its units, or a measured trace."""
     from stickslip import measure as measures
-    from stickslip import store
+    from stickslip.io import datasets as store
 
     if data.is_file() and store.is_netcdf(data):
         run = store.load(data)
-        if "F_d" not in run or "t" not in run.coords:
+        if "spring_force" not in run or "time" not in run.coords:
             raise InputError(f"{data}: holds no run: there is no force F_d along a time t in it")
         return _in_its_units(run)
     return measures.read_trace(data, force=force, time=time, displacement=displacement, load=load, step=step, flip=flip)
@@ -720,7 +723,7 @@ def _read_data(
 
 def _in_its_units(run: xr.Dataset) -> xr.Dataset:
     """A run in the units of the rig file that it was made from."""
-    from stickslip import rig as rigs
+    from stickslip.io import rig_files as rigs
 
     if "rig" not in run.attrs:
         return run
@@ -801,16 +804,16 @@ def _print_prediction(found: Prediction, rig: Rig, picture: Path | None) -> None
         numbers.add_row(name, text)
     console.print(numbers)
     if found.margins:
-        titled("\nMargins", " of smooth sliding, each knob turned alone (linear stability)")
+        titled("\nMargins", " of smooth sliding, each parameter varied alone (linear stability)")
         table = Table(box=None, pad_edge=False)
-        for title in ("knob", "now", "nearest edge below", "nearest edge above"):
+        for title in ("parameter", "now", "nearest edge below", "nearest edge above"):
             table.add_column(title)
         for row in found.margin_rows():
             table.add_row(*row)
         console.print(table)
-    if found.remedies:
+    if found.mitigations:
         titled("\nRemedies", ", one change at a time, the smallest first")
-        for line in found.remedy_lines():
+        for line in found.mitigation_lines():
             console.print(f"- {line}")
     elif found.ill:
         console.print("\nNo single change within the ranges searched gives smooth sliding.")

@@ -5,10 +5,10 @@ live on where smooth sliding is stable. The names keep the two apart: what is *c
 is nonlinear and belongs to a start, and a cycle that is followed dies at its *fold*.
 
 - `lasts`: does an oscillation last from a start? With the evidence.
-- `lasting`, `lasting_velocities`, `lasting_delay` (the paper's ``tau*``): where it does, along a knob, afresh from
+- `lasting`, `lasting_velocities`, `lasting_delay` (the paper's ``tau*``): where it does, along a parameter, afresh from
   the same start at each value.
-- `cycle_branch`: the cycle itself, carried from value to value of a knob up to where it dies (``v1'`` on the way down,
-  ``v2`` on the way up).
+- `cycle_branch`: the cycle itself, carried from value to value of a parameter up to where it decays (``v1'`` on the way
+  down, ``v2`` on the way up).
 - `bistable_band`: between the fold and the linear boundary both smooth sliding and stick-slip last.
 
 All of it rests on forward runs of the master equation on cohorts, Eqs. (1)-(4) and (11). With the 100 cohorts per
@@ -28,25 +28,25 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip import store
 from stickslip.errors import InputError, UndecidedError, instance, number
+from stickslip.io import datasets as store
 from stickslip.measure.periods import rises
 from stickslip.measure.slips import SLIP_VELOCITY
 from stickslip.measure.verdict import TINY, Kind
 from stickslip.model import Interface, Slider
-from stickslip.simulate import (
+from stickslip.model.distributions import Distribution
+from stickslip.simulation import (
+    FromRest,
+    FromSliding,
     MasterEquation,
-    Relaxed,
-    Sliding,
     Start,
     check_method,
     initial_nodes,
     slider_constants,
     survival_table,
 )
-from stickslip.stability import DELAY, VELOCITY, Crossings, Knob, Setting, critical, unstable_modes
-from stickslip.stability.knobs import check_range, knob_named
-from stickslip.thresholds import Law
+from stickslip.stability import DELAY, VELOCITY, Crossings, Parameter, Setting, critical, unstable_modes
+from stickslip.stability.parameters import check_range, parameter_named
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -77,7 +77,7 @@ REST = 0.01
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """Whether an oscillation lasts from a start, with the evidence. Nonlinear: it belongs to the start.
+    """Whether an oscillation persists from a start, with the evidence. Nonlinear: it belongs to the start.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class Verdict:
     reason : str
         Why, in plain words.
     peak_to_peak : float
-        Of the driving force at the last look, in ``f_s``: the median cycle.
+        Of the spring force at the last look, in ``f_s``: the median cycle.
     period : float
         In time; NaN without complete cycles.
     largest_velocity : float
@@ -121,19 +121,19 @@ def lasts(
     interface: Interface,
     slider: Slider,
     velocity: float,
-    start: Start = Relaxed(),
+    start: Start = FromRest(),
     *,
     method: MasterEquation = METHOD,
     patience: int = PATIENCE,
 ) -> Verdict:
-    """Tell whether an oscillation lasts from a start, at a constant velocity of the drive.
+    """Tell whether an oscillation persists from a start, at a constant velocity of the drive.
 
     The run is looked at every three cycles, by their expected length: the drive travels ``<x_s> (1 + k/K)`` in one,
     or for one period of the slider on its spring, whichever is longer. It ends as soon as its fate is clear. The
     oscillation *lasts* if its amplitude no longer changes (by less than 1e-3 three times running, or with changes
     that shrink geometrically and have less than 1 % left to go), or wavers without a trend. It *dies* if it is below
     2 % of the kinetic friction and shrinks while smooth sliding is stable by linear theory. Where smooth sliding is
-    unstable some oscillation always lasts; the run then tells which.
+    unstable some oscillation always persists; the run then tells which.
 
     Parameters
     ----------
@@ -142,7 +142,8 @@ def lasts(
     velocity : float
         Of the drive, in ``x_s`` per time.
     start : Relaxed or Sliding
-        `Relaxed` contacts with a narrow law are the paper's start; ``Sliding(kick=...)`` asks for small disturbances.
+        `FromRest` contacts with a narrow distribution are the paper's start; ``FromSliding(perturbation=...)`` asks for
+        small disturbances.
     method : MasterEquation
     patience : int
         Looks after which to give up, at 3 cycles each; up to five times as many while the amplitude drifts one way.
@@ -153,7 +154,7 @@ def lasts(
         Undecided where the amplitude still drifts after all looks, and its trend does not tell where to.
     """
     setting = _check(interface, slider, velocity, method)
-    instance("lasts: start", start, Relaxed | Sliding, "Relaxed() or Sliding(...)")
+    instance("lasts: start", start, FromRest | FromSliding, "FromRest() or FromSliding(...)")
     return _settle(_Ride.begin(setting, start, method), patience)[0]
 
 
@@ -208,20 +209,20 @@ class _Ride:
         from stickslip.kernels.drive import Quadratic
 
         interface, slider, velocity = setting.interface, _slider(setting), setting.velocity
-        table, delays = _table(interface.threshold_law), kernel.Delays(*interface.delay.quadrature())
-        if isinstance(start, Relaxed):
+        table, delays = _table(interface.threshold_distribution), kernel.Delays(*interface.delay.quadrature())
+        if isinstance(start, FromRest):
             x, share = initial_nodes(interface)
             speed = rate = 0.0
         else:
-            mean, delay = interface.threshold_law.moment(1), interface.delay.moment(1)
+            mean, delay = interface.threshold_distribution.moment(1), interface.delay.moment(1)
             if math.isinf(delay):
-                raise InputError("Sliding: contacts that never come back have no steady sliding; start Relaxed()")
+                raise InputError("FromSliding: contacts that never re-attach have no steady sliding; start FromRest()")
             rate = velocity / (mean + velocity * delay)
             x, share = kernel.smooth_sliding(table, method.cells, mean / (mean + velocity * delay))
-            speed = velocity * (1.0 + start.kick)
+            speed = velocity * (1.0 + start.perturbation)
         state = kernel.initial_state(table, delays, x, share, velocity=speed, rate=rate)
         balance = 0.0
-        if isinstance(start, Sliding):
+        if isinstance(start, FromSliding):
             drag = slider.mass * slider.damping * velocity
             balance = (float(state.scalar[kernel.CONTACT_FORCE]) + drag) / slider.stiffness
         return cls(
@@ -236,7 +237,7 @@ class _Ride:
         )
 
     def on(self, travel: float) -> tuple[_Ride, Array]:
-        """Go on by a travel of the drive; with times, driving force and slider velocity of fine samples, as rows."""
+        """Go on by a travel of the drive; with times, spring force and slider velocity of fine samples, as rows."""
         from stickslip.kernels import cohorts as kernel
 
         slider, velocity = _slider(self.setting), self.setting.velocity
@@ -266,17 +267,18 @@ class _Ride:
         _, force, speed = rows
         fastest = float(speed.max()) / ride.setting.velocity
         if cycles.shape[1] == 0:
-            swing = float(np.ptp(force))
-            if swing > TINY:  # cycles longer than expected
+            oscillation = float(np.ptp(force))
+            if oscillation > TINY:  # cycles longer than expected
                 ride = replace(ride, cycle=2.0 * ride.cycle)
-            return ride, _Look(swing, math.nan, fastest, float(force.mean()), travel)
-        swing, period, mean = np.median(cycles[0]), np.mean(cycles[1]), np.average(cycles[2], weights=cycles[1])
-        return ride, _Look(float(swing), float(period), fastest, float(mean), travel)
+            return ride, _Look(oscillation, math.nan, fastest, float(force.mean()), travel)
+        oscillation, period, mean = np.median(cycles[0]), np.mean(cycles[1]), np.average(cycles[2], weights=cycles[1])
+        return ride, _Look(float(oscillation), float(period), fastest, float(mean), travel)
 
     def turn(self, setting: Setting) -> _Ride:
         """Change the rig or the drive under way: forces, positions and masses stay, the drive goes on from where it is.
 
-        Contacts that are detached stay so for the same share of the new delay. Cohorts keep what is attached of them.
+        Contacts that are detached stay so for the same fraction of the new delay. Cohorts keep what is attached of
+        them.
         """
         from stickslip.kernels import cohorts as kernel
         from stickslip.kernels.drive import Quadratic
@@ -292,7 +294,7 @@ class _Ride:
             broken[0, :n] = scalar[kernel.TIME] - ratio * (scalar[kernel.TIME] - broken[0, :n])
             cursor[:] = 0
         if setting.interface.thresholds != self.setting.interface.thresholds:
-            table = _table(setting.interface.threshold_law)
+            table = _table(setting.interface.threshold_distribution)
             n = used[0]
             share = np.array([kernel.survival(table, reach) for reach in cohort[kernel.REACH, :n]])
             held = share > kernel.EXTINCT  # the others break as soon as they are stretched further
@@ -310,33 +312,33 @@ class _Ride:
         )
 
 
-def _table(law: Law) -> kernel.Table:
+def _table(distribution: Distribution) -> kernel.Table:
     from stickslip.kernels import cohorts as kernel
 
-    return kernel.tabulate(*survival_table(law))
+    return kernel.tabulate(*survival_table(distribution))
 
 
 def _cycle(setting: Setting) -> float:
-    """Expected travel of the drive in a cycle: loading by a threshold, or a swing of the slider on its spring."""
+    """Expected travel of the drive in a cycle: loading by a threshold, or an oscillation of the slider on its spring."""
     slider = _slider(setting)
-    stretch = setting.interface.threshold_law.moment(1)
+    stretch = setting.interface.threshold_distribution.moment(1)
     return max(stretch * (1.0 + 1.0 / slider.stiffness), setting.velocity * 2.0 * math.pi / slider.frequency)
 
 
 def _stretched(old: kernel.Delays, new: kernel.Delays) -> float:
-    """Ratio of two laws of delays that differ in scale only."""
+    """Ratio of two distributions of delays that differ in scale only."""
     if old.time.size == new.time.size and old.time.size and np.allclose(old.weight, new.weight, rtol=1e-6):
         ratio = float(new.time.max() / old.time.max()) if old.time.max() > 0 else math.nan
         if np.allclose(new.time, ratio * old.time, rtol=1e-6) and ratio > 0:
             return ratio
     raise InputError(
-        "Interface.delay: a cycle can be carried over only to a delay that is the old one scaled (the knob DELAY does "
+        "Interface.delay: a cycle can be carried over only to a delay that is the old one scaled (the parameter DELAY does "
         "that); use lasts() afresh at each value"
     )
 
 
 def _cycles(rows: Array, stiffness: float, velocity: float) -> Array:
-    """Swing of the driving force, period and mean force of each complete cycle: shape (3, n).
+    """Swing of the spring force, period and mean force of each complete cycle: shape (3, n).
 
     A cycle goes from one rise through three quarters of the range to the next, with a fall below one quarter in
     between. The extremes lie where the slider is as fast as the drive, between the samples.
@@ -347,13 +349,13 @@ def _cycles(rows: Array, stiffness: float, velocity: float) -> Array:
     if risen.size < 2:
         return np.empty((3, 0))
     slope = stiffness * (velocity - speed)
-    swings, means = [], []
+    oscillations, means = [], []
     for a, b in itertools.pairwise(risen.tolist()):
         part = force[a : b + 1]
         top, bottom = (_extreme(t, force, slope, a + int(i)) for i in (np.argmax(part), np.argmin(part)))
-        swings.append(top - bottom)
+        oscillations.append(top - bottom)
         means.append(float(part[1:].mean()))
-    return np.array([swings, np.diff(times), means])
+    return np.array([oscillations, np.diff(times), means])
 
 
 def _extreme(t: Array, force: Array, slope: Array, i: int) -> float:
@@ -366,7 +368,7 @@ def _extreme(t: Array, force: Array, slope: Array, i: int) -> float:
 
 
 def _settle(ride: _Ride, patience: int = PATIENCE) -> tuple[Verdict, _Ride, _Look]:
-    """Go on until it is clear whether the oscillation lasts."""
+    """Go on until it is clear whether the oscillation persists."""
     setting, travel, growing = ride.setting, 0.0, _linearly_unstable(ride.setting)
     floor = TINY * _friction(setting)
     looks: list[_Look] = []
@@ -406,10 +408,10 @@ def _linearly_unstable(setting: Setting) -> bool | None:
 
 
 def _friction(setting: Setting) -> float:
-    """Kinetic friction ``<x_s^2>/(2 (<x_s> + v <tau>))``; that without delay if contacts never come back."""
-    law, delay = setting.interface.threshold_law, setting.interface.delay.moment(1)
+    """Kinetic friction ``<x_s^2>/(2 (<x_s> + v <tau>))``; that without delay if contacts never re-attach."""
+    distribution, delay = setting.interface.threshold_distribution, setting.interface.delay.moment(1)
     detached = setting.velocity * delay if math.isfinite(delay) else 0.0
-    return law.moment(2) / (2.0 * (law.moment(1) + detached))
+    return distribution.moment(2) / (2.0 * (distribution.moment(1) + detached))
 
 
 def _fate(looks: list[_Look], floor: float, growing: bool | None, patience: int) -> tuple[bool | None, str] | None:
@@ -423,13 +425,13 @@ def _fate(looks: list[_Look], floor: float, growing: bool | None, patience: int)
     step = np.diff(np.log(np.maximum(size, 1e-300)))
     if size[-1] < floor:
         if growing is not True and np.all(step[-2:] < 0):
-            return False, f"the swing of the force dies out; it is down to {now}"
+            return False, f"the oscillation of the force decays; it is down to {now}"
     elif np.all(np.abs(step[-3:]) < STEADY) and len(looks) > 3:
-        return True, f"the swing of the force, {now}, no longer changes"
+        return True, f"the oscillation of the force, {now}, no longer changes"
     elif _left_to_go(step) < REST:
-        return True, f"the swing of the force settles at {size[-1]:.3g} f_s"
+        return True, f"the oscillation of the force settles at {size[-1]:.3g} f_s"
     elif len(looks) >= 10 and _wavers(size[-8:]):
-        return True, f"the swing of the force wavers about {np.median(size[-8:]):.3g} f_s without a trend"
+        return True, f"the oscillation of the force wavers about {np.median(size[-8:]):.3g} f_s without a trend"
     # What grows slowly from little will arrive; what drifts all one way, through a narrow place, will leave it.
     drifts = bool(np.all(step[-8:] < 0) or np.all(step[-8:] > 0))
     if len(looks) < (5 * patience if growing else 3 * patience if drifts else patience):
@@ -437,12 +439,12 @@ def _fate(looks: list[_Look], floor: float, growing: bool | None, patience: int)
     if growing:
         return (
             True,
-            f"smooth sliding is unstable by linear theory; the swing of the force, {now} so far, has not settled",
+            f"smooth sliding is unstable by linear theory; the oscillation of the force, {now} so far, has not settled",
         )
     third = max(len(step) // 3, 2)
     if np.all(step[-2 * third :] < 0) and step[-third:].mean() < step[-2 * third : -third].mean() - STEADY / 10:
-        return False, f"the swing of the force shrinks ever faster; it is down to {now}"
-    return None, f"after {len(looks)} looks the swing of the force, {now}, still changes by {step[-1]:.2g} a look"
+        return False, f"the oscillation of the force shrinks ever faster; it is down to {now}"
+    return None, f"after {len(looks)} looks the oscillation of the force, {now}, still changes by {step[-1]:.2g} a look"
 
 
 def _left_to_go(step: Array) -> float:
@@ -471,7 +473,7 @@ def _wavers(size: Array) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class Edge:
-    """An end of a stretch of a knob in which an oscillation lasts (nonlinear).
+    """An end of a stretch of a parameter in which an oscillation persists (nonlinear).
 
     Attributes
     ----------
@@ -480,7 +482,7 @@ class Edge:
     dies_at, lasts_at : float
         The bracket: runs on either side of the edge. Equal at an end of the range searched.
     end_of_range : bool
-        The oscillation lasts up to the end of the range: the edge lies outside it.
+        The oscillation persists up to the end of the range: the edge lies outside it.
     """
 
     value: float
@@ -499,7 +501,7 @@ class Edge:
 
 @dataclass(frozen=True, kw_only=True)
 class Window:
-    """A stretch of a knob in which an oscillation lasts."""
+    """A stretch of a parameter in which an oscillation persists."""
 
     low: Edge
     high: Edge
@@ -510,11 +512,11 @@ class Window:
 
 @dataclass(frozen=True, kw_only=True)
 class Lasting:
-    """Where an oscillation lasts along a knob, afresh from the same start at each value; nowhere is an answer too.
+    """Where an oscillation persists along a parameter, afresh from the same start at each value; nowhere is an answer too.
 
     Attributes
     ----------
-    knob, unit : str
+    parameter, unit : str
     searched : (float, float)
     start : Relaxed or Sliding
     windows : tuple of Window
@@ -525,7 +527,7 @@ class Lasting:
         Values at which a run could not tell.
     """
 
-    knob: str
+    parameter: str
     unit: str
     searched: tuple[float, float]
     start: Start
@@ -541,35 +543,35 @@ class Lasting:
 
     def __str__(self) -> str:
         low, high = self.searched
-        where = f"for {self.knob} from {low:g} to {high:g} {self.unit}, from {self.start}"
+        where = f"for {self.parameter} from {low:g} to {high:g} {self.unit}, from {self.start}"
         doubt = f"; undecided at {', '.join(f'{v:.4g}' for v in self.undecided)}" if self.undecided else ""
         if not self.windows:
-            return f"no oscillation lasts {where} ({len(self.grid)} runs){doubt}"
-        return f"{where}, an oscillation lasts {' and '.join(map(str, self.windows))}{doubt}"
+            return f"no oscillation persists {where} ({len(self.grid)} runs){doubt}"
+        return f"{where}, an oscillation persists {' and '.join(map(str, self.windows))}{doubt}"
 
 
 def lasting(
-    knob: Knob | str,
+    parameter: Parameter | str,
     interface: Interface,
     slider: Slider,
     velocity: float,
     *,
     between: tuple[float, float],
-    start: Start = Relaxed(),
+    start: Start = FromRest(),
     points: int = 8,
     tolerance: float = 2e-3,
     method: MasterEquation = METHOD,
 ) -> Lasting:
-    """Find where an oscillation lasts along a knob, afresh from the same start at each value (nonlinear).
+    """Find where an oscillation persists along a parameter, afresh from the same start at each value (nonlinear).
 
     Parameters
     ----------
-    knob : Knob or str
+    parameter : Parameter or str
         As in `stickslip.stability.critical`.
     interface, slider, velocity
-        The setting; the knob's own value in it does not matter.
+        The setting; the parameter's own value in it does not matter.
     between : (float, float)
-        Range searched, in the knob's natural unit, both above 0.
+        Range searched, in the parameter's natural unit, both above 0.
     start : Relaxed or Sliding
     points : int
         Runs per factor of 10, on a logarithmic grid; edges between two of them are found by halving.
@@ -577,7 +579,7 @@ def lasting(
         Relative width of the bracket about an edge.
     method : MasterEquation
     """
-    turned, setting = knob_named(knob), _check(interface, slider, velocity, method)
+    turned, setting = parameter_named(parameter), _check(interface, slider, velocity, method)
     low, high = check_range(turned, between)
     tolerance = number("tolerance", tolerance, above=0, below=1)
     probe = _Probe(turned, setting, start, method)
@@ -598,7 +600,7 @@ def lasting(
     if opened is not None:
         windows.append(Window(low=opened, high=_end(decided[-1][0])))
     return Lasting(
-        knob=turned.name,
+        parameter=turned.name,
         unit=turned.unit,
         searched=(low, high),
         start=start,
@@ -613,16 +615,16 @@ def lasting_velocities(
     slider: Slider,
     *,
     between: tuple[float, float],
-    start: Start = Relaxed(),
+    start: Start = FromRest(),
     points: int = 8,
     tolerance: float = 2e-3,
     method: MasterEquation = METHOD,
 ) -> Lasting:
-    """Find the velocities at which stick-slip lasts from a start (nonlinear; see `lasting`).
+    """Find the velocities at which stick-slip persists from a start (nonlinear; see `lasting`).
 
-    From a narrow start the lower edge is where stick-slip dies on the way down, the paper's ``v1'``, and the upper edge
-    where it dies on the way up, ``v2``; the velocities at which smooth sliding loses stability (``v1``, and ``v2'``
-    on the way down) are linear: `stickslip.stability.critical_velocities`.
+    From a narrow start the lower edge is where stick-slip decays on the way down, the paper's ``v1'``, and the upper
+    edge where it decays on the way up, ``v2``; the velocities at which smooth sliding loses stability (``v1``, and
+    ``v2'`` on the way down) are linear: `stickslip.stability.critical_velocities`.
     """
     return lasting(
         VELOCITY,
@@ -639,7 +641,7 @@ def lasting_velocities(
 
 @dataclass(frozen=True, kw_only=True)
 class LastingDelay:
-    """The shortest delay with which an oscillation lasts from a start: the paper's ``tau*`` (nonlinear).
+    """The shortest delay with which an oscillation persists from a start: the paper's ``tau*`` (nonlinear).
 
     Attributes
     ----------
@@ -670,7 +672,7 @@ class LastingDelay:
     def __str__(self) -> str:
         linear = "none in the range" if self.linear is None else f"{self.linear:.6g}"
         return (
-            f"lasting delay {self.value:.4g} (nonlinear: from {self.start} an oscillation dies at {self.dies_at:.4g} "
+            f"lasting delay {self.value:.4g} (nonlinear: from {self.start} an oscillation decays at {self.dies_at:.4g} "
             f"and lasts at {self.lasts_at:.4g}); linear critical delay: {linear}"
         )
 
@@ -680,12 +682,12 @@ def lasting_delay(
     slider: Slider,
     velocity: float,
     *,
-    start: Start = Relaxed(),
+    start: Start = FromRest(),
     between: tuple[float, float] | None = None,
     tolerance: float = 2e-3,
     method: MasterEquation = METHOD,
 ) -> LastingDelay:
-    """Return the paper's critical delay ``tau*``: the shortest with which stick-slip lasts from a given start.
+    """Return the paper's critical delay ``tau*``: the shortest with which stick-slip persists from a given start.
 
     Not the linear critical delay of `stickslip.stability.critical_delay`, at which smooth sliding itself becomes
     unstable; that is given beside it. Delays are tried upwards in steps of 1.4, then the edge is halved.
@@ -698,7 +700,7 @@ def lasting_delay(
     velocity : float
         Of the drive, in ``x_s`` per time.
     start : Relaxed or Sliding
-        The paper's is `Relaxed`, with a narrow law of initial stretchings.
+        The paper's is `FromRest`, with a narrow distribution of initial stretchings.
     between : (float, float), optional
         Range searched; by default from .01 ``<x_s>/v`` to the linear critical delay, or to 100 ``<x_s>/v`` if there
         is none.
@@ -709,11 +711,11 @@ def lasting_delay(
     Raises
     ------
     UndecidedError
-        If no oscillation lasts in the range, or one lasts at its lower end already, or the runs cannot tell; the
+        If no oscillation persists in the range, or one lasts at its lower end already, or the runs cannot tell; the
         message gives the range and the evidence.
     """
     setting = _check(interface, slider, velocity, method)
-    unit = interface.threshold_law.moment(1) / setting.velocity
+    unit = interface.threshold_distribution.moment(1) / setting.velocity
     low, high = check_range(DELAY, between or (0.01 * unit, 100 * unit))
     tolerance = number("tolerance", tolerance, above=0, below=1)
     crossings = critical(DELAY, interface, slider, setting.velocity, between=(low, high))
@@ -729,7 +731,7 @@ def lasting_delay(
         if value >= high:
             doubt = f"; undecided at {', '.join(f'{v:.4g}' for v in probe.undecided)}" if probe.undecided else ""
             raise UndecidedError(
-                f"no lasting delay: from {start} no oscillation lasts with delays from {low:g} to {high:g} "
+                f"no lasting delay: from {start} no oscillation persists with delays from {low:g} to {high:g} "
                 f"(at the last: {verdict}){doubt}"
             )
         value = min(1.4 * value, high)
@@ -752,15 +754,15 @@ def lasting_delay(
 
 
 class _Probe:
-    """Runs along a knob, each afresh from the start, remembered."""
+    """Runs along a parameter, each afresh from the start, remembered."""
 
-    def __init__(self, knob: Knob, setting: Setting, start: Start, method: MasterEquation) -> None:
-        self.knob, self.setting, self.start, self.method = knob, setting, start, method
+    def __init__(self, parameter: Parameter, setting: Setting, start: Start, method: MasterEquation) -> None:
+        self.parameter, self.setting, self.start, self.method = parameter, setting, start, method
         self.known: dict[float, Verdict] = {}
 
     def __call__(self, value: float) -> Verdict:
         if value not in self.known:
-            there = self.knob.set(self.setting, value)
+            there = self.parameter.set(self.setting, value)
             self.known[value] = _settle(_Ride.begin(there, self.start, self.method))[0]
         return self.known[value]
 
@@ -770,7 +772,7 @@ class _Probe:
 
 
 def _edge(probe: Callable[[float], Verdict], dead: float, alive: float, tolerance: float) -> Edge:
-    """Halve between a value where it dies and one where it lasts; where runs cannot tell, come as near as possible."""
+    """Halve between a value where it decays and one where it lasts; where runs cannot tell, come as near as possible."""
     doubt: tuple[float, float] | None = None  # the end towards `dead`, the end towards `alive`
     while True:
         gaps = [(dead, alive)] if doubt is None else [(dead, doubt[0]), (doubt[1], alive)]
@@ -799,7 +801,7 @@ def _end(value: float) -> Edge:
 
 
 class _Point(NamedTuple):
-    """The settled cycle at one value of a knob."""
+    """The settled cycle at one value of a parameter."""
 
     value: float
     verdict: Verdict
@@ -811,19 +813,19 @@ def cycle_branch(
     interface: Interface,
     slider: Slider,
     velocity: float,
-    knob: Knob | str = VELOCITY,
+    parameter: Parameter | str = VELOCITY,
     *,
     within: tuple[float, float],
     begin: float | None = None,
-    start: Start = Relaxed(),
+    start: Start = FromRest(),
     step: float = 0.05,
     tolerance: float = 2e-3,
     method: MasterEquation = METHOD,
 ) -> xr.Dataset:
-    """Follow the cycle of stick-slip in a knob, both ways, up to where it dies (nonlinear).
+    """Follow the cycle of stick-slip in a parameter, both ways, up to where it decays (nonlinear).
 
-    The motion is carried on from value to value: the knob is turned by a step, the motion settles again. Where it dies
-    the step is halved and taken back, until the end of the branch is known to the tolerance. A cycle of finite
+    The motion is carried on from value to value: the parameter is turned by a step, the motion settles again. Where it
+    decays the step is halved and taken back, until the end of the branch is known to the tolerance. A cycle of finite
     amplitude ends in a fold, where it meets an unstable cycle; forward runs do not go round it. Turned slowly down,
     the velocity ends at ``v1'``, and turned up at ``v2`` if there is one.
 
@@ -831,15 +833,15 @@ def cycle_branch(
     ----------
     interface, slider, velocity
         The setting.
-    knob : Knob or str
+    parameter : Parameter or str
     within : (float, float)
-        Range of the knob, both ends above 0.
+        Range of the parameter, both ends above 0.
     begin : float, optional
         Value at which to look for the cycle first, from `start`; by default that of the setting, or, if no
-        oscillation lasts there, the first at which one does of 17 over the range.
+        oscillation persists there, the first at which one does of 17 over the range.
     start : Relaxed or Sliding
     step : float
-        Largest change of the knob at once, as a share of it.
+        Largest change of the parameter at once, as a fraction of it.
     tolerance : float
         Relative width of the bracket about the ends of the branch.
     method : MasterEquation
@@ -847,19 +849,19 @@ def cycle_branch(
     Returns
     -------
     xarray.Dataset
-        Along the knob, rising: ``amplitude`` (peak to peak of the driving force), ``period``, ``largest_velocity`` of
-        the slider, ``mean_force``, and ``linearly_unstable`` (whether smooth sliding is, there). Attributes:
+        Along the parameter, rising: ``amplitude`` (peak to peak of the spring force), ``period``, ``largest_velocity``
+        of the slider, ``mean_force``, and ``linearly_unstable`` (whether smooth sliding is, there). Attributes:
         ``low_end`` and ``high_end`` ("fold", "end of range", "shrinks to nothing" or "undecided"), and the brackets
         ``low_dies_at``, ``low_lasts_at``, ``high_dies_at``, ``high_lasts_at``.
 
     Raises
     ------
     UndecidedError
-        If no oscillation lasts at `begin`, or anywhere that was looked.
+        If no oscillation persists at `begin`, or anywhere that was looked.
     """
     import xarray as xr
 
-    turned, setting = knob_named(knob), _check(interface, slider, velocity, method)
+    turned, setting = parameter_named(parameter), _check(interface, slider, velocity, method)
     low, high = check_range(turned, within)
     first = _first_point(turned, setting, low, high, begin, start, method)
     down, low_edge, low_end = _follow(turned, first, low, step, tolerance)
@@ -875,7 +877,7 @@ def cycle_branch(
         "interface": interface,
         "slider": slider,
         "velocity": setting.velocity,
-        "knob": turned.name,
+        "parameter": turned.name,
         "within": [low, high],
         "start": start,
         "method": method,
@@ -883,13 +885,13 @@ def cycle_branch(
     return xr.Dataset(
         {
             "amplitude": along(
-                [p.look.amplitude for p in points], "f_s", "peak to peak of the driving force, per contact"
+                [p.look.amplitude for p in points], "f_s", "peak to peak of the spring force, per contact"
             ),
             "period": along([p.look.period for p in points], "time", "period of the cycle"),
             "largest_velocity": along(
                 speeds * [p.verdict.largest_velocity for p in points], "x_s/time", "largest velocity of the slider"
             ),
-            "mean_force": along([p.look.mean_force for p in points], "f_s", "mean driving force, per contact"),
+            "mean_force": along([p.look.mean_force for p in points], "f_s", "mean spring force, per contact"),
             "linearly_unstable": along(unstable, "1", "whether smooth sliding is unstable by linear theory"),
         },
         coords={turned.name: along([p.value for p in points], turned.unit, turned.name)},
@@ -906,25 +908,37 @@ def cycle_branch(
 
 
 def _first_point(
-    knob: Knob, setting: Setting, low: float, high: float, begin: float | None, start: Start, method: MasterEquation
+    parameter: Parameter,
+    setting: Setting,
+    low: float,
+    high: float,
+    begin: float | None,
+    start: Start,
+    method: MasterEquation,
 ) -> _Point:
-    own = knob.get(setting) if begin is None else number("begin", begin, at_least=low, at_most=high, hint=knob.unit)
+    own = (
+        parameter.get(setting)
+        if begin is None
+        else number("begin", begin, at_least=low, at_most=high, hint=parameter.unit)
+    )
     values = [own] if low <= own <= high else []
     if begin is None:
-        spread = np.geomspace(low, high, 17).tolist()
-        spread[0], spread[-1] = low, high
-        values += sorted(spread, key=lambda value: abs(math.log(value / math.sqrt(low * high))))
+        std = np.geomspace(low, high, 17).tolist()
+        std[0], std[-1] = low, high
+        values += sorted(std, key=lambda value: abs(math.log(value / math.sqrt(low * high))))
     for value in dict.fromkeys(values):
-        verdict, ride, look = _settle(_Ride.begin(knob.set(setting, value), start, method))
+        verdict, ride, look = _settle(_Ride.begin(parameter.set(setting, value), start, method))
         if verdict.lasts and verdict.kind != "undecided":
             return _Point(value, verdict, look, ride)
     raise UndecidedError(
-        f"no cycle to follow: from {start} no oscillation lasts at {knob.name} = "
+        f"no cycle to follow: from {start} no oscillation persists at {parameter.name} = "
         f"{', '.join(f'{v:.4g}' for v in values)}; the last: {verdict}"
     )
 
 
-def _follow(knob: Knob, first: _Point, until: float, step: float, tolerance: float) -> tuple[list[_Point], Edge, str]:
+def _follow(
+    parameter: Parameter, first: _Point, until: float, step: float, tolerance: float
+) -> tuple[list[_Point], Edge, str]:
     """Carry the cycle on towards a value; the points, the end and what it is."""
     points, here = [], first
     way = 1.0 if until > first.value else -1.0
@@ -935,7 +949,7 @@ def _follow(knob: Knob, first: _Point, until: float, step: float, tolerance: flo
         value = here.value * math.exp(way * stride)
         if way * (value - until) > -1e-12 * until:
             value = until
-        verdict, ride, look = _settle(here.ride.turn(knob.set(here.ride.setting, value)))
+        verdict, ride, look = _settle(here.ride.turn(parameter.set(here.ride.setting, value)))
         if verdict.lasts and verdict.kind != "undecided":
             here = _Point(value, verdict, look, ride)
             points.append(here)
@@ -973,7 +987,7 @@ class Bound:
     ----------
     value : float
     kind : {"fold", "linear", "end of range", "shrinks to nothing", "undecided"}
-        *Fold*: stick-slip dies there (nonlinear). *Linear*: smooth sliding loses stability there.
+        *Fold*: stick-slip decays there (nonlinear). *Linear*: smooth sliding loses stability there.
     error : float
         Half the width of its bracket; 0 for a linear bound.
     """
@@ -983,7 +997,7 @@ class Bound:
     error: float = 0.0
 
     def __str__(self) -> str:
-        what = {"fold": "stick-slip dies: fold", "linear": "smooth sliding loses stability: linear"}.get(
+        what = {"fold": "stick-slip decays: fold", "linear": "smooth sliding loses stability: linear"}.get(
             self.kind, self.kind
         )
         return f"{self.value:.5g} ({what})"
@@ -991,7 +1005,7 @@ class Bound:
 
 @dataclass(frozen=True, kw_only=True)
 class Band:
-    """A stretch of a knob in which both smooth sliding and stick-slip last, each by itself."""
+    """A stretch of a parameter in which both smooth sliding and stick-slip last, each by itself."""
 
     low: Bound
     high: Bound
@@ -1005,11 +1019,11 @@ class Band:
 
 @dataclass(frozen=True, kw_only=True)
 class Bistability:
-    """Where along a knob both smooth sliding and stick-slip last; nowhere is an answer too.
+    """Where along a parameter both smooth sliding and stick-slip last; nowhere is an answer too.
 
     Attributes
     ----------
-    knob, unit : str
+    parameter, unit : str
     searched : (float, float)
     bands : tuple of Band
         Rising.
@@ -1019,7 +1033,7 @@ class Bistability:
         What was looked at and found to be no band, and why.
     """
 
-    knob: str
+    parameter: str
     unit: str
     searched: tuple[float, float]
     bands: tuple[Band, ...]
@@ -1037,7 +1051,7 @@ class Bistability:
 
     def __str__(self) -> str:
         low, high = self.searched
-        where = f"for {self.knob} from {low:g} to {high:g} {self.unit}"
+        where = f"for {self.parameter} from {low:g} to {high:g} {self.unit}"
         if not self.bands:
             return "\n".join([f"no bistable band found {where}", *self.notes])
         found = " and ".join(map(str, self.bands))
@@ -1048,10 +1062,10 @@ def bistable_band(
     interface: Interface,
     slider: Slider,
     velocity: float | None = None,
-    knob: Knob | str = VELOCITY,
+    parameter: Parameter | str = VELOCITY,
     *,
     between: tuple[float, float],
-    start: Start = Relaxed(),
+    start: Start = FromRest(),
     step: float = 0.05,
     tolerance: float = 2e-3,
     method: MasterEquation = METHOD,
@@ -1059,7 +1073,7 @@ def bistable_band(
     """Find where both smooth sliding and stick-slip last: between the cycle's fold and the linear boundary.
 
     At each value where smooth sliding loses stability (linear) the cycle is taken up on the unstable side and
-    followed to the stable side until it dies. If there is no such value, the cycle is looked for from `start` on a
+    followed to the stable side until it decays. If there is no such value, the cycle is looked for from `start` on a
     grid of 17 values.
 
     Parameters
@@ -1067,8 +1081,8 @@ def bistable_band(
     interface, slider
         The rig.
     velocity : float, optional
-        Of the drive; needed unless it is the knob.
-    knob : Knob or str
+        Of the drive; needed unless it is the parameter.
+    parameter : Parameter or str
     between : (float, float)
         Range searched.
     start : Relaxed or Sliding
@@ -1083,10 +1097,10 @@ def bistable_band(
         With the range searched. A cycle that lives apart from every linear boundary, beside one that has a boundary,
         is not looked for.
     """
-    turned = knob_named(knob)
+    turned = parameter_named(parameter)
     low, high = check_range(turned, between)
     if velocity is None and turned.name != VELOCITY.name:
-        raise InputError(f"bistable_band: velocity is missing; it is needed with the knob {turned.name}")
+        raise InputError(f"bistable_band: velocity is missing; it is needed with the parameter {turned.name}")
     setting = _check(interface, slider, low if velocity is None else velocity, method)
     crossings = critical(turned, interface, slider, setting.velocity, between=(low, high))
     bands: list[Band] = []
@@ -1129,7 +1143,7 @@ def bistable_band(
                 folds.append(Bound(value=end.value, kind=kind, error=0.5 * abs(end.dies_at - end.lasts_at)))
             bands.append(Band(low=folds[0], high=folds[1]))
     return Bistability(
-        knob=turned.name,
+        parameter=turned.name,
         unit=turned.unit,
         searched=(low, high),
         bands=tuple(bands),
@@ -1151,20 +1165,20 @@ def bistable_region(
     tolerance: float = 0.02,
     progress: Callable[[float], None] | None = None,
 ) -> xr.Dataset:
-    """Find the ends of the bistable band along one knob at some values of another; takes seconds for each.
+    """Find the ends of the bistable band along one parameter at some values of another; takes seconds for each.
 
     Parameters
     ----------
     interface, slider, velocity
-        The setting; the values of the two knobs in it do not matter.
+        The setting; the values of the two parameters in it do not matter.
     over : (str, str)
-        Names of two knobs: bands lie along the second.
+        Names of two parameters: bands lie along the second.
     edge : xarray.Dataset
-        The linear boundary over the two knobs, from `stickslip.stability.boundary`: the places are spread over it.
+        The linear boundary over the two parameters, from `stickslip.stability.boundary`: the places are spread over it.
     between : (float, float)
-        Range of the second knob.
+        Range of the second parameter.
     places : int
-        Values of the first knob.
+        Values of the first parameter.
     step, tolerance : float
         As in `cycle_branch`.
     progress : callable, optional
@@ -1174,12 +1188,12 @@ def bistable_region(
     -------
     xarray.Dataset
         Along ``band``: ``band_<first>``, ``band_<second>_low`` and ``band_<second>_high``, and ``band_<second>_fold``,
-        whichever of the two is where stick-slip dies (NaN if that lies beyond the range). Places at which no band was
+        whichever of the two is where stick-slip decays (NaN if that lies beyond the range). Places at which no band was
         found, or a run could not be judged, are left out.
     """
     import xarray as xr
 
-    across, up = (knob_named(name) for name in over)
+    across, up = (parameter_named(name) for name in over)
     stable = edge["other_unstable"].to_numpy() == 0
     reached = edge[across.name].to_numpy()[stable]
     values = np.geomspace(reached.min(), reached.max(), places + 2)[1:-1] if reached.size else np.empty(0)

@@ -4,8 +4,8 @@ Every function draws what the Dataset holds, a run of the model or a measured tr
 ``long_name`` and ``units`` of the variables. Without `ax` a function makes a figure of its own; write it with `save`:
 
 >>> import stickslip as ss
->>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, spread=0.1))
->>> run = ss.simulate(interface, ss.Slider(stiffness=2.0, mass=1e-3, damping=20.0), ss.hold(1.0, duration=3))
+>>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1))
+>>> run = ss.simulate(interface, ss.Slider(stiffness=2.0, mass=1e-3, damping=20.0), ss.constant(1.0, duration=3))
 >>> from stickslip.plot import overview, save
 >>> save(overview(run), "run.png").name
 'run.png'
@@ -38,8 +38,8 @@ from matplotlib.rcsetup import cycler
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-from stickslip import files
 from stickslip.errors import InputError
+from stickslip.io import files
 from stickslip.measure import drops
 from stickslip.measure.arrays import check_numbers
 
@@ -185,7 +185,7 @@ def dress(axis: Axis, variable: xr.DataArray) -> None:
 def force_trace(
     run: xr.Dataset, ax: Axes | None = None, *, events: xr.Dataset | None = None, color: str = BLUE
 ) -> Axes:
-    """Draw the driving force against time.
+    """Draw the spring force against time.
 
     Parameters
     ----------
@@ -202,9 +202,9 @@ def force_trace(
     InputError
         If the Dataset has no such variable.
     """
-    force = _variable(run, "F_d", "t")
+    force = _variable(run, "spring_force", "time")
     ax = new_axes(PAGE, 2.2) if ax is None else ax
-    time = run["t"]
+    time = run["time"]
     ax.plot(*_envelope(time.to_numpy(), force.to_numpy()), color=color)
     if events is not None:
         _mark_slips(ax, events)
@@ -233,14 +233,16 @@ def velocity(run: xr.Dataset, ax: Axes | None = None, *, scale: Scale | None = N
         Logarithmic from the drive's velocity on, linear below it, as the slider may move back. By default
         logarithmic where the slider gets more than 25 times as fast as the drive.
     """
-    speed = _variable(run, "velocity", "t")
+    speed = _variable(run, "velocity", "time")
     ax = new_axes(PAGE, 2.2) if ax is None else ax
-    ax.plot(*_envelope(run["t"].to_numpy(), speed.to_numpy()), color=GREEN, label="slider")
+    ax.plot(*_envelope(run["time"].to_numpy(), speed.to_numpy()), color=GREEN, label="slider")
     usual = 0.0
     if "drive_velocity" in run:
-        drive = _variable(run, "drive_velocity", "t").to_numpy()
+        drive = _variable(run, "drive_velocity", "time").to_numpy()
         usual = float(np.max(np.abs(drive)))
-        ax.plot(*_envelope(run["t"].to_numpy(), drive), color=GREY, linewidth=0.9, linestyle=(0, (4, 2)), label="drive")
+        ax.plot(
+            *_envelope(run["time"].to_numpy(), drive), color=GREY, linewidth=0.9, linestyle=(0, (4, 2)), label="drive"
+        )
         legend_above(ax)
     if scale is None:
         scale = "log" if usual > 0 and float(np.max(np.abs(speed.to_numpy()))) > _WIDE_RANGE * usual else "linear"
@@ -253,7 +255,7 @@ def velocity(run: xr.Dataset, ax: Axes | None = None, *, scale: Scale | None = N
             return "" if 0 < abs(value) < linear else f"{value:g}".replace("-", "\N{MINUS SIGN}")
 
         ax.yaxis.set_major_formatter(FuncFormatter(tick))
-    dress(ax.xaxis, run["t"])
+    dress(ax.xaxis, run["time"])
     dress(ax.yaxis, speed)
     ax.margins(x=0.01)
     return ax
@@ -262,10 +264,10 @@ def velocity(run: xr.Dataset, ax: Axes | None = None, *, scale: Scale | None = N
 @house_style()
 def attached(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the fraction of attached contacts against time."""
-    fraction = _variable(run, "attached", "t")
+    fraction = _variable(run, "attached", "time")
     ax = new_axes(PAGE, 2.2) if ax is None else ax
-    ax.plot(*_envelope(run["t"].to_numpy(), fraction.to_numpy()), color=PURPLE)
-    dress(ax.xaxis, run["t"])
+    ax.plot(*_envelope(run["time"].to_numpy(), fraction.to_numpy()), color=PURPLE)
+    dress(ax.xaxis, run["time"])
     dress(ax.yaxis, fraction)
     ax.set_ylim(min(0.0, float(fraction.min())), 1.03)
     ax.margins(x=0.01)
@@ -274,7 +276,7 @@ def attached(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 @house_style()
 def phase_portrait(run: xr.Dataset, ax: Axes | None = None, *, after: float | None = None) -> Axes:
-    """Draw the driving force against the velocity of the slider: a point for smooth sliding, a loop for stick-slip.
+    """Draw the spring force against the velocity of the slider: a point for smooth sliding, a loop for stick-slip.
 
     Parameters
     ----------
@@ -284,35 +286,41 @@ def phase_portrait(run: xr.Dataset, ax: Axes | None = None, *, after: float | No
     after : float, optional
         Draw what comes after this time, in the unit of `t`: the cycle without the transient.
     """
-    _variable(run, "F_d", "t")
-    _variable(run, "velocity", "t")
+    _variable(run, "spring_force", "time")
+    _variable(run, "velocity", "time")
     ax = new_axes() if ax is None else ax
     if after is not None:
-        run = run.sel(t=slice(after, None))
-        if run.sizes["t"] < 2:
+        run = run.sel(time=slice(after, None))
+        if run.sizes["time"] < 2:
             raise InputError(f"phase_portrait: after = {after:g}: the data hold no motion after that time")
-    ax.plot(run["velocity"], run["F_d"], color=BLUE, linewidth=0.8, rasterized=run.sizes["t"] > 10 * _MOST_POINTS)
+    ax.plot(
+        run["velocity"],
+        run["spring_force"],
+        color=BLUE,
+        linewidth=0.8,
+        rasterized=run.sizes["time"] > 10 * _MOST_POINTS,
+    )
     dress(ax.xaxis, run["velocity"])
-    dress(ax.yaxis, run["F_d"])
+    dress(ax.yaxis, run["spring_force"])
     return ax
 
 
 @house_style()
 def stretchings(run: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw the snapshots of the law of stretchings ``Q(x)`` that a run recorded."""
-    if "Q" not in run or set(run["Q"].dims) != {"snapshot", "x"}:
-        raise InputError("plot: this run holds no snapshots; record them with Record(snapshots=(1.0, 2.0))")
-    for name in ("Q", "snapshot", "x"):
+    """Draw the snapshots of the distribution of stretchings ``Q(x)`` that a run recorded."""
+    if "stretching_density" not in run or set(run["stretching_density"].dims) != {"snapshot", "x"}:
+        raise InputError("plot: this run holds no snapshots; record them with Output(snapshots=(1.0, 2.0))")
+    for name in ("stretching_density", "snapshot", "x"):
         check_numbers("plot", run[name])
     ax = new_axes() if ax is None else ax
     count = run.sizes["snapshot"]
     colours = mpl.colormaps["cividis"](np.linspace(0.0, 0.9, count)) if count > len(PALETTE) else PALETTE
     time = unit_text(str(run["snapshot"].attrs.get("units", "")))
     time = "" if time == "time units" else f" {time}"
-    for one, colour in zip(run["Q"].transpose("snapshot", "x"), colours, strict=False):
+    for one, colour in zip(run["stretching_density"].transpose("snapshot", "x"), colours, strict=False):
         ax.plot(run["x"], one, color=colour, label=f"t = {float(one['snapshot']):.4g}{time}", drawstyle="steps-mid")
     dress(ax.xaxis, run["x"])
-    dress(ax.yaxis, run["Q"])
+    dress(ax.yaxis, run["stretching_density"])
     ax.set_ylim(bottom=0)
     legend_above(ax, columns=min(count, 3))
     return ax
@@ -320,11 +328,11 @@ def stretchings(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 @house_style()
 def rigid_curve(curve: xr.Dataset, ax: Axes | None = None, *, color: str = BLUE) -> Axes:
-    """Draw the force of the contacts against the displacement of a rigid slider, from `stickslip.slide`."""
-    force = _variable(curve, "F_c", "X")
+    """Draw the friction force against the displacement of a rigid slider, from `stickslip.slide`."""
+    force = _variable(curve, "friction_force", "displacement")
     ax = new_axes() if ax is None else ax
-    ax.plot(*_envelope(curve["X"].to_numpy(), force.to_numpy()), color=color)
-    dress(ax.xaxis, curve["X"])
+    ax.plot(*_envelope(curve["displacement"].to_numpy(), force.to_numpy()), color=color)
+    dress(ax.xaxis, curve["displacement"])
     dress(ax.yaxis, force)
     ax.margins(x=0.01)
     ax.set_ylim(bottom=min(0.0, float(force.min())))
@@ -343,10 +351,10 @@ _ENERGIES = {
 @house_style()
 def energy(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw where the work of the drive has gone: the parts stacked, and the work, which they add up to, on top."""
-    parts = {name: _variable(run, name, "t") for name in _ENERGIES}
-    work = _variable(run, "work", "t")
+    parts = {name: _variable(run, name, "time") for name in _ENERGIES}
+    work = _variable(run, "work", "time")
     ax = new_axes(PAGE, 2.6) if ax is None else ax
-    t = run["t"].to_numpy()
+    t = run["time"].to_numpy()
     # An envelope would not stack; the last of each group of samples will do.
     kept = np.unique(np.append(np.arange(0, t.size, max(1, t.size // _MOST_POINTS)), t.size - 1))
     stack = [part.to_numpy()[kept] for part in parts.values()]
@@ -354,7 +362,7 @@ def energy(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     ax.stackplot(t[kept], *stack, labels=names, colors=colours, alpha=0.75, linewidth=0)
     start = sum(float(part[0]) for part in parts.values())
     ax.plot(t[kept], work.to_numpy()[kept] + start, color=BLACK, linestyle=(0, (4, 2)), label="work of the drive")
-    dress(ax.xaxis, run["t"])
+    dress(ax.xaxis, run["time"])
     units = str(work.attrs.get("units", ""))
     per_contact = ", per contact" if "per contact" in str(work.attrs.get("long_name", "")) else ""
     dress(ax.yaxis, (work + start).assign_attrs(units=units, long_name=f"energy{per_contact}"))
@@ -377,9 +385,9 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None) -> Figure:
     Raises
     ------
     InputError
-        If the Dataset has no driving force, or too little of it to look for slips.
+        If the Dataset has no spring force, or too little of it to look for slips.
     """
-    _variable(run, "F_d", "t")
+    _variable(run, "spring_force", "time")
     events = drops(run) if events is None else events
     panels = [name for name in ("velocity", "attached") if name in run]
     figure = new_figure(PAGE, 2.2 + 1.7 * len(panels))
@@ -515,7 +523,7 @@ def chart(found: xr.Dataset) -> Figure:
         if "band" in found.dims and found.sizes["band"]:
             low, high = (found[f"band_{up}_{end}"].to_numpy() for end in ("low", "high"))
             place = found[f"band_{across}"].to_numpy()
-            ax.vlines(place, low, high, color="#0072B2", lw=3.0, alpha=0.7, label="stick-slip lasts, too (bistable)")
+            ax.vlines(place, low, high, color="#0072B2", lw=3.0, alpha=0.7, label="stick-slip persists, too (bistable)")
         here = float(found[f"here_{across}"]), float(found[f"here_{up}"])
         ax.plot(*here, "o", ms=8, mfc="white", mec="black", mew=1.5, label="this rig")
         ax.set(xscale="log", yscale="log", xlabel=label(found[across]), ylabel=label(found[up]))
@@ -548,7 +556,7 @@ _HALO = [Stroke(linewidth=3.2, foreground="white"), Normal()]
 
 @house_style()
 def sweep_picture(data: xr.Dataset) -> Figure:
-    """Draw a sweep: the regimes in a plane of two axes, or the swing of the force along one; starts side by side.
+    """Draw a sweep: the regimes in a plane of two axes, or the oscillation of the force along one; starts side by side.
 
     Parameters
     ----------
@@ -664,7 +672,9 @@ def _draw_theory(ax: Axes, data: xr.Dataset, across: str, up: str) -> dict[str, 
         x, fold = data[f"band_{across}"].to_numpy(), data[f"band_{up}_fold"].to_numpy()
         order = np.argsort(x)
         style: Any = {"color": VERMILLION, "linewidth": 1.4, "linestyle": (0, (4, 1.5)), "marker": "o", "markersize": 3}
-        (line,) = ax.plot(x[order], fold[order], **style, path_effects=_HALO, label="stick-slip dies (fold), computed")
+        (line,) = ax.plot(
+            x[order], fold[order], **style, path_effects=_HALO, label="stick-slip decays (fold), computed"
+        )
         drawn["fold"] = line
     return drawn
 
@@ -674,15 +684,15 @@ def _swing_along(data: xr.Dataset, axis: str) -> Figure:
         raise InputError("plot: this sweep holds no variable peak_to_peak; measure it to draw it along an axis")
     figure = new_figure(1.4 * COLUMN, 3.0)
     ax = figure.add_subplot()
-    swing, kinds = data["peak_to_peak"], _kinds(data)
-    starts = [str(start) for start in data["start"].values] if "start" in swing.dims else [None]
+    oscillation, kinds = data["peak_to_peak"], _kinds(data)
+    starts = [str(start) for start in data["start"].values] if "start" in oscillation.dims else [None]
     for start, dashes in zip(starts, ("-", (0, (4, 2))), strict=False):
-        mine = swing if start is None else swing.sel(start=start)
+        mine = oscillation if start is None else oscillation.sel(start=start)
         middle = mine.median("seed") if "seed" in mine.dims and axis != "seed" else mine
         name = _STARTS.get(str(start), "")
         ax.plot(data[axis], middle, color=GREY, linewidth=0.9, linestyle=dashes, label=name, zorder=1)
     for kind, (colour, mark, _) in _REGIMES.items():
-        shown = swing.where(kinds == kind).transpose(axis, ...)
+        shown = oscillation.where(kinds == kind).transpose(axis, ...)
         if mark and bool(shown.notnull().any()):
             values = shown.to_numpy().reshape(shown.sizes[axis], -1)
             style: Any = {"color": colour, "marker": mark, "linestyle": "none", "markeredgecolor": BLACK}
@@ -696,7 +706,7 @@ def _swing_along(data: xr.Dataset, axis: str) -> Figure:
         for i, (low, high) in enumerate(zip(*ends, strict=True)):
             ax.axvspan(low, high, color=YELLOW, alpha=0.3, linewidth=0, label=None if i else "both last, computed")
     _axis_of_sweep(ax.xaxis, data[axis])
-    dress(ax.yaxis, swing)
+    dress(ax.yaxis, oscillation)
     ax.set_ylim(bottom=0)
     found = dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
     _legend_below(figure, [handle for name, handle in found.items() if name])

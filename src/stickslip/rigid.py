@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError, instance, number, whole
 from stickslip.model import Delay, Interface
-from stickslip.simulate import LABELS, Contacts, MasterEquation, check_method, initial_nodes, pull_rigidly
-from stickslip.thresholds import SteadyState, excess
+from stickslip.model.distributions import SteadyState, excess
+from stickslip.simulation import LABELS, Contacts, MasterEquation, check_method, initial_nodes, pull_rigidly
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -33,7 +33,7 @@ class Renewal:
     Parameters
     ----------
     points : int
-        Intervals of the grid of positions; the error falls as ``points**-6`` for smooth laws.
+        Intervals of the grid of positions; the error falls as ``points**-6`` for smooth distributions.
     """
 
     points: int = 4096
@@ -42,7 +42,7 @@ class Renewal:
         object.__setattr__(self, "points", whole("Renewal.points", self.points, at_least=8, at_most=10_000_000))
 
 
-def slide(
+def rigid_slide(
     interface: Interface,
     distance: float,
     *,
@@ -57,14 +57,14 @@ def slide(
     distance : float
         Length of the motion, in ``x_s``.
     velocity : float
-        In ``x_s`` per time; matters only if broken contacts come back after a delay.
+        In ``x_s`` per time; matters only if broken contacts re-attach after a delay.
     method : Renewal, Contacts or MasterEquation
 
     Returns
     -------
     xarray.Dataset
-        On positions ``X``: ``F_c`` (force per contact in ``f_s``, Eq. (4)) and ``attached``; with `Renewal` also
-        ``breaking_rate`` (breaks per contact and ``x_s``, Eq. (2)) and ``stiffness`` (``dF_c/dX`` in ``k``).
+        On positions ``X``: ``friction_force`` (force per contact in ``f_s``, Eq. (4)) and ``attached``; with `Renewal`
+        also ``breaking_rate`` (breaks per contact and ``x_s``, Eq. (2)) and ``stiffness`` (``dF_c/dX`` in ``k``).
 
     Raises
     ------
@@ -75,8 +75,8 @@ def slide(
     -----
     `Renewal` solves Eqs. (1)-(4) to the letter: only contacts stretched forwards are asked for their threshold, so one
     that starts stretched backwards may have any. The other methods, which let the slider turn round, know that it lies
-    beyond ``|x_0|``. For initial and threshold spreads of .3 the first maxima differ by .001, for narrower ones by less
-    than 1e-6.
+    beyond ``|x_0|``. For initial and threshold standard deviations of .3 the first maxima differ by .001, for narrower
+    ones by less than 1e-6.
     """
     distance = number("slide: distance", distance, above=0, hint="in x_s")
     velocity = number("slide: velocity", velocity, above=0, hint="in x_s per time")
@@ -93,12 +93,20 @@ def slide(
     response = solution.at(X)
     return xr.Dataset(
         {
-            "F_c": ("X", response.force, LABELS["F_c"]),
-            "attached": ("X", response.attached, LABELS["attached"]),
-            "breaking_rate": ("X", response.rate, {"units": "1/x_s", "long_name": "breaks per contact and x_s"}),
-            "stiffness": ("X", response.stiffness, {"units": "k", "long_name": "stiffness dF_c/dX, per contact"}),
+            "friction_force": ("displacement", response.force, LABELS["friction_force"]),
+            "attached": ("displacement", response.attached, LABELS["attached"]),
+            "breaking_rate": (
+                "displacement",
+                response.rate,
+                {"units": "1/x_s", "long_name": "breaks per contact and x_s"},
+            ),
+            "stiffness": (
+                "displacement",
+                response.stiffness,
+                {"units": "k", "long_name": "stiffness dF_c/dX, per contact"},
+            ),
         },
-        coords={"X": ("X", X, LABELS["X"])},
+        coords={"displacement": ("displacement", X, LABELS["displacement"])},
     )
 
 
@@ -128,14 +136,14 @@ def effective_stiffness(interface: Interface, X: ArrayLike, *, velocity: float =
 def critical_stiffness(interface: Interface, *, reattachment: bool = True) -> float:
     """Critical stiffness ``K*`` of the driving spring, Eq. (8), per contact in units of ``k``.
 
-    A softer spring lets the slider jump when the force of the contacts falls; a stiffer one does not.
+    A softer spring lets the slider jump when the friction force falls; a stiffer one does not.
 
     Parameters
     ----------
     interface : Interface
         Its delay does not enter.
     reattachment : bool
-        Broken contacts are reborn at once (default), or never.
+        Broken contacts are re-attached at once (default), or never.
 
     Returns
     -------
@@ -144,11 +152,11 @@ def critical_stiffness(interface: Interface, *, reattachment: bool = True) -> fl
 
     Notes
     -----
-    Good to six digits for laws without jumps, to four for laws that jump and a start without spread, to two or three
-    for both a spread and jumps.
+    Good to six digits for distributions without jumps, to four for distributions that jump and a start without standard
+    deviation, to two or three for both a standard deviation and jumps.
 
-    For the Gaussian thresholds of the paper's Fig. 4 (spread .1, initial spread .01) the values are 2.989 and, without
-    re-attachment, 3.548. The paper prints 3.59, which its Eqs. (1)-(4) do not give.
+    For the Gaussian thresholds of the paper's Fig. 4 (standard deviation .1, initial standard deviation .01) the values
+    are 2.989 and, without re-attachment, 3.548. The paper prints 3.59, which its Eqs. (1)-(4) do not give.
     """
     return steepest_fall(interface, reattachment=reattachment)[0]
 
@@ -160,17 +168,24 @@ def steepest_fall(interface: Interface, *, reattachment: bool = True) -> tuple[f
     check_method(interface, Renewal())
     delay = Delay(0.0) if reattachment else Delay(math.inf)
     bare = Interface(thresholds=interface.thresholds, initial=interface.initial, delay=delay)
-    law = bare.threshold_law
-    if reattachment and bare.initial == SteadyState(thresholds=law):
-        return 0.0, 0.0  # exactly; a sum over nodes would find the jumps of the law in each of them
+    distribution = bare.threshold_distribution
+    if reattachment and bare.initial == SteadyState(thresholds=distribution):
+        return 0.0, 0.0  # exactly; a sum over nodes would find the jumps of the distribution in each of them
     # The first fall is the steepest: renewal only smooths. Twice the largest initial travel to break covers it.
-    distance = min(law.support[1] - min(bare.initial.support[0], 0.0), 4.0 * float(law.inverse_survival(1e-3))) + 0.1
+    distance = (
+        min(
+            distribution.support[1] - min(bare.initial.support[0], 0.0),
+            4.0 * float(distribution.inverse_survival(1e-3)),
+        )
+        + 0.1
+    )
     points = _points(bare, distance)
     solution = _Solution(bare, distance, 1.0, points)
     X = np.linspace(0.0, distance, points + 1)
-    # Where the law jumps, the fall from a start without spread is steepest just before or after: look at both sides.
+    # Where the distribution jumps, the fall from a start without standard deviation is steepest just before or after:
+    # look at both sides.
     starts = solution.initial_stretchings if solution.initial_stretchings.size == 1 else np.empty(0)
-    jumps = np.array([knot - x for knot in law.knots for x in starts])
+    jumps = np.array([knot - x for knot in distribution.knots for x in starts])
     jumps = jumps[(jumps > 0) & (jumps < distance)]
     X = np.unique(np.concatenate([X, np.nextafter(jumps, 0), np.nextafter(jumps, np.inf)]))
     K_eff = -solution.at(X).stiffness
@@ -186,25 +201,28 @@ def steepest_fall(interface: Interface, *, reattachment: bool = True) -> tuple[f
 
 
 def static_friction(interface: Interface) -> tuple[float, float]:
-    """Largest force of the contacts in quasi-static motion, per contact in ``f_s``, and the displacement there."""
+    """Largest friction force in quasi-static motion, per contact in ``f_s``, and the displacement there."""
     instance("static_friction: interface", interface, Interface, "an Interface")
-    run = slide(interface.__class__(thresholds=interface.thresholds, initial=interface.initial), _reach(interface))
-    force = run["F_c"].to_numpy()
+    run = rigid_slide(
+        interface.__class__(thresholds=interface.thresholds, initial=interface.initial), _reach(interface)
+    )
+    force = run["friction_force"].to_numpy()
     best = int(np.argmax(force))
-    return float(force[best]), float(run["X"].to_numpy()[best])
+    return float(force[best]), float(run["displacement"].to_numpy()[best])
 
 
 def _reach(interface: Interface) -> float:
-    return 4.0 * float(interface.threshold_law.inverse_survival(1e-3))
+    return 4.0 * float(interface.threshold_distribution.inverse_survival(1e-3))
 
 
 def _points(interface: Interface, distance: float) -> int:
-    """Intervals of a grid that resolves the laws for six digits where they are smooth, for four at their jumps."""
-    spreads = [interface.threshold_law.standard_deviation(), interface.initial.standard_deviation()]
-    spacing = max(min(s for s in spreads if s > 0) / 4.0, 1e-4) if max(spreads) > 0 else 1e-3
+    """Intervals of a grid that resolves the distributions for six digits where they are smooth, for four at their jumps."""
+    stds = [interface.threshold_distribution.standard_deviation(), interface.initial.standard_deviation()]
+    spacing = max(min(s for s in stds if s > 0) / 4.0, 1e-4) if max(stds) > 0 else 1e-3
     points = max(512, math.ceil(distance / spacing))
-    # From a start without spread, a jump of the law makes a kink, beside which interpolation is of first order.
-    kinked = spreads[1] == 0 and any(0 < knot < distance for knot in interface.threshold_law.knots)
+    # From a start without standard deviation, a jump of the distribution makes a kink, beside which interpolation is of
+    # first order.
+    kinked = stds[1] == 0 and any(0 < knot < distance for knot in interface.threshold_distribution.knots)
     return 16 * points if kinked else points
 
 
@@ -219,21 +237,21 @@ class _Solution:
         from stickslip.kernels import renewal
 
         self._kernel = renewal
-        law = interface.threshold_law
-        # Where the law of thresholds jumps, each node of the start makes a jump of its own in the stiffness.
-        jumps = any(0 < knot < math.inf for knot in law.knots)
+        distribution = interface.threshold_distribution
+        # Where the distribution of thresholds jumps, each node of the start makes a jump of its own in the stiffness.
+        jumps = any(0 < knot < math.inf for knot in distribution.knots)
         self.initial_stretchings, weight = initial_nodes(interface, finer=16 if jumps else 1)
         work = self.initial_stretchings.size * float(points)
         if work > _MOST_WORK:
             raise InputError(
-                f"{work:.1g} points are needed to resolve thresholds of spread {law.standard_deviation():.3g} x_s and "
-                f"initial stretchings of spread {interface.initial.standard_deviation():.3g} x_s over {distance:.3g} "
-                f"x_s, more than {_MOST_WORK:.0e}: give spreads that differ less from each other and from the mean"
+                f"{work:.1g} points are needed to resolve thresholds of standard deviation {distribution.standard_deviation():.3g} x_s and "
+                f"initial stretchings of standard deviation {interface.initial.standard_deviation():.3g} x_s over {distance:.3g} "
+                f"x_s, more than {_MOST_WORK:.0e}: give standard deviations that differ less from each other and from the mean"
             )
         delay, share = interface.delay.quadrature()
         self._contacts = renewal.Contacts(
-            law.density,
-            lambda x, n: excess(law, x, n),
+            distribution.density,
+            lambda x, n: excess(distribution, x, n),
             self.initial_stretchings,
             weight,
             np.maximum(self.initial_stretchings, 0.0),

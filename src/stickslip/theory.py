@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError, instance, number, numbers
 from stickslip.model import ExponentialGrowth, Interface, Langevin, LogarithmicGrowth, Slider
-from stickslip.thresholds import Gaussian
+from stickslip.model.distributions import Gaussian
 
 if TYPE_CHECKING:
     from stickslip.kernels.growth import Growth
@@ -27,14 +27,15 @@ def kinetic_friction(interface: Interface, velocity: float = 0.0) -> float: ...
 @overload
 def kinetic_friction(interface: Interface, velocity: Array) -> Array: ...
 def kinetic_friction(interface: Interface, velocity: float | Array = 0.0) -> float | Array:
-    """Return the mean force of the contacts in smooth sliding, ``F_k = k m2/(2 (m1 + v <tau>))``.
+    """Return the mean friction force in smooth sliding, ``F_k = k m2/(2 (m1 + v <tau>))``.
 
     The force of the steady state of Eqs. (1)-(4) with attached contacts counted by Eq. (10); ``m1, m2`` are
-    the first two moments of the positive law of thresholds. Exact for any law and any delay law.
+    the first two moments of the positive distribution of thresholds. Exact for any distribution and any delay
+    distribution.
 
     Thresholds that age by `Langevin` have no such form: the stationary kinetic equation of Eqs. (13)-(17) is
     solved, to 1e-4 or better. Without delay the force depends on ``v/rate**2`` alone. For thresholds that grow by a
-    fixed law (`ExponentialGrowth`, `LogarithmicGrowth`) the lives of contacts are integrated over their strengths.
+    fixed rule (`ExponentialGrowth`, `LogarithmicGrowth`) the lives of contacts are integrated over their strengths.
 
     Parameters
     ----------
@@ -52,14 +53,14 @@ def kinetic_friction(interface: Interface, velocity: float | Array = 0.0) -> flo
     Raises
     ------
     InputError
-        If thresholds age by `Langevin` from a law that is no Gaussian, or slide at 0 velocity while they age; if the
-        delay is infinite at zero velocity, or with `Langevin` a delay meets newborns without strength.
+        If thresholds age by `Langevin` from a distribution that is no Gaussian, or slide at 0 velocity while they age;
+        if the delay is infinite at zero velocity, or with `Langevin` a delay meets newborns without strength.
     """
     instance("kinetic_friction: interface", interface, Interface, "an Interface")
     if interface.ageing is not None:
         return _ageing_friction(interface, velocity)
-    law = interface.threshold_law
-    return 0.5 * law.moment(2) / law.moment(1) * attached_fraction(interface, velocity)
+    distribution = interface.threshold_distribution
+    return 0.5 * distribution.moment(2) / distribution.moment(1) * attached_fraction(interface, velocity)
 
 
 def _ageing_friction(interface: Interface, velocity: float | Array) -> float | Array:
@@ -71,9 +72,9 @@ def _ageing_friction(interface: Interface, velocity: float | Array) -> float | A
     if isinstance(interface.ageing, Langevin):
         force = langevin_steady.steady_friction(speed.ravel(), ageing_constants(interface), delay)
     else:
-        strength = np.linspace(0.0, interface.threshold_law.support[1], 8001)
-        survival = interface.threshold_law.survival(strength)
-        force = growth.growing_friction(speed.ravel(), growth_law(interface), strength, survival, delay)
+        strength = np.linspace(0.0, interface.threshold_distribution.support[1], 8001)
+        survival = interface.threshold_distribution.survival(strength)
+        force = growth.growing_friction(speed.ravel(), growth_model(interface), strength, survival, delay)
     return float(force[0]) if speed.ndim == 0 else np.asarray(force.reshape(speed.shape))
 
 
@@ -84,10 +85,11 @@ def closure_friction(interface: Interface, velocity: Array) -> Array: ...
 def closure_friction(interface: Interface, velocity: float | Array) -> float | Array:
     """Return the force in smooth sliding by the paper's closure, Eqs. (1)-(3) with (18): an approximation.
 
-    One law of thresholds for all contacts, whatever their stretching. Against `kinetic_friction` it is 23 % too large
-    at ``v = .01 rate**2`` (there it has a closed form, lives being exponential), 9 % too small at .5 and 28 % too
-    small at 1 (spread .1). At 1 most thresholds are next to 0, and the result depends on what is done with those
-    that noise would carry below: here they stay above. Counted as broken at once they would make it 67 % too small.
+    One distribution of thresholds for all contacts, whatever their stretching. Against `kinetic_friction` it is 23 %
+    too large at ``v = .01 rate**2`` (there it has a closed form, lives being exponential), 9 % too small at .5 and 28 %
+    too small at 1 (standard deviation .1). At 1 most thresholds are next to 0, and the result depends on what is done
+    with those that noise would carry below: here they stay above. Counted as broken at once they would make it 67 % too
+    small.
 
     Parameters
     ----------
@@ -117,7 +119,7 @@ def closure_friction(interface: Interface, velocity: float | Array) -> float | A
 
 
 def gaussian_ageing(interface: Interface) -> tuple[Langevin, Gaussian]:
-    """Return the ageing and the stationary law of thresholds that the kinetic equation of Eqs. (13)-(17) takes.
+    """Return the ageing and the stationary distribution of thresholds that the kinetic equation of Eqs. (13)-(17) takes.
 
     Raises
     ------
@@ -125,40 +127,45 @@ def gaussian_ageing(interface: Interface) -> tuple[Langevin, Gaussian]:
         If thresholds do not age by `Langevin` from a Gaussian, or a delay meets newborns without strength.
     """
     instance("interface", interface, Interface, "an Interface")
-    ageing, law = interface.ageing, interface.thresholds
+    ageing, distribution = interface.ageing, interface.thresholds
     if not isinstance(ageing, Langevin):
         raise InputError(
             f"Interface.ageing = {ageing}: the kinetic equation, and with it the stability of smooth sliding, "
             "is known for ageing by Langevin(rate, newborn) only; use that, or ageing=None"
         )
-    if not isinstance(law, Gaussian) or law.lower > 0 or law.mean <= 0 or law.spread <= 0:
+    if (
+        not isinstance(distribution, Gaussian)
+        or distribution.lower > 0
+        or distribution.mean <= 0
+        or distribution.std <= 0
+    ):
         raise InputError(
-            f"Interface.thresholds = {law}: thresholds that age by Langevin have a Gaussian as their stationary law, "
-            "Eq. (17): give Gaussian(mean, spread), both above 0 and not cut off above 0"
+            f"Interface.thresholds = {distribution}: thresholds that age by Langevin have a Gaussian as their stationary distribution, "
+            "Eq. (17): give Gaussian(mean, std), both above 0 and not cut off above 0"
         )
     if interface.delay.moment(1) > 0 and ageing.newborn == 0:
         raise InputError(
             f"Langevin.newborn = 0 with Interface.delay = {interface.delay}: newborns without strength break at once "
             "and without end, and a delay after each break leaves none that holds; give newborn > 0 or no delay"
         )
-    return ageing, law
+    return ageing, distribution
 
 
 def ageing_constants(interface: Interface) -> Constants:
     """Return what the kernels know of ageing by `Langevin`; raises what `gaussian_ageing` does."""
     from stickslip.kernels.langevin import Langevin as Constants
 
-    ageing, law = gaussian_ageing(interface)
-    return Constants(ageing.rate, law.mean, law.spread, ageing.newborn)
+    ageing, distribution = gaussian_ageing(interface)
+    return Constants(ageing.rate, distribution.mean, distribution.std, ageing.newborn)
 
 
-def growth_law(interface: Interface) -> Growth:
-    """Return a fixed law of growth as `stickslip.kernels.growth.grown` takes it.
+def growth_model(interface: Interface) -> Growth:
+    """Return a fixed rule of growth as `stickslip.kernels.growth.grown` takes it.
 
     Raises
     ------
     InputError
-        If thresholds do not grow by such a law.
+        If thresholds do not grow by such a distribution.
     """
     from stickslip.kernels.growth import EXPONENTIAL, LOGARITHMIC, Growth
 
@@ -167,7 +174,7 @@ def growth_law(interface: Interface) -> Growth:
             return Growth(EXPONENTIAL, rate, newborn)
         case LogarithmicGrowth(slope=slope, time=time):
             return Growth(LOGARITHMIC, slope, time)
-    raise InputError(f"Interface.ageing = {interface.ageing}: is no fixed law of growth; use ExponentialGrowth")
+    raise InputError(f"Interface.ageing = {interface.ageing}: is no fixed rule of growth; use ExponentialGrowth")
 
 
 def lives(growth: Growth, strength: Array, velocity: float) -> Array:
@@ -211,7 +218,7 @@ def attached_fraction(interface: Interface, velocity: float) -> float: ...
 @overload
 def attached_fraction(interface: Interface, velocity: Array) -> Array: ...
 def attached_fraction(interface: Interface, velocity: float | Array) -> float | Array:
-    """Return the mean share of attached contacts in smooth sliding, ``N_c/N = 1/(1 + v <tau>/<x_s>)``, Eq. (10).
+    """Return the mean fraction of attached contacts in smooth sliding, ``N_c/N = 1/(1 + v <tau>/<x_s>)``, Eq. (10).
 
     The paper's ``vbar = xbar/tau_d`` with ``xbar = 1/Gamma``, which in steady sliding is the mean threshold
     stretching. There it is exact, for a random delay with the mean delay. Used inside the dynamics, as the
@@ -246,7 +253,7 @@ def attached_fraction(interface: Interface, velocity: float | Array) -> float | 
         raise InputError(
             "velocity = 0: with an infinite delay the limit of slow sliding does not exist; give one above 0"
         )
-    attached = 1.0 / (1.0 + speed * mean / interface.threshold_law.moment(1))
+    attached = 1.0 / (1.0 + speed * mean / interface.threshold_distribution.moment(1))
     return float(attached) if attached.ndim == 0 else attached
 
 
@@ -276,21 +283,21 @@ def critical_stiffness_estimate(interface: Interface) -> float:
     """Return the paper's rough ``K* ~ N k f_s/(Delta f_s + Delta f_0)``, Eq. (9): a hint at scaling.
 
     For the paper's own parameters it gives 9.1 where Eqs. (1)-(4) and (8) give 2.99. It is only meant for
-    narrow laws.
+    narrow distributions.
 
     Parameters
     ----------
     interface : Interface
-        Its laws of thresholds and of initial stretchings, by mean and standard deviation.
+        Its distributions of thresholds and of initial stretchings, by mean and standard deviation.
 
     Returns
     -------
     float
         Per contact, in ``k``; infinite where all contacts are equal.
     """
-    law = interface.threshold_law
-    width = law.standard_deviation() + interface.initial.standard_deviation()
-    return law.moment(1) / width if width > 0 else math.inf
+    distribution = interface.threshold_distribution
+    width = distribution.standard_deviation() + interface.initial.standard_deviation()
+    return distribution.moment(1) / width if width > 0 else math.inf
 
 
 def slip_displacement(slider: Slider, velocity: float, elapsed: ArrayLike) -> Array:
@@ -345,7 +352,7 @@ def critical_delay_estimate(interface: Interface, slider: Slider, velocity: floa
     Parameters
     ----------
     interface : Interface
-        Its spread of thresholds is ``Delta x_s``.
+        Its standard deviation of thresholds is ``Delta x_s``.
     slider : Slider
         With a mass.
     velocity : float
@@ -365,7 +372,7 @@ def critical_delay_estimate(interface: Interface, slider: Slider, velocity: floa
     instance("critical_delay_estimate: slider", slider, Slider, "a Slider")
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
     number("Slider.mass", slider.mass, above=0, hint="M/N")
-    width = interface.threshold_law.standard_deviation()
+    width = interface.threshold_distribution.standard_deviation()
     # phase (1 + phase^2/6) = Omega Delta x_s/v: a cubic with one real root.
     asked = slider.frequency * width / speed
     phase = 2 * math.sqrt(2) * math.sinh(math.asinh(1.5 * asked / math.sqrt(2)) / 3)

@@ -4,7 +4,7 @@ It needs the extra ``pip install stickslip[explorer]`` and asks no other host fo
 
 - `server`: the loopback server, what it refuses, and the sessions in which the newest request wins.
 - `answers`: a request in, plain data for the page out; no state.
-- `documents`: rigs as the page holds them (the content of a rig file): presets, knobs turned, errors by field.
+- `documents`: rigs as the page holds them (the content of a rig file): presets, parameters varied, errors by field.
 - ``static/``: the page.
 """
 

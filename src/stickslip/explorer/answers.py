@@ -1,8 +1,8 @@
 """What the page asks for: a document in, plain data out. No state.
 
 An answer is a generator: what it yields is sent at once, so that the force trace does not wait for what takes longer.
-It takes a `Watch`, which it calls now and then with the share of the work done, and which ends work that nobody waits
-for any more by raising.
+It takes a `Watch`, which it calls now and then with the fraction of the work done, and which ends work that nobody
+waits for any more by raising.
 """
 
 from __future__ import annotations
@@ -22,15 +22,16 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from stickslip import advise, cycles, measure, plot, rigid, store, theory
-from stickslip import rig as rigs
-from stickslip.door import read_quantity
+from stickslip import advise, cycles, measure, plot, rigid, theory
 from stickslip.errors import InputError, UndecidedError, instance, number, shown
 from stickslip.explorer import documents
+from stickslip.io import datasets as store
+from stickslip.io import rig_files as rigs
+from stickslip.io.rig_files import Rig
+from stickslip.io.validation import read_quantity
 from stickslip.model import Delay, Interface
-from stickslip.rig import Rig
-from stickslip.simulate import simulate
-from stickslip.stability import KNOBS, Setting
+from stickslip.simulation import simulate
+from stickslip.stability import PARAMETERS, Setting
 
 Array = NDArray[np.float64]
 Plain = dict[str, Any]
@@ -62,24 +63,24 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
         "phase": _phase(shown),
         "stretchings": _stretchings(shown),
         "name": rig.name,
-        "knobs": _knobs(rig),
+        "parameters": _knobs(rig),
         "took": time.perf_counter() - begun,
     }
     yield {"friction": _friction(rig)}
 
 
 def stretchings(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """The law of stretchings at another time of the same run."""
+    """The distribution of stretchings at another time of the same run."""
     rig = documents.rig_of(request.get("document"))
     yield {"stretchings": _stretchings(rig.in_its_units(_run(rig, watch, snapshots=(_look(request, rig),))))}
 
 
 def edit(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """A document with knobs turned, in other units, or with the damping given in the other way."""
+    """A document with parameters varied, in other units, or with the damping given in the other way."""
     del watch
     rig = documents.rig_of(request.get("document"))
     if "turn" in request:
-        instance("turn", values := request["turn"], dict, "a table of knobs and values")
+        instance("turn", values := request["turn"], dict, "a table of parameters and values")
         yield {"document": documents.turned(rig, values)}
     elif "units" in request:
         yield {"document": documents.in_units(rig, request["units"])}
@@ -90,22 +91,22 @@ def edit(request: Plain, watch: Watch) -> Iterator[Plain]:
 
 
 def _knobs(rig: Rig) -> dict[str, float]:
-    """Where each knob of the map stands, in the unit of its axis."""
+    """Where each parameter of the map stands, in the unit of its axis."""
     if rig.velocity <= 0:
         return {}
     setting = Setting(interface=rig.interface, rig=rig.slider, velocity=rig.velocity)
     found = {}
-    for knob in KNOBS:
-        with suppress(InputError):  # the rig has no such knob
-            value = knob.get(setting)
+    for parameter in PARAMETERS:
+        with suppress(InputError):  # the rig has no such parameter
+            value = parameter.get(setting)
             if math.isfinite(value):
-                found[knob.name] = value * _unit(rig, knob.name)
+                found[parameter.name] = value * _unit(rig, parameter.name)
     return found
 
 
-def _unit(rig: Rig, knob: str) -> float:
-    """Size of a knob's natural unit on the axes of the map."""
-    return 1.0 if rig.scales is None else rig.scales.unit(documents.QUANTITIES[knob])
+def _unit(rig: Rig, parameter: str) -> float:
+    """Size of a parameter's natural unit on the axes of the map."""
+    return 1.0 if rig.scales is None else rig.scales.unit(documents.QUANTITIES[parameter])
 
 
 def _run(rig: Rig, watch: Watch, snapshots: tuple[float, ...] = ()) -> xr.Dataset:
@@ -115,7 +116,7 @@ def _run(rig: Rig, watch: Watch, snapshots: tuple[float, ...] = ()) -> xr.Datase
         rig.slider,
         rig.drive,
         rig.method,
-        record=replace(rig.record, snapshots=snapshots),
+        output=replace(rig.output, snapshots=snapshots),
         start=rig.start,
         progress=watch,
     )
@@ -124,13 +125,13 @@ def _run(rig: Rig, watch: Watch, snapshots: tuple[float, ...] = ()) -> xr.Datase
 def _trace(data: xr.Dataset, width: int) -> Plain:
     """Force against time, thinned to the width of the screen, with slips and regime in words."""
     catalogue, seen = measure.drops(data), measure.regime(data)
-    times, force = _axis(data["t"]), _axis(data["F_d"])
-    t, f = envelope(data["t"].to_numpy() / times["factor"], data["F_d"].to_numpy() / force["factor"], width)
+    times, force = _axis(data["time"]), _axis(data["spring_force"])
+    t, f = envelope(data["time"].to_numpy() / times["factor"], data["spring_force"].to_numpy() / force["factor"], width)
     start, end, before = (catalogue[name].to_numpy()[:_MOST_MARKED] for name in ("start", "end", "force_before"))
     return {
         "time": {**times, "values": packed(t)},
         "force": {**force, "values": packed(f)},
-        "span": [float(data["t"][0]) / times["factor"], float(data["t"][-1]) / times["factor"]],
+        "span": [float(data["time"][0]) / times["factor"], float(data["time"][-1]) / times["factor"]],
         "slips": {
             "count": int(catalogue.sizes.get("event", 0)),
             "start": _list(start / times["factor"]),
@@ -144,9 +145,11 @@ def _trace(data: xr.Dataset, width: int) -> Plain:
 
 def _phase(data: xr.Dataset) -> Plain:
     """Force against velocity in the last two fifths of the run."""
-    late = data.isel(t=slice(int(0.6 * data.sizes["t"]), None))
-    velocity, force = _axis(late["velocity"]), _axis(data["F_d"])
-    v, f = along_path(late["velocity"].to_numpy() / velocity["factor"], late["F_d"].to_numpy() / force["factor"])
+    late = data.isel(time=slice(int(0.6 * data.sizes["time"]), None))
+    velocity, force = _axis(late["velocity"]), _axis(data["spring_force"])
+    v, f = along_path(
+        late["velocity"].to_numpy() / velocity["factor"], late["spring_force"].to_numpy() / force["factor"]
+    )
     return {
         "velocity": {**velocity, "values": packed(v)},
         "force": {**force, "values": packed(f)},
@@ -155,11 +158,14 @@ def _phase(data: xr.Dataset) -> Plain:
 
 
 def _stretchings(data: xr.Dataset) -> Plain:
-    x, density = _axis(data["x"]), {**_axis(data["Q"]), "title": "Q(x)"}
+    x, density = _axis(data["x"]), {**_axis(data["stretching_density"]), "title": "Q(x)"}
     return {
         "x": {**x, "values": packed(data["x"].to_numpy() / x["factor"])},
-        "Q": {**density, "values": packed(data["Q"].to_numpy()[0] / density["factor"])},
-        "at": float(data["snapshot"][0]) / _axis(data["t"])["factor"],
+        "stretching_density": {
+            **density,
+            "values": packed(data["stretching_density"].to_numpy()[0] / density["factor"]),
+        },
+        "at": float(data["snapshot"][0]) / _axis(data["time"])["factor"],
     }
 
 
@@ -207,7 +213,7 @@ def _critical_stiffness(interface: Interface) -> float:
 
 
 def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """The stability map over two knobs, in the rig's units."""
+    """The stability map over two parameters, in the rig's units."""
     rig = documents.rig_of(request.get("document"))
     documents.check_thresholds(rig)
     over = _over(request)
@@ -238,13 +244,13 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
     }
 
 
-def _map_axis(knob: xr.DataArray) -> Plain:
-    values = knob.to_numpy()
-    return {**_label(knob), "values": packed(values), "ends": [float(values[0]), float(values[-1])]}
+def _map_axis(parameter: xr.DataArray) -> Plain:
+    values = parameter.to_numpy()
+    return {**_label(parameter), "values": packed(values), "ends": [float(values[0]), float(values[-1])]}
 
 
 def _shade(share: Array) -> Array:
-    """Growth rates, as shares of the largest, spread out about zero."""
+    """Growth rates, as fractions of the largest, spread out about zero."""
     return np.asarray(np.arcsinh(share / 1e-3) / np.arcsinh(1e3))
 
 
@@ -253,12 +259,12 @@ def band(request: Plain, watch: Watch) -> Iterator[Plain]:
     rig = documents.rig_of(request.get("document"))
     documents.check_thresholds(rig)
     over = _over(request)
-    across, up = (next(knob for knob in KNOBS if knob.name == name) for name in over)
+    across, up = (next(parameter for parameter in PARAMETERS if parameter.name == name) for name in over)
     (left, right), (low, high) = (_ends(request, key) for key in ("x", "y"))
     scale = {name: _unit(rig, name) for name in over}
     setting = Setting(interface=rig.interface, rig=rig.slider, velocity=rig.velocity)
-    for knob, key, ends in ((across, "x", (left, right)), (up, "y", (low, high))):
-        here = knob.get(setting) * scale[knob.name]
+    for parameter, key, ends in ((across, "x", (left, right)), (up, "y", (low, high))):
+        here = parameter.get(setting) * scale[parameter.name]
         if not here / _FARTHEST <= ends[0] <= ends[1] <= here * _FARTHEST:
             raise InputError(f"map: {key} = {list(ends)}: must lie within a factor of {_FARTHEST:g} of {here:.4g}")
     # From the middle outwards: the rig stands there.
@@ -286,20 +292,23 @@ def band(request: Plain, watch: Watch) -> Iterator[Plain]:
 
 
 def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """Verdict, numbers, margins and remedies."""
+    """Verdict, numbers, margins and mitigations."""
     rig = documents.rig_of(request.get("document"))
     documents.check_size(rig)
     documents.check_thresholds(rig)
     found = advise.predict(rig, progress=watch)
-    remedies = []
-    for remedy, words in zip(found.remedies, found.remedy_lines(), strict=True):
-        targets = (("smooth sliding stays", remedy.keeps), ("stick-slip dies", remedy.stops))
+    mitigations = []
+    for mitigation, words in zip(found.mitigations, found.mitigation_lines(), strict=True):
+        targets = (("smooth sliding stays", mitigation.keeps), ("stick-slip decays", mitigation.stops))
         steps = [
-            {"title": f"{advise.amount(rig, remedy.knob, value)}: {title}", "value": value * _unit(rig, remedy.knob)}
+            {
+                "title": f"{advise.amount(rig, mitigation.parameter, value)}: {title}",
+                "value": value * _unit(rig, mitigation.parameter),
+            }
             for title, value in targets
             if value is not None
         ]
-        remedies.append({"knob": remedy.knob, "words": words, "steps": steps})
+        mitigations.append({"parameter": mitigation.parameter, "words": words, "steps": steps})
     yield {
         "name": rig.name,
         "verdict": found.verdict,
@@ -307,16 +316,16 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
         "evidence": str(found.regime).splitlines(),
         "numbers": [list(pair) for pair in found.numbers()],
         "margins": [list(row) for row in found.margin_rows()],
-        "remedies": remedies,
+        "mitigations": mitigations,
         "assumed": dict(rig.assumed),
     }
 
 
 def _over(request: Plain) -> tuple[str, str]:
     over = request.get("over")
-    known = [knob.name for knob in KNOBS]
+    known = [parameter.name for parameter in PARAMETERS]
     if not isinstance(over, list) or len(over) != 2 or over[0] == over[1] or any(name not in known for name in over):
-        raise InputError(f"map: over = {shown(over)}: must be two different knobs of {', '.join(known)}")
+        raise InputError(f"map: over = {shown(over)}: must be two different parameters of {', '.join(known)}")
     return (str(over[0]), str(over[1]))
 
 

@@ -1,6 +1,6 @@
 """Rigs as the page holds them: the content of a rig file, as a plain mapping.
 
-What the page shows in a field is what stands in the document; every check is made here, by `stickslip.rig`.
+What the page shows in a field is what stands in the document; every check is made here, by `stickslip.io.rig_files`.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from copy import deepcopy
 from typing import Any
 
 from stickslip import model
-from stickslip import rig as rigs
 from stickslip.errors import InputError, number, shown
+from stickslip.io import rig_files as rigs
+from stickslip.io.rig_files import Rig
 from stickslip.model import PaperCase, RandomDelay
-from stickslip.rig import Rig
-from stickslip.simulate import Contacts
-from stickslip.stability import KNOBS
-from stickslip.thresholds import Empirical
-from stickslip.units import SI, Quantity, Scales, quantity
+from stickslip.model.distributions import Empirical
+from stickslip.model.units import SI, Quantity, Scales, quantity
+from stickslip.simulation import Contacts
+from stickslip.stability import PARAMETERS
 
 Document = dict[str, Any]
 
@@ -40,12 +40,12 @@ MOST_SAMPLES = 200_000
 MOST_PIECES = 1_000
 """Of a drive."""
 MOST_BINS = 1_000
-"""Of an empirical law of thresholds."""
+"""Of an empirical distribution of thresholds."""
 DECADES = 15
 """Powers of ten of a number of the model, in natural units."""
 NARROWEST, WIDEST = 2e-3, 5.0
-"""Bounds on the spread of the thresholds over their mean, and on both in ``x_s``: theory takes its steps by the
-narrowest law and goes as far as the widest."""
+"""Bounds on the standard deviation of the thresholds over their mean, and on both in ``x_s``: theory takes its steps by the
+narrowest distribution and goes as far as the widest."""
 
 LARGEST_REQUEST = 1_000_000
 """Bytes of a message from the page, and of a document."""
@@ -56,8 +56,8 @@ DEEPEST = 12
 LONGEST_TEXT = 2_000
 """Characters of a text in a message."""
 
-QUANTITIES: Mapping[str, Quantity] = {knob.name: quantity(knob.unit) for knob in KNOBS}
-"""Knobs of the theory of stability, and what they are."""
+QUANTITIES: Mapping[str, Quantity] = {parameter.name: quantity(parameter.unit) for parameter in PARAMETERS}
+"""Parameters of the theory of stability, and what they are."""
 
 _BENCH = Scales(force=768.0, stretching=2e-6, time=5e-3)
 """Scales for a rig in natural units that is to be shown in SI: those of the example pmma_slider."""
@@ -126,7 +126,7 @@ def rig_of(document: object) -> Rig:
     Raises
     ------
     InputError
-        As `stickslip.rig.from_document`, and if a run of it would keep the page waiting.
+        As `stickslip.io.rig_files.from_document`, and if a run of it would keep the page waiting.
     """
     if not isinstance(document, Mapping):
         raise InputError("rig: must be a table with slider, interface and drive")
@@ -157,12 +157,12 @@ def check_size(rig: Rig) -> None:
     if len(pieces) > MOST_PIECES:
         raise InputError(f"drive.pieces: must be at most {MOST_PIECES}, here {len(pieces)}, to stay live; {elsewhere}")
     for name in ("thresholds", "initial"):
-        law = getattr(rig.interface, name)
-        if isinstance(law, Empirical) and len(law.weights) > MOST_BINS:
+        distribution = getattr(rig.interface, name)
+        if isinstance(distribution, Empirical) and len(distribution.weights) > MOST_BINS:
             raise InputError(
-                f"interface.{name}: must have at most {MOST_BINS} bins, here {len(law.weights)}, to stay live"
+                f"interface.{name}: must have at most {MOST_BINS} bins, here {len(distribution.weights)}, to stay live"
             )
-    samples = 0.0 if rig.record.interval is None else rig.drive.duration / rig.record.interval
+    samples = 0.0 if rig.output.interval is None else rig.drive.duration / rig.output.interval
     if samples > MOST_SAMPLES:
         raise InputError(
             f"simulation.interval = {rig.in_units(rig.record.interval or 0.0, 'time')}: must be at least "
@@ -224,12 +224,12 @@ def _check_decades(rig: Rig) -> None:
 
 
 def check_thresholds(rig: Rig) -> None:
-    """Raise `InputError` if theory would keep the page waiting: it resolves the law of thresholds."""
+    """Raise `InputError` if theory would keep the page waiting: it resolves the distribution of thresholds."""
     thresholds = rig.interface.thresholds
-    mean, spread = thresholds.moment(1), thresholds.standard_deviation()
-    if not (spread >= NARROWEST * mean and mean + spread <= WIDEST):  # written so that NaN is refused
+    mean, std = thresholds.moment(1), thresholds.standard_deviation()
+    if not (std >= NARROWEST * mean and mean + std <= WIDEST):  # written so that NaN is refused
         raise InputError(
-            f"interface.thresholds.spread = {spread:.4g}: must be at least {NARROWEST:g} of the mean "
+            f"interface.thresholds.std = {std:.4g}: must be at least {NARROWEST:g} of the mean "
             f"({mean:.4g}), and both together at most {WIDEST:g}, for what theory says of them, to stay live"
         )
 
@@ -240,16 +240,16 @@ _OF_RECORDS = {
     "Contacts.count": "simulation.contacts",
     "Contacts.seed": "simulation.seed",
     "MasterEquation.cells": "simulation.cells",
-    "Record.interval": "simulation.interval",
-    "Sliding": "simulation.start",
+    "Output.interval": "simulation.interval",
+    "FromSliding": "simulation.start",
     "Langevin.rate": "interface.ageing.time",
     "Interface.initial": "interface.initial",
     "Interface.ageing": "interface.ageing",
     "Interface.delay": "interface.delay",
     "Delay.time": "interface.delay",
     "RandomDelay.": "interface.delay.",
-    "Scales.force": "interface.total_threshold",
-    "Scales.stretching": "interface.threshold_stretching",
+    "Scales.force": "interface.contact_strength",
+    "Scales.stretching": "interface.breaking_displacement",
     "Piece.duration": "drive.distance",
     "Piece.": "drive.velocity",
     "drive:": "drive.velocity",
@@ -276,12 +276,12 @@ def _key(text: str, document: object) -> str:
         name = next(name for name in _OF_RECORDS if found[0].startswith(name))
         return _OF_RECORDS[name] + (found[0].removeprefix(name) if _OF_RECORDS[name].endswith(".") else "")
     if re.match(r"(Gaussian|Uniform|Exponential|Gamma|LogNormal|Weibull|Empirical)\b", text):
-        return "interface." + _faulty_law(document)
+        return "interface." + _faulty_distribution(document)
     return ""
 
 
-def _faulty_law(document: object) -> str:
-    """Which of the two laws of a document cannot be made; errors of a law do not say whose it is."""
+def _faulty_distribution(document: object) -> str:
+    """Which of the two distributions of a document cannot be made; errors of a distribution do not say whose it is."""
     plain = deepcopy(document)
     if not isinstance(plain, dict) or not isinstance(plain.get("interface"), dict):
         return "thresholds"
@@ -299,28 +299,28 @@ def _faulty_law(document: object) -> str:
 
 
 def turned(rig: Rig, values: Mapping[str, Any]) -> Document:
-    """Return the document of a rig with some knobs turned.
+    """Return the document of a rig with some parameters varied.
 
     Parameters
     ----------
     rig : Rig
     values : mapping of str to float
-        Knob and value, in the basic unit of the rig's own system (N/m, m/s, kg, 1/s, s, m; or natural).
+        Parameter and value, in the basic unit of the rig's own system (N/m, m/s, kg, 1/s, s, m; or natural).
 
     Raises
     ------
     InputError
-        If the rig has no such knob.
+        If the rig has no such parameter.
     """
     document = deepcopy(dict(rig.document))
     slider, interface, drive = (_table(document, name) for name in ("slider", "interface", "drive"))
     for name, value in values.items():
         if name not in QUANTITIES:
-            raise InputError(f"{shown(name)}: is no knob; there are {', '.join(QUANTITIES)}")
+            raise InputError(f"{shown(name)}: is no parameter; there are {', '.join(QUANTITIES)}")
         value = number(name, value, above=0)
         natural = value if rig.scales is None else rig.scales.natural(value, QUANTITIES[name])
         if name in ("stiffness", "mass", "damping"):
-            # A knob is turned at constant eta, as on the map.
+            # A parameter is turned at constant eta, as on the map.
             if slider.pop("relative_damping", None) is not None:
                 slider["damping"] = _written(rig.slider.damping, "rate", rig.scales)
             slider[name] = _written(natural, QUANTITIES[name], rig.scales)
@@ -331,10 +331,10 @@ def turned(rig: Rig, values: Mapping[str, Any]) -> Document:
         elif name == "delay":
             delay = rig.interface.delay
             if isinstance(delay, RandomDelay) and delay.mean > 0:
-                spread = delay.spread * natural / delay.mean
+                std = delay.std * natural / delay.mean
                 interface["delay"] = {
                     "mean": _written(natural, "time", rig.scales),
-                    "spread": _written(spread, "time", rig.scales),
+                    "std": _written(std, "time", rig.scales),
                     "negative": delay.negative,
                 }
             else:
@@ -344,10 +344,10 @@ def turned(rig: Rig, values: Mapping[str, Any]) -> Document:
                 raise InputError("interface.ageing: these thresholds do not age by langevin; there is no time to turn")
             interface["ageing"]["time"] = _written(natural, "time", rig.scales)
         else:
-            law = _table(interface, "thresholds")
-            if "spread" not in law:
-                raise InputError("interface.thresholds: this law has no spread of its own to turn")
-            law["spread"] = _short(natural)
+            distribution = _table(interface, "thresholds")
+            if "std" not in distribution:
+                raise InputError("interface.thresholds: this distribution has no standard deviation of its own to turn")
+            distribution["std"] = _short(natural)
     return document
 
 
@@ -381,15 +381,15 @@ def in_units(rig: Rig, units: str) -> Document:
     slider["stiffness"] = _written(rig.slider.stiffness, "stiffness", scales)
     if "damping" in slider:
         slider["damping"] = _written(rig.slider.damping, "rate", scales)
-    for key in ("total_threshold", "normal_load", "friction_coefficient", "threshold_stretching"):
+    for key in ("contact_strength", "normal_load", "friction_coefficient", "breaking_displacement"):
         interface.pop(key, None)
     if scales is not None:
-        interface["total_threshold"] = _written(1.0, "force", scales)
-        interface["threshold_stretching"] = _written(1.0, "length", scales)
+        interface["contact_strength"] = _written(1.0, "force", scales)
+        interface["breaking_displacement"] = _written(1.0, "length", scales)
     delay = rig.interface.delay
     if isinstance(delay, RandomDelay):
         interface["delay"]["mean"] = _written(delay.mean, "time", scales)
-        interface["delay"]["spread"] = _written(delay.spread, "time", scales)
+        interface["delay"]["std"] = _written(delay.std, "time", scales)
     elif "delay" in interface and interface["delay"] != "never":
         interface["delay"] = _written(delay.moment(1), "time", scales)
     ageing = rig.interface.ageing
@@ -414,8 +414,8 @@ def in_units(rig: Rig, units: str) -> Document:
             drive["duration"] = _written(duration, "time", scales)
         else:
             drive["distance"] = _written(abs(velocity) * duration, "length", scales)
-    if rig.record.interval is not None:
-        _table(document, "simulation")["interval"] = _written(rig.record.interval, "time", scales)
+    if rig.output.interval is not None:
+        _table(document, "simulation")["interval"] = _written(rig.output.interval, "time", scales)
     document.pop("assumed", None)  # its sentences are about the numbers of the file
     return document
 
@@ -444,7 +444,7 @@ _FIGURES = {
     2: (model.FIG2, "elastic instability"),
     3: (model.FIG3, "critical stiffness"),
     4: (model.FIG4, "delay .2: stick-slip"),
-    5: (model.FIG5, "broken contacts never come back"),
+    5: (model.FIG5, "broken contacts never re-attach"),
     6: (model.FIG6, "critical delay"),
     7: (model.FIG7, "transitions in velocity"),
     8: (model.FIG8, "ageing contacts"),
@@ -484,15 +484,19 @@ def paper(case: PaperCase, name: str) -> Document:
     thresholds, initial, delay = interface.thresholds, interface.initial, interface.delay
     relative = round(slider.damping / slider.frequency, 6)
     parts: Document = {
-        "thresholds": {"law": "gaussian", "mean": thresholds.moment(1), "spread": thresholds.standard_deviation()},
-        "initial": {"law": "gaussian", "mean": initial.moment(1), "spread": initial.standard_deviation()},
+        "thresholds": {
+            "distribution": "gaussian",
+            "mean": thresholds.moment(1),
+            "std": thresholds.standard_deviation(),
+        },
+        "initial": {"distribution": "gaussian", "mean": initial.moment(1), "std": initial.standard_deviation()},
     }
-    for law in parts.values():
-        law.update({key: _short(law[key]) for key in ("mean", "spread")})
+    for distribution in parts.values():
+        distribution.update({key: _short(distribution[key]) for key in ("mean", "std")})
     if delay.moment(1) > 0:
         parts["delay"] = "never" if math.isinf(delay.moment(1)) else delay.moment(1)
     if isinstance(interface.ageing, model.Langevin):
-        parts["ageing"] = {"law": "langevin", "time": float(f"{interface.ageing.rate**-2:.12g}")}
+        parts["ageing"] = {"distribution": "langevin", "time": float(f"{interface.ageing.rate**-2:.12g}")}
     damping = {"relative_damping": relative} if relative in (0.1, 0.3) else {"damping": slider.damping}
     distance = 60.0 if interface.ageing is None else 30.0
     return {

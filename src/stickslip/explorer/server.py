@@ -32,9 +32,9 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from stickslip import rig as rigs
 from stickslip.errors import InputError, UndecidedError, shown
 from stickslip.explorer import PORT, answers, documents
+from stickslip.io import rig_files as rigs
 
 HOST = "127.0.0.1"
 LONGEST = 60.0

@@ -106,7 +106,7 @@ BREAK_CAP = 5.0
 TOLERANCE = 20.0
 """Largest disagreement on where a step ends, times ``cells**2``."""
 PHASE = 0.5
-"""Largest phase, in radians, that an oscillation that has not died out turns in a step."""
+"""Largest phase, in radians, that an oscillation that has not decays turns in a step."""
 ONE_PLACE = 1e-3
 """Travel, times `cells`, that makes no difference to where something breaks or attaches."""
 EXTINCT = 1e-12
@@ -363,7 +363,7 @@ def _commit(state: State, case: _Case, trial: _Trial) -> None:
 
 @jit
 def _measure_spring(scalar: Array, slider: Slider, drive: Quadratic) -> None:
-    """Driving force: that of the spring, or what it takes to move the slider rigidly (its inertia left out)."""
+    """Spring force: that of the spring, or what it takes to move the slider rigidly (its inertia left out)."""
     scalar[DRIVE_FORCE] = scalar[CONTACT_FORCE]
     if not is_rigid(slider):
         scalar[DRIVE_FORCE] = slider.stiffness * (drive_at(drive, scalar[TIME])[0] - scalar[POSITION])

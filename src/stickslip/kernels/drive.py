@@ -40,7 +40,7 @@ def drive_at(drive: Quadratic, time: float) -> tuple[float, float]:
 
 @inlined
 def holds(stop: Stop, X: float, driving_force: float) -> bool:
-    """Whether the condition holds at a position of the slider and a driving force."""
+    """Whether the condition holds at a position of the slider and a spring force."""
     if stop.kind == TRAVEL:
         return bool(abs(X - stop.origin) >= stop.value)
     if stop.kind == FORCE_ABOVE:

@@ -66,7 +66,7 @@ class Piece(NamedTuple):
 class Sampling(NamedTuple):
     """Rising times at which to sample, shape (n,), and the samples, shape (n, 8), filled with `COLUMNS`.
 
-    Position, velocity, force of the contacts, attached fraction, energy stored in contacts, and, accumulated since the
+    Position, velocity, friction force, attached fraction, energy stored in contacts, and, accumulated since the
     start, work of the drive, energy lost to damping and in breaks; all per contact.
     """
 
@@ -123,7 +123,7 @@ BREAKS = 4
 EVENTS = 5
 
 # columns of the samples
-COLUMNS = ("X", "velocity", "F_c", "attached", "stored", "work", "damped", "broken")
+COLUMNS = ("displacement", "velocity", "friction_force", "attached", "stored", "work", "damped", "broken")
 
 
 def make_state(
@@ -388,7 +388,7 @@ def _sample(state: State, row: Floats, leg: _Leg, part: float, acceleration: flo
     row[4] = 0.5 * (n * x * x - 2.0 * x * motion[_SUM] + motion[_SQUARES]) * c.part
     row[5], row[6], row[7] = motion[WORK], motion[DAMPED], motion[BROKEN]
     if not c.rigid:
-        work, squares = energies(leg.flight, part, y, u, leg.F_d, c.K, leg.drive_v, acceleration)
+        work, squares = energies(leg.flight, part, y, u, leg.spring_force, c.K, leg.drive_v, acceleration)
         row[5] += work
         row[6] += c.drag * squares
 
@@ -418,7 +418,7 @@ def _fly(
     """Make the end of the flight the state."""
     motion = state.motion
     if not c.rigid:
-        work, squares = energies(leg.flight, h, y, u, leg.F_d, c.K, leg.drive_v, acceleration)
+        work, squares = energies(leg.flight, h, y, u, leg.spring_force, c.K, leg.drive_v, acceleration)
         motion[WORK] += work
         motion[DAMPED] += c.drag * squares
     motion[TIME] = ends_at

@@ -192,7 +192,7 @@ def first_crossing(f: Flight, to_ahead: float, to_behind: float, most: float, cu
     stretch is cut where the jerk vanishes (at most once within a quarter of a period, being a free oscillation),
     then where the acceleration does, then the velocity: on each part the displacement is monotone and no crossing can
     hide. A vanishing derivative shows by its signs at the two ends of a part. They are right only while the free
-    oscillation is more than rounding, hence a first cut where it has died out: beyond, the motion is a parabola.
+    oscillation is more than rounding, hence a first cut where it has decays: beyond, the motion is a parabola.
     """
     g2 = f.w2 - 0.25 * f.eta * f.eta
     decay = 0.5 * f.eta  # of the slowest part of the free oscillation
@@ -278,7 +278,7 @@ def energies(
 ) -> tuple[float, float]:
     """Work of the drive and integral of the squared velocity over a time `h`, in closed form.
 
-    `force` is the driving force at the start. The free oscillation ``u`` obeys ``u'' + eta u' + w2 u = 0``, hence
+    `force` is the spring force at the start. The free oscillation ``u`` obeys ``u'' + eta u' + w2 u = 0``, hence
     ``(u'^2 + w2 u^2)/2`` falls at the rate ``eta u'^2`` and the integral of ``u`` follows from the change of ``u'``
     and ``u``.
     """

@@ -312,7 +312,7 @@ def advance_contacts(
     Returns
     -------
     ndarray, shape (m, 5)
-        X, V, driving force F_d, contact force F_c (both per contact), fraction of attached contacts.
+        X, V, spring force F_d, contact force F_c (both per contact), fraction of attached contacts.
     """
     n, x = contacts.stretching.size, contacts.stretching
     if langevin.newborn <= 0.0 and np.max(delays) > 0.0:

@@ -1,6 +1,6 @@
 """The slider as a damped oscillator on the driving spring and on the contacts, Eq. (11), in closed form.
 
-While the force of the contacts is linear in the slider's position and quadratic in time, the slider obeys
+While the friction force is linear in the slider's position and quadratic in time, the slider obeys
 
     x'' + eta x' + w x = constant + linear t + quadratic t^2/2
 
@@ -157,7 +157,7 @@ def _doubled_response(found: Response, t: float, eta: float, w: float) -> Respon
 
 @jit
 def move(slider: Slider, drive: Quadratic, start: Motion, load: Load, dt: float) -> Motion:
-    """Slider a time `dt` later, under the force of the contacts that `load` describes."""
+    """Slider a time `dt` later, under the friction force that `load` describes."""
     if is_rigid(slider):
         X, V = drive_at(drive, start.time + dt)
         return Motion(start.time + dt, X, V)
@@ -173,7 +173,7 @@ def travel(slider: Slider, drive: Quadratic, start: Motion, load: Load, dt: floa
 
     The closed form is had by doubling a short time, and the motion is looked at after each doubling. A step may be long
     against the relaxation of the slider, and the slider may turn within: what the ends do not tell, these moments do,
-    as each comes soon after the one before, measured by what has not died out by then.
+    as each comes soon after the one before, measured by what has not decays by then.
     """
     D, velocity = drive_at(drive, start.time)
     X, V, acceleration, length = start.X, start.V, drive.acceleration, D - start.X

@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 # First entries of the state of every solver: the slider, and what breaking took from the force per time.
 TIME, POSITION, VELOCITY, LOSS = range(4)
 
-# Columns of the samples: X, V, force of the driving spring, force of the contacts, attached fraction.
+# Columns of the samples: X, V, force of the driving spring, friction force, attached fraction.
 COLUMNS = 5
 
 

@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from stickslip.errors import LARGEST, InputError, instance
-from stickslip.store import read_provenance
+from stickslip.io.datasets import read_provenance
 
 Array = NDArray[np.float64]
 
@@ -52,19 +52,19 @@ class Trace:
     def of(cls, data: xr.Dataset) -> Trace:
         """Take them from a Dataset; `InputError` if it holds no force, or values that are not finite."""
         instance("measure: data", data, xr.Dataset, "a Dataset, such as simulate() and read_trace() return")
-        if "F_d" not in data or "t" not in data["F_d"].dims:
+        if "spring_force" not in data or "time" not in data["spring_force"].dims:
             raise InputError("measure: need a Dataset with the variable F_d along t; read a file with read_trace()")
-        for name in ("t", "F_d", "X", "velocity", "drive_velocity", "attached"):
+        for name in ("time", "spring_force", "displacement", "velocity", "drive_velocity", "attached"):
             if name in data:
                 check_numbers("measure", data[name])
-        t = np.asarray(data["t"].values, dtype=float)
+        t = np.asarray(data["time"].values, dtype=float)
         if t.size < FEWEST_READINGS:
             raise InputError(f"measure: {t.size} samples of F_d are too few to judge; {FEWEST_READINGS} is the least")
         if not np.all(np.isfinite(t)) or not np.all(np.diff(t) > 0):
             raise InputError("measure: the times t must be finite and rising")
         arrays = {
             name: np.asarray(data[name].values, dtype=float) if name in data else None
-            for name in ("F_d", "X", "velocity", "drive_velocity", "attached", "displacement")
+            for name in ("spring_force", "displacement", "velocity", "drive_velocity", "attached", "displacement")
         }
         for name, values in arrays.items():
             if values is None:
@@ -77,7 +77,7 @@ class Trace:
                     f"measure: {name} = {values[bad[0]]:g} at t = {t[bad[0]]:g}: {bad.size} of {t.size} values are "
                     "not finite; drop or fill them first"
                 )
-        drive, force = arrays["drive_velocity"], arrays["F_d"]
+        drive, force = arrays["drive_velocity"], arrays["spring_force"]
         assert force is not None
         # A load cell may count pull as negative: then the force alone tells the direction, unless its sign was turned.
         turned = drive is None and bool(data.attrs.get("flipped"))
@@ -85,7 +85,7 @@ class Trace:
         return cls(
             t=t,
             force=sign * force,
-            X=None if arrays["X"] is None else sign * arrays["X"],
+            X=None if arrays["displacement"] is None else sign * arrays["displacement"],
             velocity=None if arrays["velocity"] is None else sign * arrays["velocity"],
             drive=None if drive is None else sign * drive,
             attached=arrays["attached"],
@@ -93,7 +93,7 @@ class Trace:
             largest=top if (top := float(np.max(sign * force))) > 0 else float(np.max(np.abs(force))),
             contacts=_contacts(data),
             displacement=arrays["displacement"],
-            time_unit={"": "", "time": " time units"}.get(unit := str(data["t"].attrs.get("units", "")), f" {unit}"),
+            time_unit={"": "", "time": " time units"}.get(unit := str(data["time"].attrs.get("units", "")), f" {unit}"),
         )
 
     def part(self, begin: float, end: float = math.inf) -> Trace:

@@ -57,7 +57,7 @@ def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float |
     --------
     >>> import numpy as np, xarray as xr, stickslip as ss
     >>> t = np.arange(0.0, 20.0, 0.01)
-    >>> trace = xr.Dataset({"F_d": ("t", 3.0 + 2.0 * (t % 1.5), {"units": "N"})}, {"t": t})
+    >>> trace = xr.Dataset({"spring_force": ("t", 3.0 + 2.0 * (t % 1.5), {"units": "N"})}, {"t": t})
     >>> found = ss.drops(trace)
     >>> found.sizes["event"], round(found["drop"].attrs["mean"], 2)
     (13, 2.98)
@@ -89,8 +89,8 @@ def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float |
 def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
     """One row per slip; mean and standard deviation of each column among its attributes."""
     start, end = found.start, found.end
-    time_unit = str(data["t"].attrs.get("units", ""))
-    force_unit = str(data["F_d"].attrs.get("units", ""))
+    time_unit = str(data["time"].attrs.get("units", ""))
+    force_unit = str(data["spring_force"].attrs.get("units", ""))
     name = "coefficient of friction" if force_unit == "1" else "force"
     rate_unit = f"{'' if force_unit == '1' else force_unit}/{time_unit}" if time_unit else ""
     loading = np.full(start.size, math.nan)
@@ -111,7 +111,7 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
                          f"{name} per time since the slip before"),
     }  # fmt: skip
     if trace.X is not None:
-        unit = str(data["X"].attrs.get("units", ""))
+        unit = str(data["displacement"].attrs.get("units", ""))
         columns["slip"] = (trace.X[end] - trace.X[start], unit, "distance slipped")
     if trace.velocity is not None:
         unit = str(data["velocity"].attrs.get("units", ""))

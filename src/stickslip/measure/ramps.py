@@ -17,7 +17,7 @@ _SI_UNITS = {"n", "mn", "kn", "un", "µn", "m", "mm", "um", "µm", "nm", "cm"}
 
 
 def _swing(run: xr.Dataset, window: float) -> xr.Dataset:
-    """Peak to peak of the driving force over a moving stretch of drive travel."""
+    """Peak to peak of the spring force over a moving stretch of drive travel."""
     window = number("window", window, above=0, hint="in the unit of X")
     trace = Trace.of(run)
     if trace.drive is None:
@@ -43,15 +43,15 @@ def _swing(run: xr.Dataset, window: float) -> xr.Dataset:
         name: np.interp(begin + share * window, travel, trace.t)
         for name, share in (("begin", 0.0), ("middle", 0.5), ("end", 1.0))
     }
-    force_unit, time_unit = run["F_d"].attrs.get("units", ""), run["t"].attrs.get("units", "")
+    force_unit, time_unit = run["spring_force"].attrs.get("units", ""), run["time"].attrs.get("units", "")
     velocity = trace.sign * np.interp(times["middle"], trace.t, trace.drive)
-    length = str(run["X"].attrs.get("units", "")) if "X" in run else ""
+    length = str(run["displacement"].attrs.get("units", "")) if "displacement" in run else ""
     return xr.Dataset(
         {
             "peak_to_peak": (
                 "travel",
                 high - low,
-                {"units": force_unit, "long_name": "peak to peak of the driving force"},
+                {"units": force_unit, "long_name": "peak to peak of the spring force"},
             ),
             "drive_velocity": (
                 "travel",
@@ -77,7 +77,7 @@ def _swing(run: xr.Dataset, window: float) -> xr.Dataset:
 def transitions(run: xr.Dataset, *, level: float | None = None, window: float | None = None) -> xr.Dataset:
     """Return the velocities at which stick-slip starts and ends while the drive speeds up and slows down.
 
-    Stick-slip is where the driving force oscillates by more than `level`, peak to peak, over a drive travel of
+    Stick-slip is where the spring force oscillates by more than `level`, peak to peak, over a drive travel of
     `window`; it starts at the end of the first such window and ends at the start of the last one. A state
     shorter than half a window of travel is passed over. What a run does from its very start is no transition:
     it may be the transient from the state it was started in.
@@ -116,26 +116,28 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
         If the drive does not change, goes up and down more than once, or travels less than two windows, or
         there are too few samples in a window.
     """
-    for name, value, of in (("level", level, "F_d"), ("window", window, "X")):
+    for name, value, of in (("level", level, "spring_force"), ("window", window, "displacement")):
         unit = str(run[of].attrs.get("units", "")) if of in run else ""
         if value is None and unit.strip().lower() in _SI_UNITS:
             raise InputError(f"transitions: {of} is in {unit}: give {name} in that unit (.4 f_s and 4 x_s are usual)")
     level = 0.4 if level is None else number("level", level, above=0, hint="in the unit of F_d")
-    swing = _swing(run, 4.0 if window is None else window)
+    oscillation = _swing(run, 4.0 if window is None else window)
     top = _turning_time(run)
-    on = _settled(np.asarray(swing["peak_to_peak"].values > level), _PARTS // 2)
-    t, drive = np.asarray(run["t"].values, dtype=float), np.asarray(run["drive_velocity"].values, dtype=float)
+    on = _settled(np.asarray(oscillation["peak_to_peak"].values > level), _PARTS // 2)
+    t, drive = np.asarray(run["time"].values, dtype=float), np.asarray(run["drive_velocity"].values, dtype=float)
     change = np.flatnonzero(on[1:] != on[:-1]) + 1
-    starts = np.asarray(swing["end"].values)[change[on[change]]]
-    stops = np.asarray(swing["begin"].values)[change[~on[change]] - 1]
-    middle = np.asarray(swing["middle"].values)
+    starts = np.asarray(oscillation["end"].values)[change[on[change]]]
+    stops = np.asarray(oscillation["begin"].values)[change[~on[change]] - 1]
+    middle = np.asarray(oscillation["middle"].values)
 
     notes: list[str] = []
     if on[0]:
         state = f"until v = {np.interp(stops[0], t, drive):.3g}" if stops.size else "all along"
         notes.append(f"the force oscillates above the level from the start {state}: the state the run was started in")
     # What the start leaves behind dies within some tens of windows; what lasts longer has an end that counts.
-    lasting = float(np.interp(_LONGEST_TRANSIENT, swing["travel"].values / float(swing.attrs["window"]), middle))
+    lasting = float(
+        np.interp(_LONGEST_TRANSIENT, oscillation["travel"].values / float(oscillation.attrs["window"]), middle)
+    )
     if starts.size:
         lasting = min(lasting, float(starts[0]))
 
@@ -162,7 +164,7 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
             notes.append(f"{' and '.join(missing)} not seen: {why}")
         if here.size > 1:
             notes.append(f"stick-slip sets in {here.size} times on the way {way}: first onset and last end are given")
-    speed = dict(swing["drive_velocity"].attrs)
+    speed = dict(oscillation["drive_velocity"].attrs)
     words = {
         "v1": "stick-slip sets in on the way up",
         "v2": "stick-slip ends on the way up",
@@ -174,16 +176,16 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
         value = found[name.replace("_down", "'")]
         velocities[name] = ((), np.nan if value is None else value, speed | {"long_name": text})
     return (
-        swing.assign(velocities)
-        .merge(_hysteresis(swing, top), combine_attrs="override")
-        .assign_attrs(level=level, window=float(swing.attrs["window"]), notes="; ".join(notes))
+        oscillation.assign(velocities)
+        .merge(_hysteresis(oscillation, top), combine_attrs="override")
+        .assign_attrs(level=level, window=float(oscillation.attrs["window"]), notes="; ".join(notes))
     )
 
 
-def _hysteresis(swing: xr.Dataset, top: float) -> xr.Dataset:
+def _hysteresis(oscillation: xr.Dataset, top: float) -> xr.Dataset:
     """Peak to peak on the way up and on the way down, against the velocity; nothing where the drive goes one way."""
-    middle, speed = np.asarray(swing["middle"].values), np.abs(np.asarray(swing["drive_velocity"].values))
-    force = np.asarray(swing["peak_to_peak"].values)
+    middle, speed = np.asarray(oscillation["middle"].values), np.abs(np.asarray(oscillation["drive_velocity"].values))
+    force = np.asarray(oscillation["peak_to_peak"].values)
     branches = [(speed[way], force[way]) for way in (middle <= top, middle > top)]
     if any(v.size < 2 for v, _ in branches):
         return xr.Dataset()
@@ -192,7 +194,7 @@ def _hysteresis(swing: xr.Dataset, top: float) -> xr.Dataset:
         return xr.Dataset()
     grid = np.linspace(low, high, 201)
     up, down = (np.interp(grid, v[order], f[order]) for v, f in branches for order in [np.argsort(v, kind="stable")])
-    unit = swing["peak_to_peak"].attrs["units"]
+    unit = oscillation["peak_to_peak"].attrs["units"]
     return xr.Dataset(
         {
             "up": (
@@ -211,14 +213,14 @@ def _hysteresis(swing: xr.Dataset, top: float) -> xr.Dataset:
                 {"units": unit, "long_name": "peak to peak down less up"},
             ),
         },
-        coords={"velocity": ("velocity", grid, dict(swing["drive_velocity"].attrs))},
+        coords={"velocity": ("velocity", grid, dict(oscillation["drive_velocity"].attrs))},
     )
 
 
 def _turning_time(run: xr.Dataset) -> float:
     """Time at which the drive is fastest: its start if it only slows down, its end if it only speeds up."""
     t, drive = (
-        np.asarray(run["t"].values, dtype=float),
+        np.asarray(run["time"].values, dtype=float),
         np.abs(np.asarray(run["drive_velocity"].values, dtype=float)),
     )
     margin = 1e-3 * float(drive.max())
@@ -230,7 +232,7 @@ def _turning_time(run: xr.Dataset) -> float:
     if len(peaks) > 1:
         raise UndecidedError(
             f"transitions: the drive speeds up and slows down {len(peaks)} times; select one loop with "
-            "run.sel(t=slice(from, to))"
+            "run.sel(time=slice(from, to))"
         )
     fastest = np.flatnonzero(drive >= drive.max() - margin)
     return float(t[fastest[0]] if fastest[0] == 0 else t[fastest[-1]])

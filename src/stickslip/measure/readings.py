@@ -84,7 +84,7 @@ def read_trace(
     >>> with open("bench.csv", "w") as file:
     ...     print("Zeit;Kraft", "ms;mN", *(f"{10 * i};{5 + i % 7},5" for i in range(40)), sep="\n", file=file)
     >>> trace = ss.read_trace("bench.csv")
-    >>> trace["F_d"].attrs["units"], trace["t"].attrs["units"], float(trace["F_d"].max())
+    >>> trace["spring_force"].attrs["units"], trace["t"].attrs["units"], float(trace["spring_force"].max())
     ('mN', 'ms', 11.5)
     """
     place = str(path)
@@ -148,12 +148,12 @@ def _dataset(
     force_unit = "1" if coefficient else read.units[chosen.force] or "N"
     time_unit = "s" if chosen.time is None else read.units[chosen.time] or "s"
     variables = {
-        "F_d": (
-            "t",
+        "spring_force": (
+            "time",
             sign * filled(forces),
             {"units": force_unit, "long_name": _NAMES["coefficient" if coefficient else "force"]},
         ),
-        "filled": ("t", ~good, {"units": "1", "long_name": "row was unreadable; force interpolated"}),
+        "filled": ("time", ~good, {"units": "1", "long_name": "row was unreadable; force interpolated"}),
     }
     assumed = [] if coefficient or read.units[chosen.force] else ["the file names no unit of the force: N assumed"]
     if chosen.time is not None and not read.units[chosen.time]:
@@ -161,7 +161,7 @@ def _dataset(
     if chosen.displacement is not None:
         unit = read.units[chosen.displacement]
         variables["displacement"] = (
-            "t", filled(read.values[chosen.displacement]), {"units": unit, "long_name": "displacement"}
+            "time", filled(read.values[chosen.displacement]), {"units": unit, "long_name": "displacement"}
         )  # fmt: skip
     if chosen.load is not None:
         load_unit, loads = read.units[chosen.load] or force_unit, filled(read.values[chosen.load])
@@ -170,19 +170,19 @@ def _dataset(
     else:
         load_unit, loads = "", np.empty(0)
     if loads.size:
-        variables["load"] = ("t", loads, {"units": load_unit, "long_name": "normal load"})
+        variables["load"] = ("time", loads, {"units": load_unit, "long_name": "normal load"})
         size = ratio(force_unit, load_unit) if force_unit != load_unit else 1.0
         if coefficient:
             pass
         elif size is None:
             assumed.append(f"no coefficient of friction: the force is in {force_unit}, the load in {load_unit}")
         else:
-            mu = np.divide(size * variables["F_d"][1], loads, out=np.full(t.size, np.nan), where=loads != 0)
-            variables["mu"] = ("t", mu, {"units": "1", "long_name": "coefficient of friction"})
+            mu = np.divide(size * variables["spring_force"][1], loads, out=np.full(t.size, np.nan), where=loads != 0)
+            variables["mu"] = ("time", mu, {"units": "1", "long_name": "coefficient of friction"})
     unreadable = [(int(read.lines[i]), table.line(int(read.lines[i]))) for i in bad]
     return xr.Dataset(
         variables,
-        coords={"t": ("t", t, {"units": time_unit, "long_name": "time"})},
+        coords={"time": ("time", t, {"units": time_unit, "long_name": "time"})},
         attrs={
             "source": Path(place).name,
             "rows": int(forces.size),

@@ -178,9 +178,11 @@ def regime(data: xr.Dataset, *, after: float | None = None) -> Regime:
     """
     trace = Trace.of(data)
     seen = over_the_window(trace, after)
-    unit = {name: str(data[name].attrs.get("units", "")) for name in ("t", "F_d")}
-    quantity = "coefficient of friction" if "coefficient" in str(data["F_d"].attrs.get("long_name", "")) else "force"
-    return replace(seen, time_unit=unit["t"], force_unit=unit["F_d"], quantity=quantity)
+    unit = {name: str(data[name].attrs.get("units", "")) for name in ("time", "spring_force")}
+    quantity = (
+        "coefficient of friction" if "coefficient" in str(data["spring_force"].attrs.get("long_name", "")) else "force"
+    )
+    return replace(seen, time_unit=unit["time"], force_unit=unit["spring_force"], quantity=quantity)
 
 
 def over_the_window(trace: Trace, after: float | None) -> Regime:
@@ -348,7 +350,7 @@ def _verdict(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]:
         )
     if found.size == 0:
         return _without_drops(trace, found, seen)
-    swing = f"{100 * seen.peak_to_peak / seen.static_friction:.3g} % of static friction"
+    oscillation = f"{100 * seen.peak_to_peak / seen.static_friction:.3g} % of static friction"
     # Samples that step over a slip miss its velocity; the time that drops take is then a safer witness.
     coarse = float(np.median(found.trough - found.peak)) < FEWEST_IN_A_DROP
     if seen.peak_velocity is not None and (seen.peak_velocity >= SLIP_VELOCITY or not coarse):
@@ -358,7 +360,7 @@ def _verdict(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]:
         slips = seen.slip_phase <= SLIP_PHASE
         how = f"slip phase: {100 * seen.slip_phase:.0f} % of the cycle"
     if seen.cycles < FEWEST_CYCLES:
-        return _too_few(trace, found, seen, slips, swing)
+        return _too_few(trace, found, seen, slips, oscillation)
     change, allowed = math.log(seen.trend), STEADY + 3.0 * seen.trend_error
     if found.periodic:  # regular cycles tell their trend at once; a large error is no leave to drift
         allowed = min(allowed, 2.0 * STEADY)
@@ -375,18 +377,18 @@ def _verdict(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]:
             f"{_time(2.0 * span, trace)} more would tell"
         )
     if seen.peak_to_peak < TINY * seen.static_friction:
-        return "smooth sliding", f"the force oscillates by {swing}, peak to peak"
+        return "smooth sliding", f"the force oscillates by {oscillation}, peak to peak"
     if coarse:
-        return "undecided", f"drops of {swing} last fewer than {FEWEST_IN_A_DROP} samples: record more often"
+        return "undecided", f"drops of {oscillation} last fewer than {FEWEST_IN_A_DROP} samples: record more often"
     if not found.periodic and _halves(trace) < 1.0 - 3.0 * STEADY:
         return _decaying(trace, replace(seen, trend=_halves(trace)), slips)
     if found.periodic or contact_noise(trace) < math.inf:
         manner = "periodic" if found.periodic else "irregular"
-        return "sustained oscillation", f"{manner}, {swing}, peak to peak; {_whether_it_sticks(seen)}: {how}"
+        return "sustained oscillation", f"{manner}, {oscillation}, peak to peak; {_whether_it_sticks(seen)}: {how}"
     if seen.peak_to_peak < MOST_NOISE * seen.static_friction and _is_normal(trace.force):
-        return "smooth sliding", f"the force fluctuates by {swing}, without a period, as noise does"
+        return "smooth sliding", f"the force fluctuates by {oscillation}, without a period, as noise does"
     return "undecided", (
-        f"irregular oscillation of {swing} that is neither slips nor small: {how}; about "
+        f"irregular oscillation of {oscillation} that is neither slips nor small: {how}; about "
         f"{_time(4.0 * (trace.t[-1] - trace.t[0]), trace)} more, or the velocity of the slider, would tell"
     )
 
@@ -399,10 +401,10 @@ def _whether_it_sticks(seen: Regime) -> str:
     return f"the slider sticks for {100 * seen.stuck:.0f} % of the time"
 
 
-def _too_few(trace: Trace, found: Slips, seen: Regime, slips: bool, swing: str) -> tuple[Kind, str]:
+def _too_few(trace: Trace, found: Slips, seen: Regime, slips: bool, oscillation: str) -> tuple[Kind, str]:
     """Verdict on fewer cycles than make one."""
     if not slips and seen.peak_to_peak < TINY * seen.static_friction:
-        return "smooth sliding", f"the force oscillates by {swing}, peak to peak"
+        return "smooth sliding", f"the force oscillates by {oscillation}, peak to peak"
     span = float(trace.t[-1] - trace.t[0])
     each = seen.period if math.isfinite(seen.period) else span / max(found.size, 1)
     few = f"{seen.cycles} complete drop{'s' if seen.cycles > 1 else ''} of the force"
@@ -444,19 +446,19 @@ def _about_the_drive(trace: Trace) -> str:
     if high - low > 2.0 * CONSTANT_DRIVE * max(abs(low), abs(high)):
         return (
             f"the velocity of the drive goes through {low:.3g} to {high:.3g}; the regime is judged at constant "
-            "velocity: use transitions(), or select a stretch with data.sel(t=slice(from, to))"
+            "velocity: use transitions(), or select a stretch with data.sel(time=slice(from, to))"
         )
     return ""
 
 
 def _without_drops(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]:
     """Verdict where no drop of the force stands out."""
-    friction, swing = seen.static_friction, seen.peak_to_peak
+    friction, oscillation = seen.static_friction, seen.peak_to_peak
     span = float(trace.t[-1] - trace.t[0])
-    if swing == 0.0 and trace.drive is None:
+    if oscillation == 0.0 and trace.drive is None:
         return "undecided", "the force never changes: is the sensor connected?"
-    part = f"{100 * swing / friction:.3g} % of static friction" if friction else "a force of 0"
-    if swing < TINY * friction:
+    part = f"{100 * oscillation / friction:.3g} % of static friction" if friction else "a force of 0"
+    if oscillation < TINY * friction:
         return "smooth sliding", f"the force fluctuates by {part}"
     excess = contact_noise(trace)
     if found.dismissed:
@@ -469,7 +471,7 @@ def _without_drops(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]
                     f"{_time(2.0 * span, trace)} more would tell"
                 )
             return "smooth sliding", f"{relative}, as the noise of {trace.contacts} contacts does"
-        if swing > MOST_NOISE * friction or not _is_normal(trace.force):
+        if oscillation > MOST_NOISE * friction or not _is_normal(trace.force):
             return "undecided", (
                 f"{relative}: too much for noise, and no slips that stand out; about {_time(4.0 * span, trace)} more "
                 "would tell"
@@ -482,20 +484,20 @@ def _without_drops(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]
         return "smooth sliding", f"{relative}: noise of the contacts"
     slope = np.polyfit(trace.t - trace.t[0], trace.force, 1)[0]
     drift = float(slope * span)
-    if abs(drift) > 0.5 * swing and abs(drift) > 2.0 * found.smallest:
+    if abs(drift) > 0.5 * oscillation and abs(drift) > 2.0 * found.smallest:
         return "undecided", (
             f"the force {'rises' if drift > 0 else 'falls'} by {abs(drift):.3g} and shows no complete slip; about "
             f"{_time(4.0 * span, trace)} more would tell"
         )
-    if swing > 2.0 * found.smallest and swing > SMALL * friction:
+    if oscillation > 2.0 * found.smallest and oscillation > SMALL * friction:
         return "undecided", (
             "too short: the force oscillates, but shows no complete drop in the window; about "
             f"{_time(4.0 * span, trace)} more would tell"
         )
-    if swing > MOST_NOISE * friction:
+    if oscillation > MOST_NOISE * friction:
         return (
             "undecided",
-            f"noise of {swing:.3g} about a mean force of {abs(seen.mean_force):.3g} hides what there is: record more "
+            f"noise of {oscillation:.3g} about a mean force of {abs(seen.mean_force):.3g} hides what there is: record more "
             "often",
         )
     return "smooth sliding", f"the force shows noise only, {part}"

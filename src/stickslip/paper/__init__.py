@@ -14,7 +14,7 @@ settled numbers stand in the claims, as expectations.
 from __future__ import annotations
 
 from stickslip.paper import fig1, fig2, fig3, fig4, fig5, fig6, fig7, fig8, fig9, fig10, fig11
-from stickslip.paper.record import Claim, Figure, Measured, Verdict
+from stickslip.paper.figure import Claim, Figure, Measured, Verdict
 
 FIGURES: dict[str, Figure] = {
     figure.name: figure

@@ -1,4 +1,4 @@
-"""Figure 1: the force of the contacts on a rigid slider, by the master equation and by contacts.
+"""Figure 1: the friction force on a rigid slider, by the master equation and by contacts.
 
 Eqs. (1)-(4), solved as a renewal equation, beside a thousand contacts followed one by one.
 """
@@ -17,11 +17,20 @@ from numpy.typing import NDArray
 
 from stickslip import plot
 from stickslip.model import FIG1, Interface
-from stickslip.paper.record import Claim, Figure, Progress, at_least, at_most, near, portions, verdict
-from stickslip.rigid import Renewal, slide
-from stickslip.simulate import LABELS, Contacts, MasterEquation
+from stickslip.model.distributions import (
+    Distribution,
+    Exponential,
+    Gamma,
+    Gaussian,
+    LogNormal,
+    SteadyState,
+    Uniform,
+    Weibull,
+)
+from stickslip.paper.output import Claim, Figure, Progress, at_least, at_most, near, portions, verdict
+from stickslip.rigid import Renewal, rigid_slide
+from stickslip.simulation import LABELS, Contacts, MasterEquation
 from stickslip.theory import kinetic_friction
-from stickslip.thresholds import Exponential, Gamma, Gaussian, Law, LogNormal, SteadyState, Uniform, Weibull
 
 Array = NDArray[np.float64]
 
@@ -36,20 +45,21 @@ _FORCE = plot.unit_text("f_s")
 # Widths of the start, from all contacts relaxed alike to the steady state of sliding.
 _STARTS = ("delta", "0.01", "0.03", "0.1", "0.3", "steady")
 
-_LATE = 60.0  # x_s, where the oscillation of the narrowest law below has fallen by exp(-2 pi^2 .1^2 60) = 7e-6
-_LAWS: dict[str, Law] = {
-    "Gaussian, spread .1": Gaussian(mean=1.0, spread=0.1),
-    "Gaussian, spread .3": Gaussian(mean=1.0, spread=0.3),
+_LATE = 60.0  # x_s, where the oscillation of the narrowest distribution below has fallen by exp(-2 pi^2 .1^2 60) = 7e-6
+_DISTRIBUTIONS: dict[str, Distribution] = {
+    "Gaussian, standard deviation .1": Gaussian(mean=1.0, std=0.1),
+    "Gaussian, standard deviation .3": Gaussian(mean=1.0, std=0.3),
     "uniform": Uniform(low=0.7, high=1.3),
     "exponential": Exponential(mean=1.0),
-    "gamma": Gamma(mean=1.0, spread=0.2),
-    "log-normal": LogNormal(mean=1.0, spread=0.2),
+    "gamma": Gamma(mean=1.0, std=0.2),
+    "log-normal": LogNormal(mean=1.0, std=0.2),
     "Weibull": Weibull(shape=4.0, scale=1.0),
 }
 
-# First maximum and first minimum of F_c, by initial and threshold spread: Eqs. (1)-(4) to the letter, in which a
-# contact that starts stretched backwards may have any threshold. In truth it has not broken, so that its threshold lies
-# beyond its stretching, and contacts remember that; it matters in the third digit, and only if both spreads are wide.
+# First maximum and first minimum of F_c, by initial and threshold standard deviation: Eqs. (1)-(4) to the letter, in
+# which a contact that starts stretched backwards may have any threshold. In truth it has not broken, so that its
+# threshold lies beyond its stretching, and contacts remember that; it matters in the third digit, and only if both
+# standard deviations are wide.
 _SETTLED = {
     (0.01, 0.1): (0.79560, 0.22452),
     (0.01, 0.3): (0.64572, 0.49249),
@@ -61,15 +71,15 @@ _SETTLED = {
 def _interface(initial: float, threshold: float) -> Interface:
     return replace(
         FIG1.interface,
-        thresholds=Gaussian(mean=1.0, spread=threshold),
-        initial=Gaussian(mean=0.0, spread=initial),
+        thresholds=Gaussian(mean=1.0, std=threshold),
+        initial=Gaussian(mean=0.0, std=initial),
     )
 
 
-def _start(name: str, law: Law) -> Law:
+def _start(name: str, distribution: Distribution) -> Distribution:
     if name == "steady":
-        return SteadyState(thresholds=law)
-    return Gaussian(mean=0.0, spread=0.0 if name == "delta" else float(name))
+        return SteadyState(thresholds=distribution)
+    return Gaussian(mean=0.0, std=0.0 if name == "delta" else float(name))
 
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
@@ -79,18 +89,21 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     seeds = 3 if quick else 6
     parts = portions(progress, len(counts) * len(cases) * seeds + 3)
 
-    X = slide(_interface(*cases[0]), DISTANCE, method=Renewal(_POINTS))["X"]
+    X = rigid_slide(_interface(*cases[0]), DISTANCE, method=Renewal(_POINTS))["displacement"]
     master = np.array([_force(_interface(*case)) for case in cases]).reshape(*shape, -1)
     remembering = np.array([_force_remembering(_interface(*case)) for case in cases]).reshape(master.shape)
     next(parts)(1.0)
     starts = np.array(
         [
-            [_force(Interface(thresholds=law, initial=_start(name, law))) for law in _threshold_laws()]
+            [
+                _force(Interface(thresholds=distribution, initial=_start(name, distribution)))
+                for distribution in _threshold_distributions()
+            ]
             for name in _STARTS
         ]
     )
     next(parts)(1.0)
-    deviation = np.array([_late_deviation(law) for law in _LAWS.values()])
+    deviation = np.array([_late_deviation(distribution) for distribution in _DISTRIBUTIONS.values()])
     next(parts)(1.0)
 
     contacts = np.empty((len(counts), seeds, *shape))
@@ -99,16 +112,16 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         at = divmod(j, len(THRESHOLD_SPREADS))
         # A stream of random numbers for every run.
         method = Contacts(count, seed=1000 * j + seed)
-        force = slide(_interface(*case), DISTANCE, method=method)["F_c"].to_numpy()[::_STRIDE]
+        force = rigid_slide(_interface(*case), DISTANCE, method=method)["friction_force"].to_numpy()[::_STRIDE]
         contacts[i, seed][at] = np.sqrt(np.mean((force - remembering[at]) ** 2))
         if count == FIG1.contacts and seed == 0:
             shown[at] = force
         next(parts)(1.0)
 
-    force_of = ("initial_spread", "threshold_spread", "X")
+    force_of = ("initial_spread", "threshold_spread", "displacement")
     return xr.Dataset(
         {
-            "F_c": (force_of, master, LABELS["F_c"]),
+            "friction_force": (force_of, master, LABELS["friction_force"]),
             "F_c_contacts": (
                 force_of,
                 shown,
@@ -133,57 +146,63 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
                 {"units": "f_s", "long_name": "rms distance of contacts from the master equation"},
             ),
             "F_c_start": (
-                ("start", "threshold_spread", "X"),
+                ("start", "threshold_spread", "displacement"),
                 starts,
-                {"units": "f_s", "long_name": "force of the contacts by start, per contact"},
+                {"units": "f_s", "long_name": "friction force by start, per contact"},
             ),
             "deviation": (
-                ("law", "where"),
+                ("distribution", "where"),
                 deviation,
                 {"units": "1", "long_name": "largest relative distance from the kinetic friction"},
             ),
         },
         coords={
-            "X": ("X", X.to_numpy(), LABELS["X"]),
+            "displacement": ("displacement", X.to_numpy(), LABELS["displacement"]),
             "initial_spread": (
                 "initial_spread",
                 np.array(INITIAL_SPREADS),
-                {"units": "f_s", "long_name": "spread of initial forces"},
+                {"units": "f_s", "long_name": "standard deviation of initial forces"},
             ),
             "threshold_spread": (
                 "threshold_spread",
                 np.array(THRESHOLD_SPREADS),
-                {"units": "f_s", "long_name": "spread of thresholds"},
+                {"units": "f_s", "long_name": "standard deviation of thresholds"},
             ),
             "contacts": ("contacts", np.array(counts), {"units": "1", "long_name": "number of contacts"}),
             "seed": ("seed", np.arange(seeds), {"units": "1", "long_name": "seed"}),
-            "start": ("start", list(_STARTS), {"long_name": "start: spread of initial forces, or steady sliding"}),
-            "law": ("law", list(_LAWS), {"long_name": "law of thresholds"}),
+            "start": (
+                "start",
+                list(_STARTS),
+                {"long_name": "start: standard deviation of initial forces, or steady sliding"},
+            ),
+            "distribution": ("distribution", list(_DISTRIBUTIONS), {"long_name": "distribution of thresholds"}),
             "where": ("where", ["middle", "end"], {"long_name": f"half way to, and at, X = {_LATE:g} x_s"}),
         },
     )
 
 
-def _threshold_laws() -> list[Law]:
-    return [Gaussian(mean=1.0, spread=s) for s in THRESHOLD_SPREADS]
+def _threshold_distributions() -> list[Distribution]:
+    return [Gaussian(mean=1.0, std=s) for s in THRESHOLD_SPREADS]
 
 
 def _force(interface: Interface) -> Array:
-    return slide(interface, DISTANCE, method=Renewal(_POINTS))["F_c"].to_numpy()
+    return rigid_slide(interface, DISTANCE, method=Renewal(_POINTS))["friction_force"].to_numpy()
 
 
 def _force_remembering(interface: Interface) -> Array:
     """Force where contacts stretched backwards remember that they have not broken, as contacts do."""
-    return slide(interface, DISTANCE, method=MasterEquation())["F_c"].to_numpy()[::_STRIDE]
+    return rigid_slide(interface, DISTANCE, method=MasterEquation())["friction_force"].to_numpy()[::_STRIDE]
 
 
-def _late_deviation(law: Law) -> tuple[float, float]:
+def _late_deviation(distribution: Distribution) -> tuple[float, float]:
     """Largest distance of the force from the kinetic friction within 1 x_s about half way, and at the end."""
-    interface = Interface(thresholds=law, initial=Gaussian(mean=0.0, spread=0.01))
-    run = slide(interface, _LATE, method=Renewal(12_000))
-    far = abs(run["F_c"] / kinetic_friction(interface) - 1.0)
+    interface = Interface(thresholds=distribution, initial=Gaussian(mean=0.0, std=0.01))
+    run = rigid_slide(interface, _LATE, method=Renewal(12_000))
+    far = abs(run["friction_force"] / kinetic_friction(interface) - 1.0)
     half = 0.5 * _LATE
-    return float(far.sel(X=slice(half - 0.5, half + 0.5)).max()), float(far.sel(X=slice(_LATE - 1.0, None)).max())
+    return float(far.sel(displacement=slice(half - 0.5, half + 0.5)).max()), float(
+        far.sel(displacement=slice(_LATE - 1.0, None)).max()
+    )
 
 
 def _turning_points(force: Array) -> tuple[float, float]:
@@ -230,16 +249,18 @@ def _limit(data: xr.Dataset) -> Claim:
     friction = data["F_k"].to_numpy()
     return Claim(
         number=2,
-        statement="for any law of thresholds but a delta function the force tends to F_k, which is about N f_s/2",
+        statement="for any distribution of thresholds but a delta function the force tends to F_k, which is about N f_s/2",
         verdict=verdict(printed=worst < 1e-4),
         settled="reproduced",
         measured=(
             at_most(f"largest relative distance from F_k at {_LATE:g} x_s", worst, 1e-4),
-            at_most("end over half way, largest of all laws that have not arrived by then", _fall(middle, end), 0.1),
-            near("F_k, spread .1", friction[0], 0.505, 1e-5, "f_s"),
-            near("F_k, spread .3", friction[1], 0.54498, 1e-5, "f_s"),
+            at_most(
+                "end over half way, largest of all distributions that have not arrived by then", _fall(middle, end), 0.1
+            ),
+            near("F_k, standard deviation .1", friction[0], 0.505, 1e-5, "f_s"),
+            near("F_k, standard deviation .3", friction[1], 0.54498, 1e-5, "f_s"),
         ),
-        evidence=f"{end.size} laws ({', '.join(map(str, data['law'].values))}) and the closed form of F_k",
+        evidence=f"{end.size} distributions ({', '.join(map(str, data['distribution'].values))}) and the closed form of F_k",
     )
 
 
@@ -256,21 +277,25 @@ def _steady_start(data: xr.Dataset) -> Claim:
         verdict=verdict(printed=far < 1e-6),
         settled="reproduced",
         measured=(at_most("largest distance from F_k", far, 1e-6, "f_s"),),
-        evidence=f"0 to {DISTANCE:g} x_s, spreads of thresholds {THRESHOLD_SPREADS[0]:g} and {THRESHOLD_SPREADS[1]:g}",
+        evidence=f"0 to {DISTANCE:g} x_s, standard deviations of thresholds {THRESHOLD_SPREADS[0]:g} and {THRESHOLD_SPREADS[1]:g}",
     )
 
 
 def _delta_start(data: xr.Dataset) -> Claim:
     forces = data["F_c_start"].to_numpy()[:-1]  # without the steady start
-    swings = np.array([[np.subtract(*_turning_points(force)) for force in start] for start in forces])
-    falls = bool(np.all(np.diff(swings, axis=0) < 0))
+    oscillations = np.array([[np.subtract(*_turning_points(force)) for force in start] for start in forces])
+    falls = bool(np.all(np.diff(oscillations, axis=0) < 0))
     measured = [
-        at_least(f"swing from a delta start over that from .01, thresholds {t:g}", swings[0, i] / swings[1, i], 1.0)
+        at_least(
+            f"oscillation from a delta start over that from .01, thresholds {t:g}",
+            oscillations[0, i] / oscillations[1, i],
+            1.0,
+        )
         for i, t in enumerate(THRESHOLD_SPREADS)
     ]
     for (initial, threshold), (top, bottom) in _SETTLED.items():
         case = data.sel(initial_spread=initial, threshold_spread=threshold)
-        high, low = _turning_points(case["F_c"].to_numpy())
+        high, low = _turning_points(case["friction_force"].to_numpy())
         where = f"start {initial:g}, thresholds {threshold:g}"
         measured += [
             near(f"first maximum, {where}", high, top, 2e-4, "f_s"),
@@ -284,25 +309,25 @@ def _delta_start(data: xr.Dataset) -> Claim:
         verdict=verdict(printed=falls),
         settled="reproduced",
         measured=tuple(measured),
-        evidence="first maximum less first minimum for starts of spread 0, .01, .03, .1 and .3",
+        evidence="first maximum less first minimum for starts of standard deviation 0, .01, .03, .1 and .3",
     )
 
 
 def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
     figure = plot.new_figure(plot.PAGE, 3.6)
     ax = figure.subplots()
-    X = data["X"].to_numpy()
+    X = data["displacement"].to_numpy()
     colours = iter(plot.PALETTE)
     for initial, threshold in itertools.product(INITIAL_SPREADS, THRESHOLD_SPREADS):
         case = data.sel(initial_spread=initial, threshold_spread=threshold)
         colour = next(colours)
         name = rf"$\Delta f_0$ = {initial:g} {_FORCE},  $\Delta f_\mathrm{{s}}$ = {threshold:g} {_FORCE}"
-        ax.plot(X, case["F_c"], color=colour, label=name)
+        ax.plot(X, case["friction_force"], color=colour, label=name)
         ax.plot(X, case["F_c_contacts"], color=colour, linestyle=":", linewidth=1.0)
     ax.plot([], [], color=plot.GREY, label="master equation")
     ax.plot([], [], color=plot.GREY, linestyle=":", label=f"{FIG1.contacts} contacts")
-    plot.dress(ax.xaxis, data["X"])
-    plot.dress(ax.yaxis, data["F_c"])
+    plot.dress(ax.xaxis, data["displacement"])
+    plot.dress(ax.yaxis, data["friction_force"])
     ax.set_xlim(0, DISTANCE)
     ax.set_ylim(0, 0.85)
     ax.legend(loc="upper right", ncols=2, columnspacing=1.6)

@@ -3,7 +3,7 @@
 Without inertia and damping that would be exact: the contacts know only ``v/beta^2``. Each ramp starts from smooth
 sliding and takes the same time in units of ``beta^-2``. Beside the ramps stands the velocity at which smooth sliding
 loses stability, which takes no run. Where it regains stability is another matter than ``v2``: on the way there the
-swing fades to nothing, and ``v2`` is where it falls below a level.
+oscillation fades to nothing, and ``v2`` is where it falls below a level.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from stickslip import plot
-from stickslip.drive import ramp
 from stickslip.measure import transitions
 from stickslip.model import FIG10, Interface, Langevin
-from stickslip.paper.record import Claim, Figure, Progress, between, near, portions, verdict
-from stickslip.simulate import Contacts, Record, Sliding, simulate
+from stickslip.model.drive import ramp
+from stickslip.paper.output import Claim, Figure, Progress, between, near, portions, verdict
+from stickslip.simulation import Contacts, FromSliding, Output, simulate
 from stickslip.stability import critical_velocities
 
 Array = NDArray[np.float64]
@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 _RATES = (0.8, 1.0, 1.25, 1.5, 2.0)
 _QUICK = (0.8, 2.0)
 _LEVEL = 0.6
-"""Peak to peak of the driving force that counts as stick-slip, in f_s."""
+"""Peak to peak of the spring force that counts as stick-slip, in f_s."""
 
 
 def _aged(rate: float) -> Interface:
@@ -41,8 +41,8 @@ def _ramped(rate: float, seed: int, progress: Progress, *, quick: bool) -> tuple
     time = (0.6 if quick else 1.0) / unit
     drive = ramp(0.25 * unit, 0.6 * unit, 500.0 * time).then(ramp(0.6 * unit, 1.7 * unit, 250.0 * time))
     method = Contacts(1_000 if quick else FIG10.contacts, seed=seed)
-    record = Record(interval=0.02 / unit)
-    run = simulate(_aged(rate), FIG10.slider, drive, method, record=record, start=Sliding(), progress=progress)
+    output = Output(interval=0.02 / unit)
+    run = simulate(_aged(rate), FIG10.slider, drive, method, output=output, start=FromSliding(), progress=progress)
     seen = transitions(run, level=_LEVEL)
     return float(seen["v1"]) / unit, float(seen["v2"]) / unit
 
@@ -104,7 +104,7 @@ def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
             settled="reproduced",
             measured=tuple(measured),
             evidence=f"ramps of {FIG10.contacts} contacts from smooth sliding at {rates.size} rates; stick-slip where "
-            f"F_d swings by more than {_LEVEL:g}; linear stability. The inertia of the slider, which does not scale, "
+            f"F_d oscillations by more than {_LEVEL:g}; linear stability. The inertia of the slider, which does not scale, "
             "makes v2 grow a little faster",
         ),
     )

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from scipy import optimize
 
 from stickslip import plot
-from stickslip.drive import ramp
 from stickslip.kernels.drive import Quadratic
 from stickslip.kernels.langevin_contacts import Contacts as Sampled
 from stickslip.kernels.langevin_contacts import advance_contacts
@@ -25,8 +24,9 @@ from stickslip.kernels.oscillator import RIGID
 from stickslip.kernels.stepping import Course
 from stickslip.measure import transitions
 from stickslip.model import FIG11
-from stickslip.paper.record import Claim, Figure, Progress, at_most, between, near, portions, verdict
-from stickslip.simulate import LABELS, Contacts, Record, Sliding, simulate
+from stickslip.model.drive import ramp
+from stickslip.paper.output import Claim, Figure, Progress, at_most, between, near, portions, verdict
+from stickslip.simulation import LABELS, Contacts, FromSliding, Output, simulate
 from stickslip.stability import critical_velocities
 from stickslip.theory import ageing_constants
 
@@ -40,7 +40,7 @@ _WAY = 0.065
 _DISTANCE, _SPACING = 1.6, 0.0025
 _SLOW, _FAST, _EACH_WAY = 0.05, 1.8, 200.0
 _LEVEL = 0.6
-"""Peak to peak of the driving force that counts as stick-slip, in f_s."""
+"""Peak to peak of the spring force that counts as stick-slip, in f_s."""
 
 
 def _pulled(velocity: float) -> tuple[Array, Array]:
@@ -87,8 +87,8 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         FIG11.slider,
         ramp(_SLOW, _FAST, _EACH_WAY),
         Contacts(FIG11.contacts, seed=11),
-        record=Record(interval=0.02),
-        start=Sliding(),
+        output=Output(interval=0.02),
+        start=FromSliding(),
         progress=second,
     )
     seen = transitions(run, level=_LEVEL)
@@ -97,9 +97,9 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     speed = {"units": "x_s/time", "long_name": "velocity"}
     return xr.Dataset(
         {
-            "F_d": ("t", run["F_d"].to_numpy(), LABELS["F_d"]),
-            "drive_velocity": ("t", run["drive_velocity"].to_numpy(), LABELS["drive_velocity"]),
-            "F_c": (("velocity", "X"), np.array([force for _, force in curves]), forces),
+            "spring_force": ("time", run["spring_force"].to_numpy(), LABELS["spring_force"]),
+            "drive_velocity": ("time", run["drive_velocity"].to_numpy(), LABELS["drive_velocity"]),
+            "friction_force": (("velocity", "displacement"), np.array([force for _, force in curves]), forces),
             "F_contacts": (("checked", "X_checked"), np.array(checked), forces),
             "K_eff": (
                 "velocity",
@@ -122,10 +122,10 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         },
         coords={
             "velocity": ("velocity", velocities, speed),
-            "X": ("X", X, {"units": "x_s", "long_name": "displacement of the slider"}),
+            "displacement": ("displacement", X, {"units": "x_s", "long_name": "displacement of the slider"}),
             "checked": ("checked", np.array(_KNOWN), speed),
             "X_checked": ("X_checked", X[coarse], {"units": "x_s", "long_name": "displacement of the slider"}),
-            "t": ("t", run["t"].to_numpy(), LABELS["t"]),
+            "time": ("time", run["time"].to_numpy(), LABELS["time"]),
             "end": ("end", ["low", "high"], {"long_name": "end of the range"}),
         },
         attrs={"count": count},
@@ -145,7 +145,9 @@ def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
         near(f"K_eff over {_WAY:g} x_s at v = {v:g}", float(there["K_eff_smoothed"].sel(velocity=v)), known, 0.01, "k")
         for v, known in zip(_KNOWN, _SMOOTHED, strict=False)
     ]
-    apart = float(abs(there["F_c"].interp(X=data["X_checked"]).to_numpy() - data["F_contacts"]).max())
+    apart = float(
+        abs(there["friction_force"].interp(displacement=data["X_checked"]).to_numpy() - data["F_contacts"]).max()
+    )
     return (
         Claim(
             number=17,
@@ -174,7 +176,7 @@ def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
             ),
             evidence="renewal equation of newborn contacts pulled at constant velocity, K_eff = max(-dF/dX), checked "
             f"with {data.attrs['count']} contacts; a ramp of {_EACH_WAY:g} time units with {FIG11.contacts} contacts, "
-            f"stick-slip where F_d swings by more than {_LEVEL:g}; linear stability. Slopes over {_WAY:g} x_s are "
+            f"stick-slip where F_d oscillations by more than {_LEVEL:g}; linear stability. Slopes over {_WAY:g} x_s are "
             "the smaller numbers that a numerical derivative of scattered data gives",
         ),
     )
@@ -186,21 +188,23 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
     friction = figure.add_subplot(grid[0, :])
     curves, stiffness = figure.add_subplot(grid[1, 0]), figure.add_subplot(grid[1, 1])
 
-    friction.plot(data["drive_velocity"], data["F_d"], color=plot.BLUE, linewidth=0.4)
+    friction.plot(data["drive_velocity"], data["spring_force"], color=plot.BLUE, linewidth=0.4)
     low, high = data["unstable"].to_numpy().tolist()
     friction.axvspan(low, high, color=plot.GREY, alpha=0.15, linewidth=0)
     friction.text(0.5 * (low + high), 1.0, "smooth sliding unstable", ha="center", va="top", fontsize=8)
     friction.axvline(float(data["crossing"]), color=plot.VERMILLION, linewidth=0.9, linestyle="--")
     plot.dress(friction.xaxis, data["drive_velocity"])
-    plot.dress(friction.yaxis, data["F_d"])
+    plot.dress(friction.yaxis, data["spring_force"])
     friction.set(xlim=(0.0, 1.5), ylim=(-0.55, 1.02))
     plot.letter(friction, "(a) friction on a ramp")
 
     for speed, colour in zip(_KNOWN, plot.PALETTE, strict=False):
-        curves.plot(data["X"], data["F_c"].sel(velocity=speed), color=colour, label=f"$v$ = {speed:g}")
+        curves.plot(
+            data["displacement"], data["friction_force"].sel(velocity=speed), color=colour, label=f"$v$ = {speed:g}"
+        )
         curves.plot(data["X_checked"], data["F_contacts"].sel(checked=speed), "o", color=colour, markersize=2)
-    plot.dress(curves.xaxis, data["X"])
-    plot.dress(curves.yaxis, data["F_c"])
+    plot.dress(curves.xaxis, data["displacement"])
+    plot.dress(curves.yaxis, data["friction_force"])
     curves.set_ylim(0.0, 1.0)
     curves.legend(loc="upper right", ncols=2)
     plot.letter(curves, "(b) newborn contacts, pulled")

@@ -18,9 +18,9 @@ from scipy.optimize import brentq
 from stickslip import plot
 from stickslip.errors import UndecidedError
 from stickslip.model import FIG2, Delay, Interface, Slider
-from stickslip.paper.record import Claim, Figure, Progress, at_least, at_most, near, verdict
-from stickslip.rigid import Renewal, critical_stiffness, effective_stiffness, slide
-from stickslip.simulate import LABELS
+from stickslip.paper.output import Claim, Figure, Progress, at_least, at_most, near, verdict
+from stickslip.rigid import Renewal, critical_stiffness, effective_stiffness, rigid_slide
+from stickslip.simulation import LABELS
 from stickslip.theory import effective_potential
 
 Array = NDArray[np.float64]
@@ -29,7 +29,9 @@ STIFF = 5.0
 """Stiffness of a spring that follows the fall of the force, as in Fig. 4."""
 
 _DISTANCE = 2.0
-_ONSET = 0.01  # share of contacts that have broken at the point where, to the eye, the force leaves the straight line
+_ONSET = (
+    0.01  # fraction of contacts that have broken at the point where, to the eye, the force leaves the straight line
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,15 +60,15 @@ def first_instability(interface: Interface, stiffness: float) -> Instability:
         return float(effective_stiffness(interface, [x])[0]) - stiffness
 
     X_star = float(brentq(surplus, X[i - 1], X[i], xtol=1e-12)) if i else 0.0
-    force = slide(interface, max(X_star, 1e-6), method=Renewal(2048))["F_c"].to_numpy()[-1]
+    force = rigid_slide(interface, max(X_star, 1e-6), method=Renewal(2048))["friction_force"].to_numpy()[-1]
     return Instability(X=X_star, drive=X_star + float(force) / stiffness)
 
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
     interface, slider = FIG2.interface, FIG2.slider
-    run = slide(interface, _DISTANCE, method=Renewal(1000 if quick else 4000))
+    run = rigid_slide(interface, _DISTANCE, method=Renewal(1000 if quick else 4000))
     progress(0.5)
-    X, force = run["X"].to_numpy(), run["F_c"].to_numpy()
+    X, force = run["displacement"].to_numpy(), run["friction_force"].to_numpy()
     found = first_instability(interface, slider.stiffness)
     forever = first_instability(replace(interface, delay=Delay(math.inf)), slider.stiffness)
     onset = float(np.interp(_ONSET, _broken(X, run["breaking_rate"].to_numpy()), X))
@@ -81,14 +83,14 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     landing = _landing(X, force, found, slider)
     return xr.Dataset(
         {
-            "F_c": run["F_c"],
+            "friction_force": run["friction_force"],
             "K_eff": (
-                "X",
+                "displacement",
                 -run["stiffness"].to_numpy(),
                 {"units": "k", "long_name": "effective stiffness, per contact"},
             ),
             "V_eff": (
-                ("drive", "X"),
+                ("drive", "displacement"),
                 potential,
                 {"units": "f_s x_s", "long_name": "effective potential, per contact"},
             ),
@@ -109,7 +111,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
             ),
         },
         coords={
-            "X": ("X", X, LABELS["X"]),
+            "displacement": ("displacement", X, LABELS["displacement"]),
             "drive": ("drive", drives, {"units": "x_s", "long_name": "position of the drive"}),
             "which": ("which", ["contacts start to break", "instability", "landing"]),
             "reattachment": ("reattachment", ["at once", "never"], {"long_name": "when broken contacts come back"}),
@@ -139,7 +141,7 @@ def _minima(V: Array) -> int:
 def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
     K = float(data.attrs["stiffness"])
     K_eff, critical = data["K_eff"].to_numpy(), float(data["K_critical"])
-    near_peak = data["X"].to_numpy() < float(data["point"][2])
+    near_peak = data["displacement"].to_numpy() < float(data["point"][2])
     wells = [_minima(V[near_peak]) for V in data["V_eff"].to_numpy()]
     bend = _bend(data)
     never = data["instability"].sel(reattachment="never")
@@ -174,7 +176,7 @@ def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
 
 def _bend(data: xr.Dataset) -> float:
     """Largest distance of the curvature of the potential from what the stiffness of the interface makes it."""
-    X, V = data["X"].to_numpy(), data["V_eff"].to_numpy()[1]
+    X, V = data["displacement"].to_numpy(), data["V_eff"].to_numpy()[1]
     second = (V[2:] - 2.0 * V[1:-1] + V[:-2]) / (X[1] - X[0]) ** 2
     return float(np.max(np.abs(second - (float(data.attrs["stiffness"]) - data["K_eff"].to_numpy()[1:-1]))))
 
@@ -183,7 +185,7 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
     K = float(data.attrs["stiffness"])
     figure = plot.new_figure(plot.PAGE, 3.3)
     left, right = figure.subplots(1, 2, width_ratios=(1.3, 1.0))
-    X, force = data["X"].to_numpy(), data["F_c"].to_numpy()
+    X, force = data["displacement"].to_numpy(), data["friction_force"].to_numpy()
     shown = X <= 1.6
     left.plot(X[shown], force[shown], color=plot.BLUE)
     left.text(0.33, 0.41, r"$F_\mathrm{c}(X)$", color=plot.BLUE, ha="right")
@@ -199,8 +201,8 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
     landing = float(data["point"][2])
     left.plot(landing, np.interp(landing, X, force), "o", markerfacecolor="white", color=plot.VERMILLION, markersize=5)
     left.text(1.09, 0.43, r"$K(v_\mathrm{d}t^* - X)$", color=plot.VERMILLION)
-    plot.dress(left.xaxis, data["X"])
-    plot.dress(left.yaxis, data["F_c"])
+    plot.dress(left.xaxis, data["displacement"])
+    plot.dress(left.yaxis, data["friction_force"])
     left.set(xlim=(0, 1.6), ylim=(0, 1.1))
     plot.letter(left, rf"(a) $K$ = {K:g} $k$")
     _draw_potential(left.inset_axes((0.66, 0.64, 0.34, 0.36)), data)
@@ -218,7 +220,7 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
     right.plot(float(data["point"][1]), K, "o", color=plot.VERMILLION, markersize=5)
     right.annotate("2", (float(data["point"][1]), K), xytext=(-9, 3), textcoords="offset points",
                    color=plot.VERMILLION, fontweight="bold")  # fmt: skip
-    plot.dress(right.xaxis, data["X"])
+    plot.dress(right.xaxis, data["displacement"])
     plot.dress(right.yaxis, data["K_eff"])
     right.set(xlim=(0, 1.6), ylim=(-1.2, 5.6))
     plot.letter(right, r"(b) $K_\mathrm{eff} = -\mathrm{d}F_\mathrm{c}/\mathrm{d}X$")
@@ -227,7 +229,7 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
 
 def _draw_potential(ax: matplotlib.axes.Axes, data: xr.Dataset) -> None:
     """The effective potential before, at and after the instability, with the slider where it rests."""
-    X = data["X"].to_numpy()
+    X = data["displacement"].to_numpy()
     names = ("$t < t^*$", "$t^*$", "$t > t^*$")
     for i, (colour, name) in enumerate(zip((plot.GREY, plot.VERMILLION, plot.BLACK), names, strict=True)):
         V = data["V_eff"].to_numpy()[i]

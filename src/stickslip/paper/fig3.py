@@ -1,4 +1,4 @@
-"""Figure 3: the critical stiffness against the spread of thresholds, and what wide thresholds do to stick-slip.
+"""Figure 3: the critical stiffness against the standard deviation of thresholds, and what wide thresholds do to stick-slip.
 
 Eq. (8), with broken contacts that come back at once and with contacts that never do, beside the estimate of Eq. (9).
 """
@@ -13,10 +13,11 @@ import numpy as np
 import xarray as xr
 
 from stickslip import plot
-from stickslip.drive import hold
 from stickslip.measure import regime
 from stickslip.model import FIG3, FIG4, Delay, Interface
-from stickslip.paper.record import (
+from stickslip.model.distributions import Gaussian, SteadyState
+from stickslip.model.drive import constant
+from stickslip.paper.output import (
     Claim,
     Figure,
     Measured,
@@ -29,23 +30,22 @@ from stickslip.paper.record import (
     verdict,
 )
 from stickslip.rigid import critical_stiffness
-from stickslip.simulate import MasterEquation, Relaxed, Sliding, Start, simulate
+from stickslip.simulation import FromRest, FromSliding, MasterEquation, Start, simulate
 from stickslip.stability import critical_delay
 from stickslip.theory import critical_stiffness_estimate
-from stickslip.thresholds import Gaussian, SteadyState
 
 _INITIAL = (0.0, 0.01, 0.05, 0.1, 0.2, 0.3)
 _QUICK_INITIAL = (0.0, 0.01, 0.1, 0.3)
 _PRINTED = 3.59
-"""``K*/N`` as the paper prints it, for spreads .1 of thresholds and .01 at the start."""
+"""``K*/N`` as the paper prints it, for standard deviations .1 of thresholds and .01 at the start."""
 
-# Where stick-slip is looked for: threshold spread, delay, start, and how long.
+# Where stick-slip is looked for: threshold standard deviation, delay, start, and how long.
 _RUNS: dict[str, tuple[float, float, Start, float]] = {
-    "narrow thresholds, narrow start, delay .12": (0.1, 0.12, Relaxed(), 120.0),
-    "narrow thresholds, steady start, delay .12": (0.1, 0.12, Sliding(kick=0.05), 120.0),
-    "narrow thresholds, narrow start, delay .2": (0.1, 0.2, Relaxed(), 120.0),
-    "narrow thresholds, steady start, delay .2": (0.1, 0.2, Sliding(kick=0.05), 320.0),
-    "wide thresholds, narrow start, delay .2": (0.3, 0.2, Relaxed(), 120.0),
+    "narrow thresholds, narrow start, delay .12": (0.1, 0.12, FromRest(), 120.0),
+    "narrow thresholds, steady start, delay .12": (0.1, 0.12, FromSliding(perturbation=0.05), 120.0),
+    "narrow thresholds, narrow start, delay .2": (0.1, 0.2, FromRest(), 120.0),
+    "narrow thresholds, steady start, delay .2": (0.1, 0.2, FromSliding(perturbation=0.05), 320.0),
+    "wide thresholds, narrow start, delay .2": (0.3, 0.2, FromRest(), 120.0),
 }
 _JUDGED = 60.0  # the last so many time units
 
@@ -53,36 +53,41 @@ _JUDGED = 60.0  # the last so many time units
 def _interface(initial: float, threshold: float) -> Interface:
     return replace(
         FIG3.interface,
-        thresholds=Gaussian(mean=1.0, spread=threshold),
-        initial=Gaussian(mean=0.0, spread=initial),
+        thresholds=Gaussian(mean=1.0, std=threshold),
+        initial=Gaussian(mean=0.0, std=initial),
     )
 
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
     if quick:
-        spreads = np.array([0.02, 0.05, 0.1, 0.2, 0.3])
+        stds = np.array([0.02, 0.05, 0.1, 0.2, 0.3])
     else:
-        spreads = np.array([0.02, 0.025, 0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.09, *np.arange(0.1, 0.51, 0.025)])
-    spreads = np.round(spreads, 4)
-    parts = portions(progress, spreads.size + len(_RUNS))
+        stds = np.array([0.02, 0.025, 0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.09, *np.arange(0.1, 0.51, 0.025)])
+    stds = np.round(stds, 4)
+    parts = portions(progress, stds.size + len(_RUNS))
     initials = _QUICK_INITIAL if quick else _INITIAL
-    K = np.empty((2, len(initials), spreads.size))
-    for j, spread in enumerate(spreads):
+    K = np.empty((2, len(initials), stds.size))
+    for j, std in enumerate(stds):
         for i, initial in enumerate(initials):
-            interface = _interface(initial, float(spread))
+            interface = _interface(initial, float(std))
             K[0, i, j] = critical_stiffness(interface)
             K[1, i, j] = critical_stiffness(interface, reattachment=False)
         next(parts)(1.0)
-    steady = [Interface(thresholds=law, initial=SteadyState(thresholds=law)) for law in map(_law, spreads)]
-    estimate = np.array([[critical_stiffness_estimate(_interface(i, float(s))) for s in spreads] for i in initials])
-    kinds, swings = [], []
-    for spread, delay, start, duration in _RUNS.values():
-        interface = replace(_interface(0.01, spread), delay=Delay(delay))
+    steady = [
+        Interface(thresholds=distribution, initial=SteadyState(thresholds=distribution))
+        for distribution in map(_distribution, stds)
+    ]
+    estimate = np.array([[critical_stiffness_estimate(_interface(i, float(s))) for s in stds] for i in initials])
+    kinds, oscillations = [], []
+    for std, delay, start, duration in _RUNS.values():
+        interface = replace(_interface(0.01, std), delay=Delay(delay))
         method = MasterEquation(cells=100 if quick else 400)
-        run = simulate(interface, FIG4.slider, hold(FIG4.velocity, duration), method, start=start, progress=next(parts))
+        run = simulate(
+            interface, FIG4.slider, constant(FIG4.velocity, duration), method, start=start, progress=next(parts)
+        )
         seen = regime(run, after=duration - _JUDGED)
         kinds.append(seen.kind)
-        swings.append(seen.peak_to_peak)
+        oscillations.append(seen.peak_to_peak)
     delays = [critical_delay(_interface(0.01, s), FIG4.slider, FIG4.velocity) for s in (0.1, 0.3)]
     stiffness = {"units": "k"}
     return xr.Dataset(
@@ -105,11 +110,11 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
             "kind": ("run", kinds, {"long_name": "regime at the end"}),
             "peak_to_peak": (
                 "run",
-                np.array(swings),
-                {"units": "f_s", "long_name": "peak to peak of the driving force at the end, per contact"},
+                np.array(oscillations),
+                {"units": "f_s", "long_name": "peak to peak of the spring force at the end, per contact"},
             ),
             "linear_critical_delay": (
-                "spread",
+                "std",
                 np.array(delays, dtype=float),
                 {"units": "x_s/v_d", "long_name": "delay from which steady sliding is unstable"},
             ),
@@ -119,21 +124,21 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
             "initial_spread": (
                 "initial_spread",
                 np.array(initials),
-                {"units": "f_s", "long_name": "spread of initial forces"},
+                {"units": "f_s", "long_name": "standard deviation of initial forces"},
             ),
             "threshold_spread": (
                 "threshold_spread",
-                spreads,
+                stds,
                 {"units": "f_s", "long_name": r"spread of thresholds $\Delta f_\mathrm{s}$"},
             ),
             "run": ("run", list(_RUNS), {"long_name": "run at K = 2 k, eta = 200, v_d = 1"}),
-            "spread": ("spread", np.array([0.1, 0.3]), {"units": "f_s", "long_name": "spread of thresholds"}),
+            "std": ("std", np.array([0.1, 0.3]), {"units": "f_s", "long_name": "standard deviation of thresholds"}),
         },
     )
 
 
-def _law(spread: float) -> Gaussian:
-    return Gaussian(mean=1.0, spread=float(spread))
+def _distribution(std: float) -> Gaussian:
+    return Gaussian(mean=1.0, std=float(std))
 
 
 def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
@@ -153,24 +158,26 @@ def _falls(data: xr.Dataset) -> Claim:
     settled = [(0.0, 0.1, 3.009), (0.1, 0.1, 1.828), (0.01, 0.2, 1.033), (0.01, 0.3, 0.438)]
     return Claim(
         number=5,
-        statement="K* falls with the spread of thresholds and of the start, is largest for a delta start and zero from "
+        statement="K* falls with the standard deviation of thresholds and of the start, is largest for a delta start and zero from "
         "the steady state; roughly K* = N k f_s/(Df_s + Df_0)",
         verdict=verdict(
             printed=falls and abs(estimate / float(K.sel(paper)) - 1.0) < 0.5,
             read=falls and abs(slope + 1.0) < 0.15,
         ),
         settled="reproduced under the stated reading",
-        reading="Eq. (9) tells how K* scales for narrow laws, K* ~ 1/width, and not its value, three times too large "
-        f"here; K* falls throughout for start spreads up to {widest:g}",
+        reading="Eq. (9) tells how K* scales for narrow distributions, K* ~ 1/width, and not its value, three times too large "
+        f"here; K* falls throughout for start standard deviations up to {widest:g}",
         measured=(
-            at_most("steepest change of K* from one threshold spread to the next", with_thresholds, 0.0, "k"),
-            at_most("steepest change of K* from one start spread to the next", with_start, 0.0, "k"),
+            at_most(
+                "steepest change of K* from one threshold standard deviation to the next", with_thresholds, 0.0, "k"
+            ),
+            at_most("steepest change of K* from one start standard deviation to the next", with_start, 0.0, "k"),
             at_most("K* from the steady state", steady, 1e-6, "k"),
             near("Eq. (9), Df_0 = .01, Df_s = .1", estimate, 9.09, 0.01, "k"),
             near("power of Df_s in K*, delta start, .02 to .05", slope, -1.0, 0.15),
             *(near(f"K*, Df_0 = {i:g}, Df_s = {t:g}", _at(K, i, t), value, 0.003, "k") for i, t, value in settled),
         ),
-        evidence=f"{K.size} pairs of spreads by Eq. (8), with K_eff as an integral and not as a numerical derivative",
+        evidence=f"{K.size} pairs of standard deviations by Eq. (8), with K_eff as an integral and not as a numerical derivative",
     )
 
 
@@ -189,7 +196,7 @@ def _printed(data: xr.Dataset) -> Claim:
         exact="2.989 k if broken contacts come back at once, 3.548 k if they never do",
         measured=(
             near("K*, contacts come back at once", both[0], 2.989, 0.003, "k"),
-            near("K*, contacts never come back", both[1], 3.548, 0.003, "k"),
+            near("K*, contacts never re-attach", both[1], 3.548, 0.003, "k"),
         ),
         evidence="largest K_eff by Eq. (8); the figure printed is 1 % off the nearer of the two",
     )
@@ -197,7 +204,9 @@ def _printed(data: xr.Dataset) -> Claim:
 
 def _avoided(data: xr.Dataset) -> Claim:
     kind = {str(run): str(value) for run, value in zip(data["run"].values, data["kind"].values, strict=True)}
-    swing = {str(run): float(value) for run, value in zip(data["run"].values, data["peak_to_peak"].values, strict=True)}
+    oscillation = {
+        str(run): float(value) for run, value in zip(data["run"].values, data["peak_to_peak"].values, strict=True)
+    }
     reference, steady_short, narrow_long, steady_long, wide = _RUNS
     slips = "stick-slip"
     wide_avoids = kind[wide] == "smooth sliding" and kind[narrow_long] == slips
@@ -205,11 +214,11 @@ def _avoided(data: xr.Dataset) -> Claim:
     always = kind[steady_long] == "smooth sliding"
     linear = data["linear_critical_delay"].to_numpy()
     measured: list[Measured] = [
-        at_least(f"peak to peak F_d, {reference}", swing[reference], 0.5, "f_s"),
-        at_most(f"peak to peak F_d, {steady_short}", swing[steady_short], 0.02, "f_s"),
-        at_least(f"peak to peak F_d, {narrow_long}", swing[narrow_long], 0.5, "f_s"),
-        at_least(f"peak to peak F_d, {steady_long}", swing[steady_long], 0.5, "f_s"),
-        at_most(f"peak to peak F_d, {wide}", swing[wide], 0.02, "f_s"),
+        at_least(f"peak to peak F_d, {reference}", oscillation[reference], 0.5, "f_s"),
+        at_most(f"peak to peak F_d, {steady_short}", oscillation[steady_short], 0.02, "f_s"),
+        at_least(f"peak to peak F_d, {narrow_long}", oscillation[narrow_long], 0.5, "f_s"),
+        at_least(f"peak to peak F_d, {steady_long}", oscillation[steady_long], 0.5, "f_s"),
+        at_most(f"peak to peak F_d, {wide}", oscillation[wide], 0.02, "f_s"),
         near("linear critical delay, Df_s = .1", linear[0], 0.1455, 0.0002, "x_s/v_d"),
         between("linear critical delay, Df_s = .3", linear[1], 0.9, 0.96, "x_s/v_d"),
     ]
@@ -222,21 +231,21 @@ def _avoided(data: xr.Dataset) -> Claim:
         "where smooth sliding and stick-slip are both stable; above it any disturbance grows into stick-slip",
         measured=tuple(measured),
         evidence=f"runs of the master equation at K = 2 k, eta = 200, v_d = 1, judged over their last {_JUDGED:g} time "
-        "units; steady starts kicked by 5 % in velocity",
+        "units; steady starts perturbed by 5 % in velocity",
     )
 
 
 def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
     figure = plot.new_figure(plot.PAGE, 3.6)
     axes = figure.subplots(1, 2, sharey=True)
-    spread = data["threshold_spread"].to_numpy()
-    titles = ("(a) broken contacts come back at once", "(b) broken contacts never come back")
+    std = data["threshold_spread"].to_numpy()
+    titles = ("(a) broken contacts come back at once", "(b) broken contacts never re-attach")
     for ax, how, title in zip(axes, data["reattachment"].values, titles, strict=True):
         for initial, colour in zip(data["initial_spread"].to_numpy(), plot.PALETTE, strict=False):
             K = data["K_critical"].sel(reattachment=how, initial_spread=initial)
-            ax.plot(spread, K, color=colour, label=f"{initial:g}")
+            ax.plot(std, K, color=colour, label=f"{initial:g}")
         guess = data["K_estimate"].sel(initial_spread=0.01)
-        ax.plot(spread, guess, color=plot.GREY, linestyle=":", label=r"$1/(\Delta f_\mathrm{s} + 0.01)$, scaling")
+        ax.plot(std, guess, color=plot.GREY, linestyle=":", label=r"$1/(\Delta f_\mathrm{s} + 0.01)$, scaling")
         exact = _at(data["K_critical"].sel(reattachment=how), 0.01, 0.1)
         ax.plot(0.1, exact, "o", color=plot.PALETTE[1], markersize=5, label="exact, Figs. 4 to 7")
         ax.plot(0.1, _PRINTED, "x", color=plot.BLACK, markersize=6, label=f"{_PRINTED}, as printed")

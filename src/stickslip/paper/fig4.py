@@ -1,6 +1,6 @@
 """Figure 4: the spring-driven slider with and without delay, by contacts and by the master equation.
 
-Eq. (11) with contacts that come back after a delay. Transients last for 40 to 100 ``x_s``, longer than the paper's
+Eq. (11) with contacts that re-attach after a delay. Transients last for 40 to 100 ``x_s``, longer than the paper's
 picture: the picture shows the beginning, the claims are weighed on what comes after it.
 """
 
@@ -17,11 +17,11 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from stickslip import plot
-from stickslip.drive import hold
 from stickslip.measure import find_cycles, regime
 from stickslip.model import FIG4, Delay
-from stickslip.paper.record import Claim, Figure, Measured, Progress, at_least, at_most, near, portions, verdict
-from stickslip.simulate import LABELS, Contacts, MasterEquation, Method, Record, simulate
+from stickslip.model.drive import constant
+from stickslip.paper.output import Claim, Figure, Measured, Progress, at_least, at_most, near, portions, verdict
+from stickslip.simulation import LABELS, Contacts, MasterEquation, Method, Output, simulate
 from stickslip.theory import driving_force
 
 Array = NDArray[np.float64]
@@ -60,7 +60,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
             for name in _TRACES:
                 shown[name][j, _SHOWN_DELAYS.index(delay)] = run[name].to_numpy()[: _samples(_SHOWN)]
     scatter = [_period(_run(2.0, 0.2, Contacts(count, seed=9), 2.0 * _END, next(parts)))[1] for count in counts]
-    traces = {name: (("stiffness", "shown_delay", "t"), shown[name], LABELS[name]) for name in _TRACES}
+    traces = {name: (("stiffness", "shown_delay", "time"), shown[name], LABELS[name]) for name in _TRACES}
     numbers_of = ("solver", "stiffness", "delay")
     return xr.Dataset(
         traces
@@ -70,7 +70,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
             "mean_force_smooth": (
                 ("stiffness", "delay"),
                 np.array([[_mean_force(K, tau) for tau in _DELAYS] for K in STIFFNESSES]),
-                {"units": "f_s", "long_name": "mean driving force in smooth sliding, closed form, per contact"},
+                {"units": "f_s", "long_name": "mean spring force in smooth sliding, closed form, per contact"},
             ),
             "period_scatter": (
                 "contacts",
@@ -79,7 +79,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
             ),
         },
         coords={
-            "t": ("t", _INTERVAL * np.arange(_samples(_SHOWN)), {"units": "x_s/v_d", "long_name": "time"}),
+            "time": ("time", _INTERVAL * np.arange(_samples(_SHOWN)), {"units": "x_s/v_d", "long_name": "time"}),
             "stiffness": (
                 "stiffness",
                 np.array(STIFFNESSES),
@@ -94,10 +94,10 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     )
 
 
-_TRACES = ("F_d", "velocity", "X")
+_TRACES = ("spring_force", "velocity", "displacement")
 _LATE = {
-    "peak_to_peak": ("f_s", "peak to peak of the driving force, late, per contact"),
-    "mean_force": ("f_s", "mean driving force, late, per contact"),
+    "peak_to_peak": ("f_s", "peak to peak of the spring force, late, per contact"),
+    "mean_force": ("f_s", "mean spring force, late, per contact"),
     "period": ("x_s/v_d", "mean period, late"),
     "period_variation": ("1", "coefficient of variation of the period, late"),
     "peak_velocity": ("v_d", "largest velocity of the slider, late"),
@@ -112,8 +112,8 @@ def _samples(duration: float) -> int:
 def _run(stiffness: float, delay: float, method: Method, duration: float, progress: Progress) -> xr.Dataset:
     interface = replace(FIG4.interface, delay=Delay(delay))
     slider = replace(FIG4.slider, stiffness=stiffness)
-    drive = hold(FIG4.velocity, duration)
-    return simulate(interface, slider, drive, method, record=Record(interval=_INTERVAL), progress=progress)
+    drive = constant(FIG4.velocity, duration)
+    return simulate(interface, slider, drive, method, output=Output(interval=_INTERVAL), progress=progress)
 
 
 def _mean_force(stiffness: float, delay: float) -> float:
@@ -124,7 +124,7 @@ def _mean_force(stiffness: float, delay: float) -> float:
 def _weigh(run: xr.Dataset) -> tuple[str, dict[str, float]]:
     """Regime after the transient, and the numbers behind it; on average the slider is where the drive is."""
     seen = regime(run, after=_BEGIN)
-    t, force = run["t"].to_numpy(), run["F_d"].to_numpy()
+    t, force = run["time"].to_numpy(), run["spring_force"].to_numpy()
     early = [float(np.ptp(force[(a <= t) & (t < b)])) for a, b in itertools.pairwise(_EARLY)]
     period, variation = _period(run)
     return seen.kind, {
@@ -139,9 +139,9 @@ def _weigh(run: xr.Dataset) -> tuple[str, dict[str, float]]:
 
 def _period(run: xr.Dataset) -> tuple[float, float]:
     """Mean and coefficient of variation of the period after the transient; NaN where nothing stands out."""
-    late = run.sel(t=slice(_BEGIN, None))
-    cycles = find_cycles(late["t"].to_numpy(), late["F_d"].to_numpy())
-    if float(np.ptp(late["F_d"])) < 0.3 or not cycles.periodic:
+    late = run.sel(time=slice(_BEGIN, None))
+    cycles = find_cycles(late["time"].to_numpy(), late["spring_force"].to_numpy())
+    if float(np.ptp(late["spring_force"])) < 0.3 or not cycles.periodic:
         return np.nan, np.nan
     return cycles.period, cycles.variation
 
@@ -179,7 +179,7 @@ def _long_time_numbers(data: xr.Dataset, solver: str) -> list[Measured]:
     """The settled numbers of the two stiffnesses, as a solver gives them."""
     noisy = solver == "contacts"
 
-    def swing(stiffness: float, delay: float) -> tuple[str, float]:
+    def oscillation(stiffness: float, delay: float) -> tuple[str, float]:
         name = f"peak to peak F_d, K {stiffness:g}, delay {delay:g}, {solver}"
         return name, _value(data, "peak_to_peak", solver, stiffness, delay)
 
@@ -187,17 +187,17 @@ def _long_time_numbers(data: xr.Dataset, solver: str) -> list[Measured]:
         return f"{words}, K {stiffness:g}, delay {delay:g}, {solver}", _value(data, name, solver, stiffness, delay)
 
     numbers = [
-        at_most(*swing(2.0, 0.0), 0.05, "f_s"),
-        at_most(*swing(2.0, 0.085), 0.05, "f_s"),
-        at_least(*swing(2.0, 0.105), 0.5, "f_s"),
-        near(*swing(2.0, 0.2), 0.77, 0.02, "f_s"),
+        at_most(*oscillation(2.0, 0.0), 0.05, "f_s"),
+        at_most(*oscillation(2.0, 0.085), 0.05, "f_s"),
+        at_least(*oscillation(2.0, 0.105), 0.5, "f_s"),
+        near(*oscillation(2.0, 0.2), 0.77, 0.02, "f_s"),
         near(*other("period", "period", 2.0, 0.2), 1.487, 0.010, "x_s/v_d"),
         near(*other("peak_velocity", "largest velocity", 2.0, 0.2), 13.0, 0.7, "v_d"),
-        at_most(*swing(5.0, 0.0), 0.04, "f_s"),
-        at_most(*swing(5.0, 0.1), 0.04, "f_s"),
+        at_most(*oscillation(5.0, 0.0), 0.04, "f_s"),
+        at_most(*oscillation(5.0, 0.1), 0.04, "f_s"),
         at_least(*other("decay", "fall of the peak to peak from x = 20-40 to 40-60", 5.0, 0.2), 2.0),
         # Contacts add their noise to the largest and the smallest value.
-        near(*swing(5.0, 0.3), 0.635, 0.03 if noisy else 0.015, "f_s"),
+        near(*oscillation(5.0, 0.3), 0.635, 0.03 if noisy else 0.015, "f_s"),
         near(*other("period", "period", 5.0, 0.3), 1.38, 0.01, "x_s/v_d"),
         at_most(*other("peak_velocity", "largest velocity", 5.0, 0.3), 3.0, "v_d"),
     ]
@@ -241,17 +241,17 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
     for j, stiffness in enumerate(STIFFNESSES):
         for n, delay in enumerate(_SHOWN_DELAYS):
             ax = panels[n, j]
-            force = data["F_d"].sel(stiffness=stiffness, shown_delay=delay)
+            force = data["spring_force"].sel(stiffness=stiffness, shown_delay=delay)
             kind = str(data["kind"].sel(solver="contacts", stiffness=stiffness, delay=delay).item())
-            ax.plot(data["t"], force, color=plot.PALETTE[n], linewidth=0.9)
+            ax.plot(data["time"], force, color=plot.PALETTE[n], linewidth=0.9)
             words = rf"$\tau_\mathrm{{d}}$ = {delay:g},  in the end {kind}"
             ax.text(1.0, 1.0, words, transform=ax.transAxes, ha="right", va="bottom", fontsize=8)
             ax.set(xlim=(0, _SHOWN), ylim=(0, 0.95))
             ax.set_yticks([0.0, 0.4, 0.8])
             ax.set_xticks([0, 5, 10, 15, 20])
         plot.letter(panels[0, j], f"({'bc'[j]}) $K$ = {stiffness:g} $k$")
-        plot.dress(panels[-1, j].xaxis, data["t"])
-    lower.supylabel(plot.label(data["F_d"]), fontsize=9)
+        plot.dress(panels[-1, j].xaxis, data["time"])
+    lower.supylabel(plot.label(data["spring_force"]), fontsize=9)
     return figure
 
 
@@ -259,9 +259,9 @@ def _draw_without_delay(axes: Iterable[Axes], data: xr.Dataset) -> None:
     """Force and velocity against displacement."""
     for ax, stiffness in zip(axes, STIFFNESSES, strict=True):
         run = data.sel(stiffness=stiffness, shown_delay=0.0)
-        early = (run["X"] < 6.0).to_numpy()
-        X = run["X"].to_numpy()[early]
-        ax.plot(X, run["F_d"].to_numpy()[early], color=plot.BLUE)
+        early = (run["displacement"] < 6.0).to_numpy()
+        X = run["displacement"].to_numpy()[early]
+        ax.plot(X, run["spring_force"].to_numpy()[early], color=plot.BLUE)
         right = ax.twinx()
         right.spines["right"].set_visible(True)
         right.plot(X, run["velocity"].to_numpy()[early], color=plot.VERMILLION, linestyle=":")
@@ -270,13 +270,13 @@ def _draw_without_delay(axes: Iterable[Axes], data: xr.Dataset) -> None:
         right.tick_params(axis="y", colors=plot.VERMILLION)
         ax.tick_params(axis="y", colors=plot.BLUE)
         ax.set(xlim=(0, 6), ylim=(0, 0.95))
-        plot.dress(ax.xaxis, data["X"])
+        plot.dress(ax.xaxis, data["displacement"])
         plot.letter(ax, rf"(a) $K$ = {stiffness:g} $k$,  $\tau_\mathrm{{d}}$ = 0")
         if stiffness == STIFFNESSES[0]:
-            ax.set_ylabel(plot.label(data["F_d"]), color=plot.BLUE)
+            ax.set_ylabel(plot.label(data["spring_force"]), color=plot.BLUE)
             right.tick_params(labelright=False)
         else:
             right.set_ylabel(plot.label(data["velocity"], units="v_d"), color=plot.VERMILLION)
 
 
-FIGURE = Figure(name="fig4", title="Driving force with and without delay", data=_data, drawing=_drawing, claims=_claims)
+FIGURE = Figure(name="fig4", title="Spring force with and without delay", data=_data, drawing=_drawing, claims=_claims)

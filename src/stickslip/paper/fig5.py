@@ -1,4 +1,4 @@
-"""Figure 5: the slider at and after the elastic instability, with contacts that never come back.
+"""Figure 5: the slider at and after the elastic instability, with contacts that never re-attach.
 
 Eq. (11) for one slip, beside the displacement that Eq. (12) expects.
 """
@@ -13,18 +13,18 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from stickslip import plot
-from stickslip.drive import hold
 from stickslip.model import FIG5, Slider
+from stickslip.model.drive import constant
 from stickslip.paper.fig2 import first_instability
-from stickslip.paper.record import Claim, Figure, Measured, Progress, at_most, between, near, portions, verdict
-from stickslip.simulate import LABELS, Contacts, MasterEquation, Method, Record, simulate
+from stickslip.paper.output import Claim, Figure, Measured, Progress, at_most, between, near, portions, verdict
+from stickslip.simulation import LABELS, Contacts, MasterEquation, Method, Output, simulate
 from stickslip.theory import slip_displacement
 
 Array = NDArray[np.float64]
 
 _DURATION = 1.6
 _METHODS = ("master equation", "contacts")
-_TRACES = ("X", "velocity", "F_d", "F_c")
+_TRACES = ("displacement", "velocity", "spring_force", "friction_force")
 _AROUND = 1.0
 """``Omega dt`` up to which Eq. (12), the first terms of a series in it, can be meant."""
 
@@ -54,11 +54,11 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     for name, slider in _sliders().items():
         run = runs[0] if name == "200" else _run(slider, methods[0], interval, next(parts))
         start = _passes(run, found.X)
-        velocity = float(np.interp(start, run["t"], run["velocity"]))
-        slips.append(np.interp(start + elapsed, run["t"], run["X"]) - found.X)
+        velocity = float(np.interp(start, run["time"], run["velocity"]))
+        slips.append(np.interp(start + elapsed, run["time"], run["displacement"]) - found.X)
         starts.append((start, velocity))
     traces = {
-        name: (("solver", "t"), np.array([run[name].to_numpy() for run in runs]), LABELS[name]) for name in _TRACES
+        name: (("solver", "time"), np.array([run[name].to_numpy() for run in runs]), LABELS[name]) for name in _TRACES
     }
     length = {"units": "x_s"}
     begin = np.array(starts)
@@ -98,7 +98,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
             ),
         },
         coords={
-            "t": ("t", runs[0]["t"].to_numpy(), {"units": "x_s/v_d", "long_name": "time"}),
+            "time": ("time", runs[0]["time"].to_numpy(), {"units": "x_s/v_d", "long_name": "time"}),
             "solver": ("solver", list(_METHODS), {"long_name": "solver"}),
             "damping": ("damping", list(_sliders()), {"long_name": "damping eta, in v_d/x_s"}),
             "phase": ("phase", phase, {"units": "1", "long_name": "time since the instability, times Omega"}),
@@ -107,13 +107,13 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
 
 
 def _run(slider: Slider, method: Method, interval: float, progress: Progress) -> xr.Dataset:
-    drive = hold(FIG5.velocity, _DURATION)
-    return simulate(FIG5.interface, slider, drive, method, record=Record(interval=interval), progress=progress)
+    drive = constant(FIG5.velocity, _DURATION)
+    return simulate(FIG5.interface, slider, drive, method, output=Output(interval=interval), progress=progress)
 
 
 def _passes(run: xr.Dataset, X: float) -> float:
     """Time at which the slider first passes a position."""
-    position, t = run["X"].to_numpy(), run["t"].to_numpy()
+    position, t = run["displacement"].to_numpy(), run["time"].to_numpy()
     i = int(np.argmax(position > X))
     return float(np.interp(X, position[i - 1 : i + 1], t[i - 1 : i + 1]))
 
@@ -133,7 +133,13 @@ def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
         measured += [
             near(f"time at which X passes .9247, {method}", _passes(run, 0.9247), 1.309, 0.004, "x_s/v_d"),
             near(f"largest velocity, {method}", float(run["velocity"].max()), 14.4, 0.4, "v_d"),
-            near(f"largest F_d - F_c, {method}", float((run["F_d"] - run["F_c"]).max()), 0.3155, 0.003, "f_s"),
+            near(
+                f"largest F_d - F_c, {method}",
+                float((run["spring_force"] - run["friction_force"]).max()),
+                0.3155,
+                0.003,
+                "f_s",
+            ),
         ]
     measured += [
         at_most(f"Eq. (12) with the actual velocity, Omega dt <= 1, eta {eta}: relative error", worst, 0.1)
@@ -159,19 +165,21 @@ def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
 def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
     figure = plot.new_figure(plot.PAGE, 5.4)
     (forces, position), (velocity, ratio) = figure.subplots(2, 2)
-    run = data.sel(solver="master equation").sel(t=slice(0.9, 1.5))
-    t, t_star, X_star = run["t"].to_numpy(), float(data["t_star"]), float(data["X_star"])
+    run = data.sel(solver="master equation").sel(time=slice(0.9, 1.5))
+    t, t_star, X_star = run["time"].to_numpy(), float(data["t_star"]), float(data["X_star"])
     passed = float(data["passed"][0])
     mark = {"color": plot.GREY, "linewidth": 0.8, "linestyle": "--"}
 
-    forces.plot(t, run["F_d"], color=plot.BLUE, label=r"$F_\mathrm{d}$")
-    forces.plot(t, run["F_c"], color=plot.VERMILLION, label=r"$F_\mathrm{c}$")
-    forces.plot(t, run["F_d"] - run["F_c"], color=plot.BLACK, label=r"$F_\mathrm{d} - F_\mathrm{c}$")
-    forces.set_ylabel(plot.label(run["F_d"].assign_attrs(long_name="force per contact")))
+    forces.plot(t, run["spring_force"], color=plot.BLUE, label=r"$F_\mathrm{d}$")
+    forces.plot(t, run["friction_force"], color=plot.VERMILLION, label=r"$F_\mathrm{c}$")
+    forces.plot(
+        t, run["spring_force"] - run["friction_force"], color=plot.BLACK, label=r"$F_\mathrm{d} - F_\mathrm{c}$"
+    )
+    forces.set_ylabel(plot.label(run["spring_force"].assign_attrs(long_name="force per contact")))
     plot.legend_above(forces)
     plot.letter(forces, "(a)")
 
-    position.plot(t, run["X"], color=plot.GREEN)
+    position.plot(t, run["displacement"], color=plot.GREEN)
     after = passed + data["phase"].to_numpy() / FIG5.slider.frequency
     for name, colour, style, text in (
         ("slip_actual", plot.BLACK, (0, (5, 2)), "Eq. (12), actual velocity"),
@@ -181,7 +189,7 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
         position.plot(after, X_star + slip.to_numpy(), color=colour, linestyle=style, label=text)
     position.plot(passed, X_star, "o", color=plot.GREEN, markersize=4)
     position.annotate("$X^*$", (passed, X_star), xytext=(6, -9), textcoords="offset points")
-    plot.dress(position.yaxis, data["X"])
+    plot.dress(position.yaxis, data["displacement"])
     position.set_ylim(0.5, 1.7)
     position.legend(loc="upper left")
     plot.letter(position, "(b)")
@@ -192,7 +200,7 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
     for ax in (forces, position, velocity):
         ax.axvline(t_star, **mark)
         ax.set_xlim(0.9, 1.5)
-        plot.dress(ax.xaxis, data["t"])
+        plot.dress(ax.xaxis, data["time"])
     forces.text(t_star - 0.01, 0.45, "$t^*$", ha="right", color=plot.GREY)
 
     later = data.sel(phase=slice(0.02, None))

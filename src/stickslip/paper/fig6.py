@@ -1,6 +1,6 @@
 """Figure 6: the critical delay against the mass of the slider and against the velocity of the drive.
 
-The paper's ``tau*`` is where stick-slip lasts from a narrow start: nonlinear, the *lasting* delay here. Beside it
+The paper's ``tau*`` is where stick-slip persists from a narrow start: nonlinear, the *lasting* delay here. Beside it
 stands the linear critical delay, at which smooth sliding itself becomes unstable. Time can be measured in ``x_s/v``:
 then Eq. (11) holds the velocity only in ``M v^2``, so that (a) and (b) are one curve.
 """
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from stickslip import plot
 from stickslip.cycles import lasting_delay
 from stickslip.model import FIG4, FIG6, Slider
-from stickslip.paper.record import (
+from stickslip.paper.output import (
     Claim,
     Figure,
     Measured,
@@ -78,7 +78,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     by_ratio = np.array([delays(_slider(FIG6.slider.mass, ratio)) for ratio in ratios.tolist()])
     fig4 = delays(replace(FIG4.slider, stiffness=FIG6.slider.stiffness))[0]
 
-    lasting = "lasting delay tau*: the shortest with which stick-slip lasts from a narrow start (nonlinear)"
+    lasting = "lasting delay tau*: the shortest with which stick-slip persists from a narrow start (nonlinear)"
     linear = "linear critical delay: the shortest with which smooth sliding is unstable"
 
     def of(dim: str, values: Array, name: str, unit: str = "time") -> tuple[str, Array, dict[str, str]]:
@@ -140,8 +140,8 @@ def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
             "velocity, and grows with the damping",
             verdict=verdict(printed=False, read=bands and misfit < 0.03 and apart < 0.02 and rises > 0),
             settled="reproduced under the stated reading",
-            reading="tau* is the shortest delay with which stick-slip lasts from a narrow start, damping is a fixed "
-            f"share of Omega, and M v^2 is at most {_FITTED:g}. Then tau* v depends on M v^2 alone: A3 = A1 and "
+            reading="tau* is the shortest delay with which stick-slip persists from a narrow start, damping is a fixed "
+            f"fraction of Omega, and M v^2 is at most {_FITTED:g}. Then tau* v depends on M v^2 alone: A3 = A1 and "
             "A4 = A2 M^(1/3). The linear critical delay is another thing, nearly the same for all masses; tau* does "
             "not exceed it",
             measured=(
@@ -161,7 +161,7 @@ def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
                     value=float(data["linear_by_mass"].max() / data["linear_by_mass"].min()),
                 ),
             ),
-            evidence="bisection over runs of the master equation from the relaxed start, each followed until its swing "
+            evidence="bisection over runs of the master equation from the relaxed start, each followed until its oscillation "
             f"settles or dies; brackets to {data.attrs['tolerance']:g}",
         ),
     )

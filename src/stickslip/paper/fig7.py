@@ -3,7 +3,7 @@
 With a fixed delay there are two boundaries, and both are computed: smooth sliding loses stability at ``v1`` (linear),
 and the cycle of stick-slip, followed downwards, dies at its fold ``v1'`` (nonlinear). A ramp passes ``v1`` before the
 oscillation has grown. With random delays stick-slip ends at high velocity too, if it lasts at all: that depends on the
-spread, and on what is done with negative draws.
+standard deviation, and on what is done with negative draws.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from stickslip import plot
 from stickslip.cycles import bistable_band, cycle_branch, lasting_velocities, lasts
-from stickslip.drive import ramp
 from stickslip.measure import transitions
 from stickslip.model import FIG7, Interface, NegativeDelay, RandomDelay
-from stickslip.paper.record import (
+from stickslip.model.drive import ramp
+from stickslip.paper.output import (
     Claim,
     Figure,
     Measured,
@@ -35,7 +35,7 @@ from stickslip.paper.record import (
     portions,
     verdict,
 )
-from stickslip.simulate import Contacts, Record, simulate
+from stickslip.simulation import Contacts, Output, simulate
 from stickslip.stability import critical_velocities
 
 Array = NDArray[np.float64]
@@ -56,14 +56,14 @@ _CASES: tuple[_Case, ...] = (
     (0.12, "redraw"),
 )
 _SWEPT: tuple[_Case, ...] = ((0.06, "clip"), (0.12, "clip"))
-# Velocities at which stick-slip lasts, or does not, with random delays (PHYSICS section 6).
+# Velocities at which stick-slip persists, or does not, with random delays (PHYSICS section 6).
 _ON = {0.06: (0.5, 1.0, 3.0), 0.08: (0.6, 1.0, 2.0)}
 _OFF = {0.06: (0.25, 8.0), 0.08: (0.36, 4.0, 6.0)}
 
 
 def _random(case: _Case) -> Interface:
-    spread, negative = case
-    return replace(FIG7.interface, delay=RandomDelay(mean=_MEAN, spread=spread, negative=negative))
+    std, negative = case
+    return replace(FIG7.interface, delay=RandomDelay(mean=_MEAN, std=std, negative=negative))
 
 
 def _name(case: _Case) -> str:
@@ -72,7 +72,7 @@ def _name(case: _Case) -> str:
 
 def _sweep(interface: Interface, top: float, method: Contacts, progress: Progress) -> xr.Dataset:
     drive = ramp(_SLOW, top, _EACH_WAY).then(ramp(top, _SLOW, _EACH_WAY))
-    return simulate(interface, FIG7.slider, drive, method, record=Record(interval=_INTERVAL), progress=progress)
+    return simulate(interface, FIG7.slider, drive, method, output=Output(interval=_INTERVAL), progress=progress)
 
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
@@ -92,7 +92,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     next(parts)(1.0)
 
     velocities = sorted({v for looked in (_ON, _OFF) for there in looked.values() for v in there})
-    lasting, unstable, swing = (np.full((len(cases), n), np.nan) for n in (2, 2, len(velocities)))
+    lasting, unstable, oscillation = (np.full((len(cases), n), np.nan) for n in (2, 2, len(velocities)))
     for i, case in enumerate(cases):
         interface = _random(case)
         # With redrawn delays the window is narrow: .7 to .9.
@@ -106,11 +106,11 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
             unstable[i] = edges[0], edges[-1]
         for j, v in enumerate(velocities):
             if v in _ON.get(case[0], ()) + _OFF.get(case[0], ()):
-                swing[i, j] = lasts(interface, FIG7.slider, v).peak_to_peak
+                oscillation[i, j] = lasts(interface, FIG7.slider, v).peak_to_peak
         next(parts)(1.0)
 
-    force = {"units": "f_s", "long_name": "driving force, per contact"}
-    swings = {"units": "f_s", "long_name": "peak to peak of the driving force, per contact"}
+    force = {"units": "f_s", "long_name": "spring force, per contact"}
+    oscillations = {"units": "f_s", "long_name": "peak to peak of the spring force, per contact"}
     speed = {"units": "x_s/time", "long_name": "velocity of the drive"}
 
     def velocity(name: str) -> dict[str, str]:
@@ -118,8 +118,8 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
 
     return xr.Dataset(
         {
-            "F_d": (("sweep", "t"), np.array([run["F_d"] for run in sweeps]), force),
-            "drive_velocity": (("sweep", "t"), np.array([run["drive_velocity"] for run in sweeps]), speed),
+            "spring_force": (("sweep", "time"), np.array([run["spring_force"] for run in sweeps]), force),
+            "drive_velocity": (("sweep", "time"), np.array([run["drive_velocity"] for run in sweeps]), speed),
             "v1_ramp": ("seed", seen["v1"], velocity("v1, on the way up a ramp")),
             "v1_down_ramp": (
                 "seed",
@@ -127,21 +127,29 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
                 velocity("v1', on the way down a ramp"),
             ),
             "v1_linear": ((), band.high.value, velocity("v1: smooth sliding loses stability (linear)")),
-            "v1_down_fold": ((), band.low.value, velocity("v1': stick-slip dies at its fold (nonlinear)")),
-            "cycle": ("v_cycle", branch["amplitude"].to_numpy(), swings),
-            "up": ("v_ramp", found[0]["up"].to_numpy(), swings),
-            "down": ("v_ramp", found[0]["down"].to_numpy(), swings),
-            "lasting": (("case", "end"), lasting, velocity("where stick-slip lasts from a narrow start (nonlinear)")),
+            "v1_down_fold": ((), band.low.value, velocity("v1': stick-slip decays at its fold (nonlinear)")),
+            "cycle": ("v_cycle", branch["amplitude"].to_numpy(), oscillations),
+            "up": ("v_ramp", found[0]["up"].to_numpy(), oscillations),
+            "down": ("v_ramp", found[0]["down"].to_numpy(), oscillations),
+            "lasting": (
+                ("case", "end"),
+                lasting,
+                velocity("where stick-slip persists from a narrow start (nonlinear)"),
+            ),
             "unstable": (("case", "end"), unstable, velocity("where smooth sliding is unstable (linear)")),
-            "swing": (("case", "v"), swing, swings),
+            "oscillation": (("case", "v"), oscillation, oscillations),
         },
         coords={
-            "t": ("t", runs[0]["t"].to_numpy(), {"units": "time", "long_name": "time"}),
+            "time": ("time", runs[0]["time"].to_numpy(), {"units": "time", "long_name": "time"}),
             "sweep": ("sweep", ["fixed", *map(_name, _SWEPT)], {"long_name": "delays of the ramp"}),
             "seed": ("seed", np.array(seeds), {"units": "1", "long_name": "seed"}),
             "v_cycle": ("v_cycle", branch["velocity"].to_numpy(), speed),
             "v_ramp": ("v_ramp", found[0]["velocity"].to_numpy(), speed),
-            "case": ("case", list(map(_name, cases)), {"long_name": "spread of the delays, negative draws"}),
+            "case": (
+                "case",
+                list(map(_name, cases)),
+                {"long_name": "standard deviation of the delays, negative draws"},
+            ),
             "end": ("end", ["low", "high"], {"long_name": "end of the range"}),
             "v": ("v", np.array(velocities), speed),
         },
@@ -163,7 +171,7 @@ def _hysteresis(data: xr.Dataset) -> Claim:
         settled="reproduced",
         measured=(
             near("v1, smooth sliding loses stability (linear)", linear, 1.388221, 1e-6, "x_s/time"),
-            near("v1', stick-slip dies at its fold (nonlinear)", fold, 0.71, 0.02, "x_s/time"),
+            near("v1', stick-slip decays at its fold (nonlinear)", fold, 0.71, 0.02, "x_s/time"),
             between("v1 of the ramps, smallest", v1.min(), 1.0, 1.85, "x_s/time"),
             between("v1 of the ramps, largest", v1.max(), 1.0, 1.85, "x_s/time"),
             between("v1' of the ramps, smallest", v1_down.min(), 0.2, 0.72, "x_s/time"),
@@ -178,32 +186,44 @@ def _smooth_again(data: xr.Dataset) -> Claim:
     measured: list[Measured] = []
     lasts_within = True
     for name in data["case"].to_numpy().tolist():
-        spread = float(name.split()[0])
+        std = float(name.split()[0])
         low, high = data["lasting"].sel(case=name).to_numpy().tolist()
-        swing = data["swing"].sel(case=name)
-        for v in _ON.get(spread, ()):
-            measured.append(at_least(f"peak to peak F_d, spread {name}, v {v:g}", float(swing.sel(v=v)), 0.5, "f_s"))
-        for v in _OFF.get(spread, ()):
-            measured.append(at_most(f"peak to peak F_d, spread {name}, v {v:g}", float(swing.sel(v=v)), 0.05, "f_s"))
-        if spread in _ON:
+        oscillation = data["oscillation"].sel(case=name)
+        for v in _ON.get(std, ()):
+            measured.append(
+                at_least(
+                    f"peak to peak F_d, standard deviation {name}, v {v:g}", float(oscillation.sel(v=v)), 0.5, "f_s"
+                )
+            )
+        for v in _OFF.get(std, ()):
+            measured.append(
+                at_most(
+                    f"peak to peak F_d, standard deviation {name}, v {v:g}", float(oscillation.sel(v=v)), 0.05, "f_s"
+                )
+            )
+        if std in _ON:
             lasts_within &= high < _TOP
         elif name.endswith("redraw"):
-            measured.append(between(f"stick-slip lasts from, spread {name}", low, 0.65, 0.75, "x_s/time"))
-            measured.append(between(f"stick-slip lasts up to, spread {name}", high, 0.8, 0.95, "x_s/time"))
+            measured.append(
+                between(f"stick-slip persists from, standard deviation {name}", low, 0.65, 0.75, "x_s/time")
+            )
+            measured.append(
+                between(f"stick-slip persists up to, standard deviation {name}", high, 0.8, 0.95, "x_s/time")
+            )
         else:
             nowhere = float(np.isnan(low))
-            measured.append(at_least(f"stick-slip lasts nowhere (1: so), spread {name}", nowhere, 1.0))
+            measured.append(at_least(f"stick-slip persists nowhere (1: so), standard deviation {name}", nowhere, 1.0))
     return Claim(
         number=12,
         statement="with random delays the motion is smooth again at high velocity",
         verdict=verdict(printed=False, read=lasts_within and all(m.ok for m in measured)),
         settled="reproduced under the stated reading",
-        reading="at mean .2 and spreads of .06 and .08. At the paper's spread of .12 stick-slip lasts from a narrow "
+        reading="at mean .2 and standard deviations of .06 and .08. At the paper's standard deviation of .12 stick-slip persists from a narrow "
         "start at no velocity if negative draws are clipped to 0 or folded, and only between about .7 and .85 if they "
         "are drawn again",
         measured=tuple(measured),
         evidence=f"master equation from the relaxed start at velocities of .2 to {_TOP:g}: each run followed until its "
-        "swing settles or dies",
+        "oscillation settles or dies",
     )
 
 
@@ -228,7 +248,7 @@ def _fixed() -> float:
 
 
 def _draw_sweep(ax: Axes, sweep: xr.Dataset, title: str, top: float, *, left: bool = True, right: bool = True) -> None:
-    plot.force_trace(sweep[["F_d"]].drop_vars("sweep"), ax, color=plot.BLUE)
+    plot.force_trace(sweep[["spring_force"]].drop_vars("sweep"), ax, color=plot.BLUE)
     ax.lines[0].set_linewidth(0.5)
     ax.set_ylim(_LOW, top)
     ax.set_yticks([0.0, 0.4, 0.8])
@@ -236,7 +256,7 @@ def _draw_sweep(ax: Axes, sweep: xr.Dataset, title: str, top: float, *, left: bo
         ax.set_ylabel("")
     second = ax.twinx()
     second.spines["right"].set_visible(True)
-    second.plot(sweep["t"][::50], sweep["drive_velocity"][::50], color=plot.VERMILLION, linewidth=1.6)
+    second.plot(sweep["time"][::50], sweep["drive_velocity"][::50], color=plot.VERMILLION, linewidth=1.6)
     fastest = round(float(sweep["drive_velocity"].max()))
     # Zero velocity at zero force, the largest at .8 f_s.
     second.set_ylim(_LOW * fastest / 0.8, top * fastest / 0.8)
@@ -264,9 +284,9 @@ def _draw_marks(ax: Axes, data: xr.Dataset) -> None:
 def _draw_onset(ax: Axes, data: xr.Dataset) -> None:
     at = _time_of(float(data["v1_ramp"][0]), False)
     begin = at - 0.55 * _SHOWN
-    near_by = data["F_d"].sel(sweep="fixed", t=slice(begin, begin + _SHOWN))
+    near_by = data["spring_force"].sel(sweep="fixed", time=slice(begin, begin + _SHOWN))
     inset = ax.inset_axes((0.04, 0.74, 0.36, 0.26))
-    inset.plot(near_by["t"], near_by, color=plot.BLUE, linewidth=0.7)
+    inset.plot(near_by["time"], near_by, color=plot.BLUE, linewidth=0.7)
     inset.set_yticks([])
     inset.tick_params(labelsize=7)
     inset.margins(x=0)
@@ -299,7 +319,7 @@ def _draw_windows(ax: Axes, data: xr.Dataset) -> None:
             ax.text(0.22, y, "nowhere", va="center", fontsize=8, color=plot.BLUE)
         if math.isfinite(first):
             ax.plot([first, last], [y - 0.22, y - 0.22], color=plot.VERMILLION, linewidth=1.6)
-    ax.plot([], [], color=plot.BLUE, linewidth=6, solid_capstyle="butt", label="stick-slip lasts")
+    ax.plot([], [], color=plot.BLUE, linewidth=6, solid_capstyle="butt", label="stick-slip persists")
     ax.plot([], [], color=plot.VERMILLION, linewidth=1.6, label="smooth sliding unstable")
     ax.set(xscale="log", xlim=(0.2, _TOP), ylim=(-0.7, len(names) - 0.3))
     ax.set_xticks([0.2, 0.5, 1, 2, 5], ["0.2", "0.5", "1", "2", "5"])
@@ -307,7 +327,7 @@ def _draw_windows(ax: Axes, data: xr.Dataset) -> None:
     ax.set_yticks(range(len(names)), names[::-1])
     plot.dress(ax.xaxis, data["v"])
     ax.legend(loc="center right", bbox_to_anchor=(1.0, 0.36), handlelength=1.2)
-    plot.letter(ax, f"(d) random delays of mean {_MEAN:g}, by spread")
+    plot.letter(ax, f"(d) random delays of mean {_MEAN:g}, by standard deviation")
 
 
 FIGURE = Figure(

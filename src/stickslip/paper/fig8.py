@@ -1,8 +1,8 @@
 """Figure 8: smooth sliding and stick-slip of ageing contacts, against the rate of ageing, from two starts.
 
-Relaxed contacts (short stretchings, thresholds of the stationary law) and steady smooth sliding: the upper edge of the
-range of stick-slip depends on the start, so both are shown, with N contacts and with the kinetic equation. Beside them
-the range in which smooth sliding is linearly unstable.
+Relaxed contacts (short stretchings, thresholds of the stationary distribution) and steady smooth sliding: the upper
+edge of the range of stick-slip depends on the start, so both are shown, with N contacts and with the kinetic equation.
+Beside them the range in which smooth sliding is linearly unstable.
 """
 
 from __future__ import annotations
@@ -16,18 +16,28 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from stickslip import plot
-from stickslip.drive import hold
 from stickslip.measure import find_cycles
 from stickslip.model import FIG8, Langevin
-from stickslip.paper.record import Claim, Figure, Progress, at_most, between, near, portions, verdict
-from stickslip.simulate import LABELS, Contacts, MasterEquation, Method, Record, Relaxed, Sliding, Start, simulate
+from stickslip.model.distributions import Gaussian
+from stickslip.model.drive import constant
+from stickslip.paper.output import Claim, Figure, Progress, at_most, between, near, portions, verdict
+from stickslip.simulation import (
+    LABELS,
+    Contacts,
+    FromRest,
+    FromSliding,
+    MasterEquation,
+    Method,
+    Output,
+    Start,
+    simulate,
+)
 from stickslip.stability import AGEING, critical
 from stickslip.theory import ageing_constants
-from stickslip.thresholds import Gaussian
 
 Array = NDArray[np.float64]
 
-_STARTS: dict[str, Start] = {"relaxed": Relaxed(), "smooth": Sliding()}
+_STARTS: dict[str, Start] = {"relaxed": FromRest(), "smooth": FromSliding()}
 _METHODS: dict[str, Method] = {"contacts": Contacts(FIG8.contacts, seed=8), "kinetic equation": MasterEquation()}
 _QUICK = (0.7, 1.5, 2.0)
 _SHOWN = (0.7, 0.9, 1.5, 2.0)
@@ -52,21 +62,21 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
                 run = simulate(
                     interface,
                     FIG8.slider,
-                    hold(FIG8.velocity, duration[name]),
+                    constant(FIG8.velocity, duration[name]),
                     method,
-                    record=Record(interval=_INTERVAL),
+                    output=Output(interval=_INTERVAL),
                     start=start,
                     progress=next(parts),
                 )
-                force[i, j, k, : run.sizes["t"]] = run["F_d"]
+                force[i, j, k, : run.sizes["time"]] = run["spring_force"]
     times = critical(AGEING, FIG8.interface, FIG8.slider, FIG8.velocity, between=(0.2, 3.0))
     edges = [edge.value**-0.5 for edge in times.edges]
-    law, seen = _at_rest()
+    distribution, seen = _at_rest()
     late = np.where(t >= 0.5 * min(duration.values()), force, np.nan)
     rate_label = {"units": "1/sqrt(time)", "long_name": "rate of ageing β"}
     return xr.Dataset(
         {
-            "F_d": (("solver", "rate", "start", "t"), force, LABELS["F_d"]),
+            "spring_force": (("solver", "rate", "start", "time"), force, LABELS["spring_force"]),
             "amplitude": (
                 ("solver", "rate", "start"),
                 np.nanmax(late, axis=-1) - np.nanmin(late, axis=-1),
@@ -77,14 +87,18 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
                 np.array([min(edges), max(edges)]),
                 {**rate_label, "long_name": "rates between which smooth sliding is unstable (linear)"},
             ),
-            "P_c": ("f", law, {"units": "1/f_s", "long_name": "stationary law of thresholds, Eq. (17)"}),
+            "P_c": (
+                "f",
+                distribution,
+                {"units": "1/f_s", "long_name": "stationary distribution of thresholds, Eq. (17)"},
+            ),
             "P_c_seen": ("f", seen, {"units": "1/f_s", "long_name": "the same, of contacts born at rest"}),
         },
         coords={
             "solver": ("solver", list(_METHODS), {"long_name": "solver"}),
             "rate": ("rate", np.array(rates), rate_label),
             "start": ("start", list(_STARTS), {"long_name": "start"}),
-            "t": ("t", t, LABELS["t"]),
+            "time": ("time", t, LABELS["time"]),
             "end": ("end", ["low", "high"], {"long_name": "end of the range"}),
             "f": ("f", _thresholds(), {"units": "f_s", "long_name": "threshold"}),
         },
@@ -98,7 +112,7 @@ def _thresholds() -> Array:
 
 
 def _at_rest(count: int = 100_000) -> tuple[Array, Array]:
-    """Law of thresholds, Eq. (17), and that of newborn contacts that have aged at rest for ten ``1/rate^2``."""
+    """Distribution of thresholds, Eq. (17), and that of newborn contacts that have aged at rest for ten ``1/rate^2``."""
     from stickslip.kernels.drive import Quadratic
     from stickslip.kernels.langevin_contacts import Contacts, advance_contacts
     from stickslip.kernels.oscillator import RIGID
@@ -111,7 +125,7 @@ def _at_rest(count: int = 100_000) -> tuple[Array, Array]:
     advance_contacts(np.zeros(4), contacts, course, ageing, np.zeros(1), np.random.default_rng(13))
     counts, edges = np.histogram(contacts.threshold, _BINS, (0.5, 1.5))
     middle = 0.5 * (edges[1:] + edges[:-1])
-    exact = Gaussian(mean=ageing.mean, spread=ageing.std).density(middle)
+    exact = Gaussian(mean=ageing.mean, std=ageing.std).density(middle)
     return exact, np.asarray(counts / np.diff(edges) / count)
 
 
@@ -123,17 +137,17 @@ def _stationary(data: xr.Dataset) -> Claim:
     f, exact, seen = data["f"].to_numpy(), data["P_c"].to_numpy(), data["P_c_seen"].to_numpy()
     width = float(f[1] - f[0])
     mean = float(np.sum(f * seen) * width)
-    spread = math.sqrt(float(np.sum((f - mean) ** 2 * seen) * width))
+    std = math.sqrt(float(np.sum((f - mean) ** 2 * seen) * width))
     apart = float(np.max(np.abs(np.cumsum(seen - exact)) * width))
     # 1e5 contacts: standard errors of 3e-4, 2e-4 and at most 1.6e-3 (half of 1e5**-.5); Sheppard's bin width**2/12.
     measured = (
         near("mean threshold", mean, 1.0, 1.6e-3, "f_s"),
-        near("spread of the thresholds", spread, math.sqrt(0.01 + width**2 / 12.0), 1.1e-3, "f_s"),
-        at_most("largest distance of the cumulative laws", apart, 6e-3),
+        near("standard deviation of the thresholds", std, math.sqrt(0.01 + width**2 / 12.0), 1.1e-3, "f_s"),
+        at_most("largest distance of the cumulative distributions", apart, 6e-3),
     )
     return Claim(
         number=13,
-        statement="the law of ageing thresholds is stationary and Gaussian, Eqs. (13)-(17)",
+        statement="the ageing model thresholds is stationary and Gaussian, Eqs. (13)-(17)",
         verdict=verdict(printed=all(m.ok for m in measured)),
         settled="reproduced",
         measured=measured,
@@ -142,7 +156,7 @@ def _stationary(data: xr.Dataset) -> Claim:
 
 
 def _window(data: xr.Dataset) -> Claim:
-    swing = data["amplitude"]
+    oscillation = data["amplitude"]
     low, high = data["unstable"].to_numpy().tolist()
     measured = [
         near("smooth sliding unstable from beta (linear)", low, _EDGES[0], 0.03),
@@ -153,9 +167,11 @@ def _window(data: xr.Dataset) -> Claim:
     for solver in data["solver"].to_numpy().tolist():
 
         def seen(rate: float, start: str, name: str = solver) -> float:
-            return float(swing.sel(solver=name, rate=rate, start=start))
+            return float(oscillation.sel(solver=name, rate=rate, start=start))
 
-        run = data["F_d"].sel(solver=solver, rate=1.5, start="relaxed").dropna("t").sel(t=slice(5.0, None))
+        run = (
+            data["spring_force"].sel(solver=solver, rate=1.5, start="relaxed").dropna("time").sel(time=slice(5.0, None))
+        )
         measured += [
             at_most(f"{what} 0.7, relaxed, {solver}", seen(0.7, "relaxed"), 0.05, "f_s"),
             at_most(f"{what} 0.7, from smooth sliding, {solver}", seen(0.7, "smooth"), 0.05, "f_s"),
@@ -165,27 +181,27 @@ def _window(data: xr.Dataset) -> Claim:
             between(f"{what} 2, relaxed, {solver}", seen(2.0, "relaxed"), 1.17, 1.26, "f_s"),
             at_most(f"{what} 2, from smooth sliding, {solver}", seen(2.0, "smooth"), 0.12, "f_s"),
         ]
-        periods.append(find_cycles(run["t"].to_numpy(), run.to_numpy()).period)
+        periods.append(find_cycles(run["time"].to_numpy(), run.to_numpy()).period)
         if 0.9 in data["rate"]:
             measured.append(between(f"{what} 0.9, relaxed, {solver}", seen(0.9, "relaxed"), 0.36, 0.46, "f_s"))
     measured += [
         between("period at beta = 1.5, contacts", periods[0], 1.95, 2.05, "time"),
         near("the same, kinetic equation over contacts", periods[1] / periods[0], 1.0, 0.03),
     ]
-    smooth = swing.sel(start="smooth")
+    smooth = oscillation.sel(start="smooth")
     from_smooth = bool(
         (smooth.sel(rate=1.5) > 0.6).all()
         and (smooth.sel(rate=2.0) < 0.12).all()
         and (smooth.sel(rate=0.7) < 0.12).all()
     )
-    either = from_smooth and bool((swing.sel(rate=2.0, start="relaxed") < 0.12).all())
+    either = from_smooth and bool((oscillation.sel(rate=2.0, start="relaxed") < 0.12).all())
     return Claim(
         number=14,
         statement="stick-slip for 1 <= beta <= 1.6, smooth sliding below and above",
         verdict=verdict(printed=either, read=from_smooth),
         settled="reproduced under the stated reading",
         reading=f"from steady smooth sliding, which is unstable for beta of {low:.2f} to {high:.2f}; the oscillation "
-        "grows gradually from the lower edge on, and from relaxed contacts stick-slip lasts up to beta of 3 or more",
+        "grows gradually from the lower edge on, and from relaxed contacts stick-slip persists up to beta of 3 or more",
         measured=tuple(measured),
         evidence=f"{FIG8.contacts} contacts and the kinetic equation, from both starts; linear stability",
     )
@@ -200,22 +216,22 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
         ax = figure.add_subplot(grid[row, 0])
         for rate, colour in colours.items():
             if rate in data["rate"]:
-                force = data["F_d"].sel(solver="contacts", rate=rate, start=start, t=slice(0.0, 10.0))
-                ax.plot(force["t"], force, color=colour, linewidth=0.8, label=rf"$\beta$ = {rate:g}")
+                force = data["spring_force"].sel(solver="contacts", rate=rate, start=start, time=slice(0.0, 10.0))
+                ax.plot(force["time"], force, color=colour, linewidth=0.8, label=rf"$\beta$ = {rate:g}")
         ax.set(ylim=(-0.6, 0.95), xlim=(0.0, 10.0))
-        plot.dress(ax.yaxis, data["F_d"])
+        plot.dress(ax.yaxis, data["spring_force"])
         plot.letter(ax, title)
         if row == 0:
             ax.legend(loc="lower right", ncols=2, bbox_to_anchor=(1.02, 0.96), handlelength=1.0, columnspacing=1.0)
-    law = figure.add_subplot(grid[2, 0])
-    ax.set_xlabel(plot.label(data["t"]))
-    law.bar(data["f"], data["P_c_seen"], width=1.0 / _BINS, color=plot.SKY, label="contacts born at rest")
-    law.plot(data["f"], data["P_c"], color=plot.BLACK, label="Eq. (17)")
-    plot.dress(law.xaxis, data["f"])
-    law.set_ylabel(plot.label(data["P_c"].assign_attrs(long_name="density")))
-    law.set_xlim(0.15, 1.5)
-    law.legend(loc="upper left")
-    plot.letter(law, "(c) thresholds at rest")
+    distribution = figure.add_subplot(grid[2, 0])
+    ax.set_xlabel(plot.label(data["time"]))
+    distribution.bar(data["f"], data["P_c_seen"], width=1.0 / _BINS, color=plot.SKY, label="contacts born at rest")
+    distribution.plot(data["f"], data["P_c"], color=plot.BLACK, label="Eq. (17)")
+    plot.dress(distribution.xaxis, data["f"])
+    distribution.set_ylabel(plot.label(data["P_c"].assign_attrs(long_name="density")))
+    distribution.set_xlim(0.15, 1.5)
+    distribution.legend(loc="upper left")
+    plot.letter(distribution, "(c) thresholds at rest")
 
     amplitudes = figure.add_subplot(grid[:, 1])
     low, high = data["unstable"].to_numpy().tolist()
@@ -223,9 +239,9 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
     amplitudes.text(0.5 * (low + high), 1.58, "smooth\nsliding\nunstable", ha="center", va="top", fontsize=8)
     for start, colour in zip(_STARTS, (plot.VERMILLION, plot.BLUE), strict=True):
         for solver, mark in (("contacts", "o"), ("kinetic equation", "x")):
-            swing = data["amplitude"].sel(start=start, solver=solver)
+            oscillation = data["amplitude"].sel(start=start, solver=solver)
             line = "-" if solver == "contacts" else "none"
-            amplitudes.plot(data["rate"], swing, mark, linestyle=line, color=colour, markersize=4, linewidth=0.8)
+            amplitudes.plot(data["rate"], oscillation, mark, linestyle=line, color=colour, markersize=4, linewidth=0.8)
         amplitudes.plot([], [], color=colour, label=f"from {start} contacts" if start == "relaxed" else "from sliding")
     amplitudes.plot([], [], "o", color=plot.GREY, markersize=4, label="contacts")
     amplitudes.plot([], [], "x", color=plot.GREY, markersize=4, label="kinetic equation")
@@ -233,7 +249,7 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
     plot.dress(amplitudes.xaxis, data["rate"])
     plot.dress(amplitudes.yaxis, data["amplitude"])
     amplitudes.legend(loc="upper right")
-    plot.letter(amplitudes, "(d) swing of the force")
+    plot.letter(amplitudes, "(d) oscillation of the force")
     return figure
 
 

@@ -13,17 +13,17 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from stickslip import plot
-from stickslip.drive import Drive, ramp
 from stickslip.measure import transitions
 from stickslip.model import FIG9
-from stickslip.paper.record import Claim, Figure, Progress, at_least, between, portions, verdict
-from stickslip.simulate import LABELS, Contacts, Record, Sliding, simulate
+from stickslip.model.drive import Drive, ramp
+from stickslip.paper.output import Claim, Figure, Progress, at_least, between, portions, verdict
+from stickslip.simulation import LABELS, Contacts, FromSliding, Output, simulate
 from stickslip.stability import critical_velocities
 
 Array = NDArray[np.float64]
 
 _LEVEL = 0.4
-"""Peak to peak of the driving force that counts as stick-slip, in f_s."""
+"""Peak to peak of the spring force that counts as stick-slip, in f_s."""
 _INTERVAL = 0.02
 _NAMES = ("v1", "v2", "v2_down", "v1_down")
 _SYMBOLS = {"v1": "v_1", "v2": "v_2", "v2_down": "v_2'", "v1_down": "v_1'"}
@@ -46,8 +46,8 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
             FIG9.slider,
             _loop(),
             Contacts(count, seed=seed),
-            record=Record(interval=_INTERVAL),
-            start=Sliding(),
+            output=Output(interval=_INTERVAL),
+            start=FromSliding(),
             progress=part,
         )
         for seed, part in zip(seeds, portions(progress, len(seeds)), strict=True)
@@ -55,12 +55,12 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     found = [transitions(run, level=_LEVEL) for run in runs]
     edges = critical_velocities(FIG9.interface, FIG9.slider, (0.3, 4.0))
     onset = [edge.value for edge in edges if edge.loses_stability]
-    swings = {"units": "f_s", "long_name": "peak to peak of $F_d$"}
+    oscillations = {"units": "f_s", "long_name": "peak to peak of $F_d$"}
     speed = {"units": "x_s/time", "long_name": "velocity of the drive"}
     return xr.Dataset(
         {
-            "F_d": ("t", runs[0]["F_d"].to_numpy(), LABELS["F_d"]),
-            "drive_velocity": ("t", runs[0]["drive_velocity"].to_numpy(), LABELS["drive_velocity"]),
+            "spring_force": ("time", runs[0]["spring_force"].to_numpy(), LABELS["spring_force"]),
+            "drive_velocity": ("time", runs[0]["drive_velocity"].to_numpy(), LABELS["drive_velocity"]),
             **{
                 name: ("seed", np.array([float(f[name]) for f in found]), {**speed, "long_name": f"{name} of the ramp"})
                 for name in _NAMES
@@ -70,11 +70,11 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
                 onset[0] if onset else np.nan,
                 {**speed, "long_name": "v1: smooth sliding loses stability (linear)"},
             ),
-            "up": ("v", found[0]["up"].to_numpy(), swings),
-            "down": ("v", found[0]["down"].to_numpy(), swings),
+            "up": ("v", found[0]["up"].to_numpy(), oscillations),
+            "down": ("v", found[0]["down"].to_numpy(), oscillations),
         },
         coords={
-            "t": ("t", runs[0]["t"].to_numpy(), LABELS["t"]),
+            "time": ("time", runs[0]["time"].to_numpy(), LABELS["time"]),
             "seed": ("seed", np.array(seeds), {"units": "1", "long_name": "seed"}),
             "v": ("v", found[0]["velocity"].to_numpy(), speed),
         },
@@ -102,7 +102,7 @@ def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
             settled="reproduced",
             measured=tuple(measured),
             evidence=f"{data.sizes['seed']} ramps of {data.attrs['count']} contacts from smooth sliding; stick-slip "
-            f"where F_d swings by more than {_LEVEL:g}. v2 and v2' depend on that level, for the swing fades "
+            f"where F_d oscillations by more than {_LEVEL:g}. v2 and v2' depend on that level, for the oscillation fades "
             "gradually; v1 and v1' do not",
         ),
     )
@@ -112,13 +112,13 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
     figure = plot.new_figure(plot.PAGE, 5.4)
     grid = figure.add_gridspec(2, 3, height_ratios=(1.2, 1.0))
     sweep = figure.add_subplot(grid[0, :])
-    plot.force_trace(data[["F_d"]], sweep, color=plot.BLUE)
+    plot.force_trace(data[["spring_force"]], sweep, color=plot.BLUE)
     sweep.lines[0].set_linewidth(0.5)
     sweep.set_ylim(-0.6, 1.3)
     sweep.set_yticks([-0.4, 0.0, 0.4, 0.8])
     second = sweep.twinx()
     second.spines["right"].set_visible(True)
-    second.plot(data["t"][::50], data["drive_velocity"][::50], color=plot.VERMILLION, linewidth=1.6)
+    second.plot(data["time"][::50], data["drive_velocity"][::50], color=plot.VERMILLION, linewidth=1.6)
     second.set_ylim(-0.6 * 5.0, 1.3 * 5.0)
     second.set_yticks([0, 2, 4])
     second.tick_params(axis="y", colors=plot.VERMILLION)
@@ -132,20 +132,20 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
     plot.letter(sweep, r"(a) up and down, $\beta$ = 1.5")
     _draw_inset(figure.add_subplot(grid[1, 0]), data, float(data["v1"][0]), "(b) at $v_1$", 24.0)
     _draw_inset(figure.add_subplot(grid[1, 1]), data, float(data["v2"][0]), "(c) at $v_2$", 10.0)
-    swing = figure.add_subplot(grid[1, 2])
-    swing.plot(data["v"], data["up"], color=plot.ORANGE, label="up")
-    swing.plot(data["v"], data["down"], color=plot.SKY, label="down")
-    swing.axhline(_LEVEL, color=plot.GREY, linewidth=0.8, linestyle="--")
-    swing.set(xlim=(0.0, 4.0), ylim=(0.0, None))
-    plot.dress(swing.xaxis, data["v"])
-    swing.set_ylabel("peak to peak of $F_d$ ($f_\\mathrm{s}$)")
-    swing.legend()
-    plot.letter(swing, "(d) hysteresis")
+    oscillation = figure.add_subplot(grid[1, 2])
+    oscillation.plot(data["v"], data["up"], color=plot.ORANGE, label="up")
+    oscillation.plot(data["v"], data["down"], color=plot.SKY, label="down")
+    oscillation.axhline(_LEVEL, color=plot.GREY, linewidth=0.8, linestyle="--")
+    oscillation.set(xlim=(0.0, 4.0), ylim=(0.0, None))
+    plot.dress(oscillation.xaxis, data["v"])
+    oscillation.set_ylabel("peak to peak of $F_d$ ($f_\\mathrm{s}$)")
+    oscillation.legend()
+    plot.letter(oscillation, "(d) hysteresis")
     return figure
 
 
 def _time_of(data: xr.Dataset, velocity: float, *, down: bool) -> float:
-    t, v = data["t"].to_numpy(), data["drive_velocity"].to_numpy()
+    t, v = data["time"].to_numpy(), data["drive_velocity"].to_numpy()
     top = int(np.argmax(v))
     if down:
         return float(np.interp(-velocity, -v[top:], t[top:]))
@@ -155,12 +155,12 @@ def _time_of(data: xr.Dataset, velocity: float, *, down: bool) -> float:
 def _draw_inset(ax: Axes, data: xr.Dataset, velocity: float, title: str, span: float) -> None:
     if np.isfinite(velocity):
         at = _time_of(data, velocity, down=False)
-        near_by = data["F_d"].sel(t=slice(at - 0.6 * span, at + 0.4 * span))
-        ax.plot(near_by["t"], near_by, color=plot.BLUE, linewidth=0.8)
+        near_by = data["spring_force"].sel(time=slice(at - 0.6 * span, at + 0.4 * span))
+        ax.plot(near_by["time"], near_by, color=plot.BLUE, linewidth=0.8)
     ax.margins(x=0)
     ax.locator_params(axis="x", nbins=4)
-    plot.dress(ax.xaxis, data["t"])
-    plot.dress(ax.yaxis, data["F_d"])
+    plot.dress(ax.xaxis, data["time"])
+    plot.dress(ax.yaxis, data["spring_force"])
     plot.letter(ax, title)
 
 

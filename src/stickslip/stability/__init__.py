@@ -1,6 +1,6 @@
 """Linear stability of smooth sliding: growth rates, critical values, maps and boundaries, computed and not swept.
 
-A slider that moves at a steady speed is shaken a little, ``exp(s t)``. The rig answers with its impedance
+A slider that moves at a steady speed is perturbed a little, ``exp(s t)``. The rig answers with its impedance
 ``Z(s)``, the interface with its dynamic stiffness ``kappa(s)`` (`dynamic_stiffness`), and smooth sliding is
 unstable if ``Z(s) + kappa(s) = 0`` has a root with ``Re s > 0``. Everything here is linear: it says where
 smooth sliding is unstable to the smallest disturbance. Stick-slip once started may live on where smooth
@@ -9,31 +9,31 @@ sliding is stable; that is for simulation to say.
 Natural units per contact. A rig is a `Slider` or any mechanical impedance (`Impedance`).
 """
 
-from stickslip.stability.curves import boundary, stability_map
-from stickslip.stability.knobs import (
+from stickslip.stability.impedances import Impedance, Modes, RadiationDamping, Rig, SpringMassDamper
+from stickslip.stability.maps import boundary, stability_map
+from stickslip.stability.modes import growth_rate, unstable_modes
+from stickslip.stability.parameters import (
     AGEING,
     DAMPING,
     DELAY,
-    KNOBS,
     MASS,
-    SPREAD,
+    PARAMETERS,
+    STD,
     STIFFNESS,
     VELOCITY,
     Crossing,
     Crossings,
-    Knob,
+    Parameter,
     Setting,
     critical,
     critical_damping,
     critical_delay,
     critical_mass,
-    critical_spread,
     critical_spring,
+    critical_std,
     critical_velocities,
 )
-from stickslip.stability.modes import growth_rate, unstable_modes
 from stickslip.stability.response import dynamic_stiffness
-from stickslip.stability.rigs import Impedance, Modes, RadiationDamping, Rig, SpringMassDamper
 
 __all__ = [
     "AGEING",

@@ -20,9 +20,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
 from stickslip.errors import InputError
-from stickslip.model import DelayLaw, Interface, Langevin
+from stickslip.model import DelayModel, Interface, Langevin
+from stickslip.model.distributions import Gaussian
 from stickslip.theory import gaussian_ageing
-from stickslip.thresholds import Gaussian
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
@@ -42,11 +42,11 @@ _LOWEST = 0.01
 
 @dataclass(frozen=True, kw_only=True)
 class AgedResponse:
-    """The linear response of ageing contacts with a Gaussian law of thresholds and a delay."""
+    """The linear response of ageing contacts with a Gaussian distribution of thresholds and a delay."""
 
     ageing: Langevin
-    law: Gaussian
-    delay: DelayLaw
+    distribution: Gaussian
+    delay: DelayModel
 
     inert = False
 
@@ -90,8 +90,8 @@ class AgedResponse:
 
     @cached_property
     def _shape(self) -> tuple[float, float]:
-        """Spread of thresholds and strength of newborns, in units of the mean threshold."""
-        return self.law.spread / self.law.mean, self.ageing.newborn / self.law.mean
+        """Standard deviation of thresholds and strength of newborns, in units of the mean threshold."""
+        return self.distribution.std / self.distribution.mean, self.ageing.newborn / self.distribution.mean
 
     @cached_property
     def _delays(self) -> tuple[Array, Array]:
@@ -100,9 +100,9 @@ class AgedResponse:
         return delay * self._square, weight
 
     def _reduced(self, velocity: float) -> float:
-        u = velocity / (self._square * self.law.mean)
+        u = velocity / (self._square * self.distribution.mean)
         if not _SLOWEST <= u <= _FASTEST:
-            unit = self._square * self.law.mean
+            unit = self._square * self.distribution.mean
             raise InputError(
                 f"velocity = {velocity:g}: the stability of ageing contacts is computed between {_SLOWEST * unit:g} "
                 f"and {_FASTEST * unit:g} ({_SLOWEST:g} to {_FASTEST:g} times rate^2 f_0)"
@@ -159,15 +159,15 @@ def aged_response(interface: Interface) -> AgedResponse:
     ------
     InputError
         If thresholds do not age by `Langevin` from a Gaussian, a delay meets newborns without strength, or contacts
-        never come back.
+        never re-attach.
     """
-    ageing, law = gaussian_ageing(interface)
+    ageing, distribution = gaussian_ageing(interface)
     if not math.isfinite(interface.delay.moment(1)):
         raise InputError(
-            "Interface.delay: contacts never come back, so there is no smooth sliding to be stable or not; "
+            "Interface.delay: contacts never re-attach, so there is no smooth sliding to be stable or not; "
             "give a finite delay"
         )
-    return AgedResponse(ageing=ageing, law=law, delay=interface.delay)
+    return AgedResponse(ageing=ageing, distribution=distribution, delay=interface.delay)
 
 
 def _life(u: float, delta: float, newborn: float, p: ComplexArray, cells: int) -> tuple[ComplexArray, float]:

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from stickslip.errors import InputError, UndecidedError, number
 from stickslip.model import Interface
 from stickslip.stability.aged import ACCURACY, AgedResponse
-from stickslip.stability.response import SCAN_LIMIT, STEP, Axis, Response, respond
-from stickslip.stability.rigs import (
+from stickslip.stability.impedances import (
     Impedance,
     Modes,
     RadiationDamping,
@@ -30,6 +29,7 @@ from stickslip.stability.rigs import (
     poles,
     resonances,
 )
+from stickslip.stability.response import SCAN_LIMIT, STEP, Axis, Response, respond
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
@@ -39,7 +39,7 @@ def unstable_modes(interface: Interface, rig: Rig, velocity: float) -> int:
     """Count the growing modes of smooth sliding: roots of ``Z(s) + kappa(s) = 0`` with ``Re s > 0``.
 
     The argument principle along the imaginary axis. Between two neighbouring frequencies the curve stays
-    inside an ellipse about its two values, of a size that follows from the moments of the laws; frequencies
+    inside an ellipse about its two values, of a size that follows from the moments of the distributions; frequencies
     are added until no ellipse holds 0, so that no turn is missed (for a rig given as a function its slope is
     sampled instead).
 
@@ -134,7 +134,7 @@ def growth_rate(interface: Interface, rig: Rig, velocity: float) -> complex:
     InputError
         If there is no steady sliding, see `dynamic_stiffness`.
     UndecidedError
-        If smooth sliding is stable but no mode dies out exponentially: a law of thresholds with a heavy tail,
+        If smooth sliding is stable but no mode decays exponentially: a distribution of thresholds with a heavy tail,
         or a rig without mass nor losses on an interface without delay.
 
     Notes
@@ -172,8 +172,8 @@ def growth_rate(interface: Interface, rig: Rig, velocity: float) -> complex:
         starts = roots
     if math.isfinite(limit) and growing == 0:
         raise UndecidedError(
-            f"smooth sliding at velocity {speed:g} is stable, but no mode dies out more slowly than the tail of the "
-            f"law of thresholds (Re s = {limit:g}): there is no slowest mode to give; unstable_modes() says 0"
+            f"smooth sliding at velocity {speed:g} is stable, but no mode decays more slowly than the tail of the "
+            f"distribution of thresholds (Re s = {limit:g}): there is no slowest mode to give; unstable_modes() says 0"
         )
     raise UndecidedError(
         f"smooth sliding at velocity {speed:g}: no root of Z(s) + kappa(s) could be confirmed as the one furthest "
@@ -308,7 +308,7 @@ def _doubtful_below(response: Response, rig: Impedance, velocity: float, softest
     scale = float(response.scale(velocity))
     held = None if softest is None else softest - float(rig(np.zeros(1, dtype=complex))[0].real)
     special = np.concatenate([resonances(rig), np.abs(natural_frequencies(rig))]) / velocity
-    top = 8.0 / response.spread
+    top = 8.0 / response.std
     while True:
         axis = response.coarse_axis(top)
         last = axis.y.size // 4
@@ -348,7 +348,7 @@ def _clear_beyond(
 
 
 def _clear(z: ComplexArray, centre: ComplexArray, scale: float, held: float | None) -> NDArray[np.bool_]:
-    """Whether no delay law could make the mode at each frequency neutral (with `held`: nor on any stiffer spring)."""
+    """Whether no delay distribution could make the mode at each frequency neutral (with `held`: nor on any stiffer spring)."""
     radius = np.abs(centre)
     lossy = z.imag * scale >= radius - centre.imag - 1e-14 * radius
     real = z.real + (held or 0.0)
@@ -445,7 +445,7 @@ def _product(response: Response, rig: Impedance, velocity: float, s: ComplexArra
 
 def _quiet_below(response: Response, rig: Impedance, velocity: float) -> float:
     """Frequency below which ``|kappa| < Z(0)/2`` and ``|Z - Z(0)| < Z(0)/4``: no root there."""
-    m1, m2 = response.law.moment(1), response.law.moment(2)
+    m1, m2 = response.distribution.moment(1), response.distribution.moment(2)
     tau1, tau2 = response.delay.moment(1), response.delay.moment(2)
     cycle, square = m1 / velocity + tau1, m2 / velocity**2 + 2 * m1 * tau1 / velocity + tau2
     held = float(rig(np.zeros(1, dtype=complex))[0].real)
@@ -457,7 +457,7 @@ def _quiet_below(response: Response, rig: Impedance, velocity: float) -> float:
 
 def _slope_bound(response: Response, rig: Impedance, velocity: float, omega: Array) -> Array:
     """Bound of ``|d product / d omega|`` on each interval, from ``|E|, |P^| <= 1`` and the moments."""
-    m1, m2, tau1 = response.law.moment(1), response.law.moment(2), response.delay.moment(1)
+    m1, m2, tau1 = response.distribution.moment(1), response.distribution.moment(2), response.delay.moment(1)
     z = rig(1j * omega)
     left, right = omega[:-1], omega[1:]
     match rig:
@@ -497,7 +497,7 @@ def _count_right_of(response: Response, rig: Impedance, velocity: float, line: f
     reach = response.reach(velocity) / velocity
     own = natural_frequencies(rig)
     held = poles(rig)
-    fine_top = 10 / reach if response.inert else 8.0 * velocity / response.spread
+    fine_top = 10 / reach if response.inert else 8.0 * velocity / response.std
     top = max(fine_top, 2.0 * float(np.max(np.abs(np.concatenate([own, held])), initial=0.0)), 10 / reach)
     near = [root.imag + max(abs(root.real - line), 1e-9 * abs(root)) * np.sinh(np.linspace(-6, 6, 121)) for root in own]
     for _ in range(30):
@@ -548,7 +548,7 @@ def _starts_from_line(response: Response, rig: Impedance, velocity: float, line:
     memory = response.reach(velocity) / velocity
     top = 10.0 / cycle
     if not response.inert:
-        top += 5.0 * velocity / response.spread
+        top += 5.0 * velocity / response.std
     elif not natural_frequencies(rig).size:
         top = 1e4 * top
     omega = np.arange(0.5, min(top * memory / STEP, 6_000)) * STEP / memory
@@ -672,7 +672,7 @@ def _newton(
 _ROUGH = 30
 """Cells of the gap for roots that are looked for, not polished."""
 _LIVES = 4.0
-"""How quickly a mode may die out to be looked for, per mean life."""
+"""How quickly a mode may decays to be looked for, per mean life."""
 
 
 def _count_aged(response: AgedResponse, rig: Impedance, velocity: float) -> int:
@@ -705,7 +705,7 @@ def _rightmost_aged(response: AgedResponse, rig: Impedance, velocity: float) -> 
             f"smooth sliding at velocity {velocity:g} has {growing} growing modes, not all of which were found"
         )
     raise UndecidedError(
-        f"smooth sliding at velocity {velocity:g} is stable; its modes die out too quickly to be followed from the axis"
+        f"smooth sliding at velocity {velocity:g} is stable; its modes decays too quickly to be followed from the axis"
     )
 
 

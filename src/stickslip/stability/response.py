@@ -1,6 +1,6 @@
 """The dynamic stiffness of an interface: how its force answers a small shake of a smoothly sliding slider.
 
-With ``P^`` the Laplace transform of the law of thresholds, ``E(s) = <exp(-s tau)>`` that of the delay, ``q =
+With ``P^`` the Laplace transform of the distribution of thresholds, ``E(s) = <exp(-s tau)>`` that of the delay, ``q =
 s/v`` and ``h(q) = Int x J_c(x) exp(-q x) dx``,
 
     kappa(s) = - q h(q) (1 - E(s)) / [(m1 + v <tau>) (1 - E(s) P^(q))]
@@ -25,9 +25,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError, UndecidedError, instance, number, shown
-from stickslip.model import Delay, DelayLaw, Interface
+from stickslip.model import Delay, DelayModel, Interface
+from stickslip.model.distributions import Distribution, Exponential, Gamma, Gaussian, LogNormal, Weibull
 from stickslip.stability.aged import AgedResponse, aged_response
-from stickslip.thresholds import Exponential, Gamma, Gaussian, Law, LogNormal, Weibull
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
@@ -50,7 +50,7 @@ def dynamic_stiffness(interface: Interface, velocity: float, s: ArrayLike) -> Co
         Speed of smooth sliding, in ``x_s`` per time.
     s : array_like of complex
         Growth rate plus ``i`` times angular frequency, in 1/time; on the imaginary axis and to its right for
-        every law, to its left as far as the law of thresholds has a transform.
+        every distribution, to its left as far as the distribution of thresholds has a transform.
 
     Returns
     -------
@@ -60,13 +60,14 @@ def dynamic_stiffness(interface: Interface, velocity: float, s: ArrayLike) -> Co
     Raises
     ------
     InputError
-        If contacts never come back (no steady sliding), age otherwise than by `Langevin`, or all share one threshold
+        If contacts never re-attach (no steady sliding), age otherwise than by `Langevin`, or all share one threshold
         and one delay; if `s` lies where the transform does not exist or overflows.
 
     Notes
     -----
-    Laws without a closed transform (`LogNormal`, `Weibull`) cost some ten microseconds a point. The relative
-    error is about 1e-12, for laws with very heavy tails down to 1e-8 at small `s`; with thresholds that age 2e-4.
+    Distributions without a closed transform (`LogNormal`, `Weibull`) cost some ten microseconds a point. The relative
+    error is about 1e-12, for distributions with very heavy tails down to 1e-8 at small `s`; with thresholds that age
+    2e-4.
     """
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
     try:
@@ -79,7 +80,7 @@ def dynamic_stiffness(interface: Interface, velocity: float, s: ArrayLike) -> Co
     furthest = float(np.min(points.real, initial=0.0))
     if furthest <= response.leftmost * speed and furthest < 0:
         raise InputError(
-            f"s = {furthest:g}: the law of thresholds has no transform at or left of "
+            f"s = {furthest:g}: the distribution of thresholds has no transform at or left of "
             f"Re s = {response.leftmost * speed:g}; stay to its right"
         )
     with np.errstate(over="ignore", invalid="ignore"):
@@ -91,7 +92,7 @@ def dynamic_stiffness(interface: Interface, velocity: float, s: ArrayLike) -> Co
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Axis:
-    """What a law of thresholds contributes on the imaginary axis ``q = i y``, whatever the delay and the speed."""
+    """What a distribution of thresholds contributes on the imaginary axis ``q = i y``, whatever the delay and the speed."""
 
     y: Array
     complement: ComplexArray
@@ -104,20 +105,20 @@ class Axis:
 
 @dataclass(frozen=True, kw_only=True)
 class Response:
-    """The linear response of contacts with a law of thresholds and a delay."""
+    """The linear response of contacts with a distribution of thresholds and a delay."""
 
-    law: Law
-    delay: DelayLaw
+    distribution: Distribution
+    delay: DelayModel
 
     @cached_property
     def mean_threshold(self) -> float:
         """``m1``, in ``x_s``."""
-        return self.law.moment(1)
+        return self.distribution.moment(1)
 
     @cached_property
-    def spread(self) -> float:
+    def std(self) -> float:
         """Standard deviation of the thresholds, in ``x_s``."""
-        return self.law.standard_deviation()
+        return self.distribution.standard_deviation()
 
     @cached_property
     def mean_delay(self) -> float:
@@ -131,8 +132,8 @@ class Response:
 
     @cached_property
     def leftmost(self) -> float:
-        """Abscissa of convergence of the transform of the law, in ``q = s/v``."""
-        return _abscissa(self.law)
+        """Abscissa of convergence of the transform of the distribution, in ``q = s/v``."""
+        return _abscissa(self.distribution)
 
     def scale(self, velocity: float | Array) -> Array:
         """``m1 + v <tau>``: mean distance the slider goes between two births of a contact, in ``x_s``."""
@@ -140,7 +141,7 @@ class Response:
 
     def reach(self, velocity: float) -> float:
         """Distance over which the response remembers, in ``x_s``: the largest threshold and the longest delay."""
-        return _largest(_key(self.law)) + velocity * _longest(_key(self.delay))
+        return _largest(_key(self.distribution)) + velocity * _longest(_key(self.delay))
 
     def stiffness(self, velocity: ArrayLike, s: ArrayLike) -> ComplexArray:
         """``kappa(s)``; `velocity` and `s` broadcast."""
@@ -152,25 +153,25 @@ class Response:
 
     def parts(self, velocity: float | Array, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """Numerator and denominator of ``kappa``, both without poles where the transforms exist."""
-        complement, shape = transforms(self.law, s / velocity)
+        complement, shape = transforms(self.distribution, s / velocity)
         missing = absence(self.delay, s)
         numerator: ComplexArray = -shape * missing / self.scale(velocity)
         return numerator, missing + (1.0 - missing) * complement
 
     def axis_parts(self, velocity: float, axis: Axis) -> tuple[ComplexArray, ComplexArray]:
-        """`parts` on the imaginary axis, with the share of the law taken from a table."""
+        """`parts` on the imaginary axis, with the fraction of the distribution taken from a table."""
         missing = absence(self.delay, 1j * velocity * axis.y)
         numerator: ComplexArray = -axis.shape * missing / self.scale(velocity)
         denominator: ComplexArray = missing + (1.0 - missing) * axis.complement
         return numerator, denominator
 
     def axis(self, velocity: float, top: float) -> Axis:
-        """Table of the law up to the frequency `top` or beyond, fine enough for this speed and delay."""
+        """Table of the distribution up to the frequency `top` or beyond, fine enough for this speed and delay."""
         return self._table(self.reach(velocity), top / velocity)
 
     def coarse_axis(self, top: float) -> Axis:
-        """Table of the law up to ``y = top`` or beyond, fine enough for all that does not depend on the delay."""
-        return self._table(_largest(_key(self.law)), top)
+        """Table of the distribution up to ``y = top`` or beyond, fine enough for all that does not depend on the delay."""
+        return self._table(_largest(_key(self.distribution)), top)
 
     def _table(self, reach: float, top: float) -> Axis:
         # Steps and counts are powers of 2, so that neighbouring speeds share a table.
@@ -180,25 +181,25 @@ class Response:
             raise UndecidedError(
                 f"the response has to be followed over more than {SCAN_LIMIT} frequencies: the contacts remember "
                 f"{reach:g} x_s, and may outweigh the rig up to wavelengths of {2 * math.pi / top:g} x_s; "
-                "give the rig some damping, or the thresholds more spread"
+                "give the rig some damping, or the thresholds more standard deviation"
             )
-        return _axis(_key(self.law), step, count)
+        return _axis(_key(self.distribution), step, count)
 
 
 @lru_cache(maxsize=256)
-def _respond(law: Law, delay: DelayLaw) -> Response:
+def _respond(distribution: Distribution, delay: DelayModel) -> Response:
     mean = delay.moment(1)
     if not math.isfinite(mean):
         raise InputError(
-            "Interface.delay: contacts never come back, so there is no smooth sliding to be stable or not; "
+            "Interface.delay: contacts never re-attach, so there is no smooth sliding to be stable or not; "
             "give a finite delay"
         )
-    if mean > 0 and _one_valued(law):
+    if mean > 0 and _one_valued(distribution):
         raise InputError(
             "Interface.thresholds: all contacts share one threshold and are slow to forget how they started; "
-            "stability is not computed for them: give the thresholds a spread above 0"
+            "stability is not computed for them: give the thresholds a standard deviation above 0"
         )
-    return Response(law=law, delay=delay)
+    return Response(distribution=distribution, delay=delay)
 
 
 def respond(interface: Interface) -> Response | AgedResponse:
@@ -212,54 +213,58 @@ def respond(interface: Interface) -> Response | AgedResponse:
     instance("interface", interface, Interface, "an Interface")
     if interface.ageing is not None:
         return aged_response(interface)
-    return _respond(_key(interface.threshold_law), _key(interface.delay))
+    return _respond(_key(interface.threshold_distribution), _key(interface.delay))
 
 
-def _key(law: Law | DelayLaw) -> Any:
-    """Return the law, checked to be fit for the key of a table."""
+def _key(distribution: Distribution | DelayModel) -> Any:
+    """Return the distribution, checked to be fit for the key of a table."""
     try:
-        hash(law)
+        hash(distribution)
     except TypeError as error:
-        raise InputError(f"{law!r}: a law must be hashable; make it a frozen dataclass") from error
-    return law
+        raise InputError(f"{distribution!r}: a distribution must be hashable; make it a frozen dataclass") from error
+    return distribution
 
 
 # ---------------------------------------------------------------- transforms without cancellation
 
 
-def transforms(law: Law, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+def transforms(distribution: Distribution, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
     """Return ``1 - P^(q)`` and ``H(q) = q h(q) = (1 - P^)/q + P^'``, by series in the moments where `q` is small."""
-    radius, a, b = _series(_key(law))
+    radius, a, b = _series(_key(distribution))
     q = np.asarray(q, dtype=complex)
     small = np.abs(q) < radius
     if not small.any():
-        return _outer(law, q)
+        return _outer(distribution, q)
     complement, shape = np.empty_like(q), np.empty_like(q)
     inner = q[small]
     complement[small] = inner * np.polynomial.polynomial.polyval(inner, a)
     shape[small] = inner * np.polynomial.polynomial.polyval(inner, b)
     if not small.all():
-        complement[~small], shape[~small] = _outer(law, q[~small])
+        complement[~small], shape[~small] = _outer(distribution, q[~small])
     return complement, shape
 
 
-def _outer(law: Law, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-    mean, slope = _laplace(law, q)
+def _outer(distribution: Distribution, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    mean, slope = _laplace(distribution, q)
     return 1.0 - mean, (1.0 - mean) / q - slope
 
 
-def _laplace(law: Law, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+def _laplace(distribution: Distribution, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
     """Return ``P^(q)`` and ``-P^'(q)``."""
-    match law:
+    match distribution:
         case LogNormal() | Weibull():
-            x, weight = _turned_nodes(law)
-        case Gaussian() if law.spread > 0:
+            x, weight = _turned_nodes(distribution)
+        case Gaussian() if distribution.std > 0:
             # By parts: one transform instead of two
-            mean = law.laplace(q)
-            cut = law.density(law.lower) * np.exp(-q * law.lower) if math.isfinite(law.lower) else 0.0
-            return mean, (law.mean - q * law.spread**2) * mean + law.spread**2 * cut
+            mean = distribution.laplace(q)
+            cut = (
+                distribution.density(distribution.lower) * np.exp(-q * distribution.lower)
+                if math.isfinite(distribution.lower)
+                else 0.0
+            )
+            return mean, (distribution.mean - q * distribution.std**2) * mean + distribution.std**2 * cut
         case _:
-            return law.laplace(q), law.laplace(q, 1)
+            return distribution.laplace(q), distribution.laplace(q, 1)
     # The path is turned for Im q > 0; below the real axis the transform is the conjugate of its mirror image.
     upper = np.where(q.imag < 0, np.conj(q), q).ravel()
     both = np.empty((2, upper.size), dtype=complex)
@@ -273,27 +278,27 @@ def _laplace(law: Law, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
 
 
 @lru_cache(maxsize=64)
-def _turned_nodes(law: LogNormal | Weibull) -> tuple[ComplexArray, ComplexArray]:
+def _turned_nodes(distribution: LogNormal | Weibull) -> tuple[ComplexArray, ComplexArray]:
     """Nodes and weights for transforms without a closed form, on a path turned off the real axis.
 
-    There ``exp(-q x)`` dies out instead of oscillating, and the same few hundred nodes do for all `q` with
-    ``Im q >= 0``. (`Law.laplace` keeps to the real axis; its cost grows with ``|Im q|``.) The trapezoidal
+    There ``exp(-q x)`` decays instead of oscillating, and the same few hundred nodes do for all `q` with
+    ``Im q >= 0``. (`Distribution.laplace` keeps to the real axis; its cost grows with ``|Im q|``.) The trapezoidal
     rule converges exponentially.
     """
-    if isinstance(law, LogNormal):
+    if isinstance(distribution, LogNormal):
         # x = exp(log_mean + log_spread (z - i turn)): the density grows by exp(turn^2/2), at most 90.
-        turn = min(3.0, 0.7 / law.log_spread)
+        turn = min(3.0, 0.7 / distribution.log_spread)
         z = np.arange(-9.0, 9.0, 0.04) - 1j * turn
-        x, weight = np.exp(law.log_mean + law.log_spread * z), np.exp(-0.5 * z * z)
+        x, weight = np.exp(distribution.log_mean + distribution.log_spread * z), np.exp(-0.5 * z * z)
         return x, weight / weight.sum()
     # x = scale t^(1/shape), with t = exp(y) turned
-    turn = 0.7 * min(1.0, law.shape)
+    turn = 0.7 * min(1.0, distribution.shape)
     t = np.exp(np.arange(-40.0, 4.2, 0.05) - 1j * turn)
     weight = t * np.exp(-t)
-    return law.scale * t ** (1 / law.shape), weight / weight.sum()
+    return distribution.scale * t ** (1 / distribution.shape), weight / weight.sum()
 
 
-def absence(delay: DelayLaw, s: ComplexArray) -> ComplexArray:
+def absence(delay: DelayModel, s: ComplexArray) -> ComplexArray:
     """Return ``1 - E(s)`` without cancellation at small `s`."""
     s = np.asarray(s, dtype=complex)
     if isinstance(delay, Delay):
@@ -305,9 +310,9 @@ def absence(delay: DelayLaw, s: ComplexArray) -> ComplexArray:
 
 
 @lru_cache(maxsize=256)
-def _series(law: Law) -> tuple[float, Array, Array]:
+def _series(distribution: Distribution) -> tuple[float, Array, Array]:
     """Radius within which the series hold to 1e-15, and the coefficients of ``(1 - P^)/q`` and ``H/q``."""
-    moments = np.array([law.moment(n) for n in range(21)])
+    moments = np.array([distribution.moment(n) for n in range(21)])
     factorial = np.cumprod(np.concatenate([[1.0], np.arange(1.0, 21.0)]))
     n = np.arange(19)
     signs = (-1.0) ** n
@@ -322,51 +327,57 @@ def _series(law: Law) -> tuple[float, Array, Array]:
             radius = float((1e-15 / ratio) ** (1.0 / count)) if math.isfinite(ratio) else 0.0
             if radius > best:
                 best, terms = radius, count
-    # A tenth of the width of the law: beyond it the closed form loses nothing.
+    # A tenth of the width of the distribution: beyond it the closed form loses nothing.
     return min(best, 0.5 / moments[1]), first[:terms], second[:terms]
 
 
-def _abscissa(law: Law) -> float:
-    match law:
+def _abscissa(distribution: Distribution) -> float:
+    match distribution:
         case Exponential():
-            return -1.0 / law.mean
+            return -1.0 / distribution.mean
         case Gamma():
-            return -1.0 / law.scale
+            return -1.0 / distribution.scale
         case LogNormal():
             return 0.0
         case Weibull():
-            return 0.0 if law.shape < 1 else -1.0 / law.scale if law.shape == 1 else -math.inf
-    return -math.inf if math.isfinite(law.support[1]) else 0.0
+            return (
+                0.0 if distribution.shape < 1 else -1.0 / distribution.scale if distribution.shape == 1 else -math.inf
+            )
+    return -math.inf if math.isfinite(distribution.support[1]) else 0.0
 
 
-def _one_valued(law: Law) -> bool:
-    return law.standard_deviation() <= 1e-7 * law.moment(1)
+def _one_valued(distribution: Distribution) -> bool:
+    return distribution.standard_deviation() <= 1e-7 * distribution.moment(1)
 
 
 @lru_cache(maxsize=256)
-def _largest(law: Law) -> float:
+def _largest(distribution: Distribution) -> float:
     # One contact in 1e5 beyond it moves the response by no more than 1e-5.
-    return float(law.inverse_survival(np.array(1e-5))) if not _one_valued(law) else law.moment(1)
+    return (
+        float(distribution.inverse_survival(np.array(1e-5)))
+        if not _one_valued(distribution)
+        else distribution.moment(1)
+    )
 
 
 @lru_cache(maxsize=256)
-def _longest(delay: DelayLaw) -> float:
+def _longest(delay: DelayModel) -> float:
     tau, weight = delay.quadrature()
     beyond = np.cumsum(weight[::-1])[::-1]
     return float(np.max(tau[beyond > 1e-5], initial=delay.moment(1)))
 
 
 @lru_cache(maxsize=32)
-def _axis(law: Law, step: float, count: int) -> Axis:
+def _axis(distribution: Distribution, step: float, count: int) -> Axis:
     # Below the first step frequencies are spaced in proportion: slow modes of soft springs.
     slow = step * np.geomspace(1e-4, 1.0, 40, endpoint=False)
     y = np.concatenate([slow, step * np.arange(1, count + 1)])
-    complement, shape = transforms(law, 1j * y)
+    complement, shape = transforms(distribution, 1j * y)
     # 1 - |P^|^2 = 2 Re(1 - P^) - |1 - P^|^2
     room = 2 * complement.real - np.abs(complement) ** 2
     if np.any(room <= 0):
         raise UndecidedError(
-            f"the thresholds ({law}) are so close together that the response cannot be told from one without memory "
-            "loss in double precision; give them more spread"
+            f"the thresholds ({distribution}) are so close together that the response cannot be told from one without memory "
+            "loss in double precision; give them more standard deviation"
         )
     return Axis(y=y, complement=complement, shape=shape, centre=-shape * np.conj(complement) / room)

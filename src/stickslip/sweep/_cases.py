@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from stickslip.errors import InputError
-from stickslip.store import encode
+from stickslip.io.datasets import encode
 
 AxisValue = float | int | bool | str
 Values = Mapping[str, AxisValue]

@@ -223,7 +223,7 @@ class _Search:
             self.points[point] = found
 
     def _find(self, runs: int, together: int) -> None:
-        """Spread runs over the box, then send them where categories differ."""
+        """Standard deviation runs over the box, then send them where categories differ."""
         learner_class = _learner_class()
         classes: dict[Any, int] = {}
         exploring = True

@@ -1,7 +1,7 @@
 """Sweeps of a rig: from a file in TOML (rig, parameters to vary, what to measure) to a `Plan`, or from Python.
 
 >>> from stickslip.sweep.plan import read_plan
->>> from stickslip.rig import example
+>>> from stickslip.io.rig_files import example
 >>> plan = read_plan(example("phase_diagram"))
 >>> plan.parameters, plan.total
 (('stiffness', 'velocity'), 3200)
@@ -24,21 +24,21 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Discriminator, Field, Tag, create_model
 
-from stickslip import rig as rigs
 from stickslip.cycles import bistable_band, bistable_region
-from stickslip.door import Lag, Length, Mass, Part, Rate, Stiffness, Time, quantity, read_toml, validate
 from stickslip.errors import InputError, UndecidedError, number, whole
+from stickslip.io import rig_files as rigs
+from stickslip.io.validation import Lag, Length, Mass, Part, Rate, Stiffness, Time, quantity, read_toml, validate
 from stickslip.model import Slider
-from stickslip.simulate import Contacts, MasterEquation, Method, Relaxed, check_method
-from stickslip.stability import KNOBS, Setting, boundary, critical
-from stickslip.stability.knobs import knob_named
+from stickslip.model.units import Scales, si_unit
+from stickslip.simulation import Contacts, FromRest, MasterEquation, Method, check_method
+from stickslip.stability import PARAMETERS, Setting, boundary, critical
+from stickslip.stability.parameters import parameter_named
 from stickslip.sweep._executors import Workers
 from stickslip.sweep._grid import open_sweep, run_cases
 from stickslip.sweep._refine import Span, refine
 from stickslip.sweep._results import Failure, failures, summary
 from stickslip.sweep._run import MAX_CASES, Progress, check_size
 from stickslip.sweep.study import FROM_REST, FROM_SLIDING, KINDS, MEASURES, USUAL, Study, unit_of
-from stickslip.units import Scales, si_unit
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -209,7 +209,7 @@ def sweep(
     rig : Rig
         Its method and start are those of every case, unless they are an axis.
     axes : mapping of name to values
-        ``stiffness``, ``velocity``, ``mass``, ``damping``, ``delay``, ``spread``, ``contacts``, ``seed``, ``start``
+        ``stiffness``, ``velocity``, ``mass``, ``damping``, ``delay``, ``std``, ``contacts``, ``seed``, ``start``
         (``"from rest"``, ``"sliding"``). Numbers in the rig's own units, or texts with a unit; a `Span` for each of two
         parameters with a `refinement`.
     store : path, optional
@@ -240,7 +240,7 @@ def sweep(
     Examples
     --------
     >>> import stickslip.sweep
-    >>> from stickslip.rig import example, read
+    >>> from stickslip.io.rig_files import example, read
     >>> rig = read(example("pmma_slider"))
     >>> found = stickslip.sweep(rig, {"velocity": ["0.4 mm/s"], "contacts": [20]}, distance="4 um", cycles=0)
     >>> found["peak_to_peak"].dims, found["velocity"].units
@@ -253,7 +253,7 @@ def sweep(
             run[name] = _written(length, "" if scales is None else unit)
     document: dict[str, Any] = {"name": rig.name, "rig": dict(rig.document), "run": run, "axes": {}}
     for name, given in axes.items():
-        unit = unit_of(name, scales)[1] if scales is not None and name in _PARAMETERS and name != "spread" else ""
+        unit = unit_of(name, scales)[1] if scales is not None and name in _PARAMETERS and name != "std" else ""
         if isinstance(given, Span):
             ends = {"from": _written(given.low, unit), "to": _written(given.high, unit)}
             document["axes"][name] = ends | {"spacing": "log" if given.log else "linear"}
@@ -358,14 +358,14 @@ _Count = Annotated[int, Field(ge=1)]
 _Seed = Annotated[int, Field(ge=0, lt=2**53)]
 _Start = Literal["from rest", "sliding"]
 
-_PARAMETERS: tuple[str, ...] = tuple(knob.name for knob in KNOBS)
+_PARAMETERS: tuple[str, ...] = tuple(parameter.name for parameter in PARAMETERS)
 _AXES: dict[str, tuple[Any, str]] = {
     "stiffness": (Stiffness, "stiffness of the driving spring"),
     "velocity": (_Speed, "velocity of the drive"),
     "mass": (Mass, "mass of the slider"),
     "damping": (Rate, "damping eta"),
     "delay": (Lag, "delay of re-attachment"),
-    "spread": (float, "spread of the thresholds"),
+    "std": (float, "standard deviation of the thresholds"),
     "contacts": (_Count, "number of contacts"),
     "seed": (_Seed, "seed of the contacts"),
     "start": (_Start, "start of the run"),
@@ -466,13 +466,13 @@ class _Document(Part):
             raise InputError("rig.slider.mass = 0: a run needs a mass above 0")
         for name in axes:
             if name in _PARAMETERS:
-                knob_named(name).get(Setting(interface=rig.interface, rig=rig.slider, velocity=rig.velocity))
+                parameter_named(name).get(Setting(interface=rig.interface, rig=rig.slider, velocity=rig.velocity))
         return Study(
             interface=rig.interface,
             slider=rig.slider,
             velocity=number("rig.drive.velocity", rig.velocity, above=0),
             method=method,
-            start=self.run.start or (FROM_REST if isinstance(rig.start, Relaxed) else FROM_SLIDING),
+            start=self.run.start or (FROM_REST if isinstance(rig.start, FromRest) else FROM_SLIDING),
             distance=SHORTEST if self.run.distance is None else natural(self.run.distance, "x_s"),
             cycles=number("run.cycles", self.run.cycles, at_least=0),
             duration=0.0 if self.run.duration is None else natural(self.run.duration, "time"),

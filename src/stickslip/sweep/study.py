@@ -7,14 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, get_args
 
-from stickslip.drive import hold
 from stickslip.measure import Regime, regime
 from stickslip.measure.verdict import Kind
 from stickslip.model import Interface, Slider
-from stickslip.simulate import Contacts, Method, Relaxed, Sliding, Start, simulate
+from stickslip.model.drive import constant
+from stickslip.model.units import Scales, si_unit
+from stickslip.simulation import Contacts, FromRest, FromSliding, Method, Start, simulate
 from stickslip.stability import Setting
-from stickslip.stability.knobs import knob_named
-from stickslip.units import Scales, si_unit
+from stickslip.stability.parameters import parameter_named
 
 KINDS: tuple[str, ...] = get_args(Kind)
 """What a regime can be; its place here is its code in the results."""
@@ -76,7 +76,7 @@ class Study:
         distance = max(self.distance, self.cycles * (1.0 + 1.0 / setting.rig.stiffness))
         duration = max(distance / setting.velocity, self.duration)
         for extension in range(self.extensions + 1):
-            drive = hold(setting.velocity, duration * 2.0**extension)
+            drive = constant(setting.velocity, duration * 2.0**extension)
             run = simulate(setting.interface, setting.rig, drive, method, start=_beginning(start, method))
             seen = regime(run)
             if seen.kind != "undecided":
@@ -87,7 +87,7 @@ class Study:
         """Return the rig with its parameters at the values of the axes, in natural units."""
         setting = Setting(interface=self.interface, rig=self.slider, velocity=self.velocity)
         for name, value in values.items():
-            setting = knob_named(name).set(setting, value / unit_of(name, self.scales)[0])
+            setting = parameter_named(name).set(setting, value / unit_of(name, self.scales)[0])
         return setting
 
     def _measured(self, seen: Regime) -> dict[str, float | str]:
@@ -107,8 +107,8 @@ class Study:
 
 def _beginning(start: str, method: Method) -> Start:
     if start == FROM_REST:
-        return Relaxed()
-    return Sliding() if isinstance(method, Contacts) else Sliding(kick=PERTURBATION)
+        return FromRest()
+    return FromSliding() if isinstance(method, Contacts) else FromSliding(perturbation=PERTURBATION)
 
 
 MEASURES: dict[str, tuple[str, str]] = {
@@ -134,7 +134,7 @@ USUAL = ("regime", "peak_to_peak", "mean_force", "period", "slips", "largest_vel
 
 def unit_of(parameter: str, scales: Scales | None) -> tuple[float, str]:
     """Size and name of the unit in which the values of a parameter are kept: SI if there are scales."""
-    unit = knob_named(parameter).unit
-    if parameter == "spread":  # relative to the mean threshold, in either system
+    unit = parameter_named(parameter).unit
+    if parameter == "std":  # relative to the mean threshold, in either system
         return 1.0, "1" if scales else unit
     return (1.0, unit) if scales is None else si_unit(unit, scales) or (1.0, unit)

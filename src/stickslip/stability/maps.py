@@ -1,4 +1,4 @@
-"""Maps of the stability of smooth sliding over two knobs, and their boundaries followed by continuation."""
+"""Maps of the stability of smooth sliding over two parameters, and their boundaries followed by continuation."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stickslip import store
 from stickslip.errors import InputError, UndecidedError, number
+from stickslip.io import datasets as store
 from stickslip.model import Interface
-from stickslip.stability.knobs import (
+from stickslip.stability.impedances import Rig, impedance
+from stickslip.stability.modes import growth_rate, track_roots
+from stickslip.stability.parameters import (
     STIFFNESS,
     VELOCITY,
-    Knob,
+    Parameter,
     Setting,
     check_range,
-    knob_named,
     neutral_along,
+    parameter_named,
     residual_and_slopes,
     search,
 )
-from stickslip.stability.modes import growth_rate, track_roots
 from stickslip.stability.response import respond
-from stickslip.stability.rigs import Rig, impedance
 
 if TYPE_CHECKING:
     import xarray
@@ -45,12 +45,12 @@ def boundary(
     rig: Rig,
     velocity: float,
     *,
-    over: tuple[Knob | str, Knob | str] = (STIFFNESS, VELOCITY),
+    over: tuple[Parameter | str, Parameter | str] = (STIFFNESS, VELOCITY),
     within: Window,
 ) -> xarray.Dataset:
-    """Follow every neutral curve of smooth sliding in a window of two knobs.
+    """Follow every neutral curve of smooth sliding in a window of two parameters.
 
-    Pseudo-arclength continuation of ``Z(i omega) + kappa(i omega) = 0`` in the logarithms of both knobs and
+    Pseudo-arclength continuation of ``Z(i omega) + kappa(i omega) = 0`` in the logarithms of both parameters and
     of omega: folds and re-entrant branches are nothing special, closed curves close. Starts are the crossings
     on lines across the window in both directions, its edges among them; a closed curve that slips between two
     lines is missed.
@@ -58,16 +58,16 @@ def boundary(
     Parameters
     ----------
     interface, rig, velocity
-        The setting; the values of the two knobs in it do not matter.
-    over : (Knob or str, Knob or str)
-        The two knobs, see `critical`.
+        The setting; the values of the two parameters in it do not matter.
+    over : (Parameter or str, Parameter or str)
+        The two parameters, see `critical`.
     within : ((float, float), (float, float))
         Range of each, in its natural unit.
 
     Returns
     -------
     xarray.Dataset
-        Along ``point``: the two knobs, ``frequency`` (angular, of the neutral mode), ``curve`` (which curve
+        Along ``point``: the two parameters, ``frequency`` (angular, of the neutral mode), ``curve`` (which curve
         the point is on; points of a curve follow each other) and ``other_unstable`` (growing modes beside the
         neutral one: 0 on the edge of stability). No points where there is no boundary; the window searched is
         in ``attrs``.
@@ -75,17 +75,17 @@ def boundary(
     Raises
     ------
     InputError
-        If a range is empty, both knobs are the same, or there is no steady sliding in the window.
+        If a range is empty, both parameters are the same, or there is no steady sliding in the window.
     """
-    knobs, window = _window(over, within)
+    parameters, window = _window(over, within)
     setting = Setting(interface=interface, rig=rig, velocity=velocity)
     curves: list[_Curve] = []
-    for start in _starts(knobs, setting, window):
-        if not any(_lies_on(knobs, setting, curve, start) for curve in curves):
-            curve = _follow(knobs, setting, np.log(window), start)
+    for start in _starts(parameters, setting, window):
+        if not any(_lies_on(parameters, setting, curve, start) for curve in curves):
+            curve = _follow(parameters, setting, np.log(window), start)
             if curve is not None:
                 curves.append(curve)
-    return _boundary_dataset(knobs, setting, window, curves)
+    return _boundary_dataset(parameters, setting, window, curves)
 
 
 def stability_map(
@@ -93,21 +93,21 @@ def stability_map(
     rig: Rig,
     velocity: float,
     *,
-    over: tuple[Knob | str, Knob | str] = (STIFFNESS, VELOCITY),
+    over: tuple[Parameter | str, Parameter | str] = (STIFFNESS, VELOCITY),
     values: tuple[ArrayLike, ArrayLike],
     growth: bool = False,
 ) -> xarray.Dataset:
-    """Count the growing modes of smooth sliding on a grid of two knobs.
+    """Count the growing modes of smooth sliding on a grid of two parameters.
 
-    Over the stiffness of a rig nothing is repeated: for each value of the other knob the springs that make a
+    Over the stiffness of a rig nothing is repeated: for each value of the other parameter the springs that make a
     mode neutral are computed, and each column of the map read off them.
 
     Parameters
     ----------
     interface, rig, velocity
-        The setting; the values of the two knobs in it do not matter.
-    over : (Knob or str, Knob or str)
-        The two knobs, see `critical`.
+        The setting; the values of the two parameters in it do not matter.
+    over : (Parameter or str, Parameter or str)
+        The two parameters, see `critical`.
     values : (array_like, array_like)
         Values of each, all above 0, in its natural unit.
     growth : bool
@@ -117,21 +117,21 @@ def stability_map(
     Returns
     -------
     xarray.Dataset
-        ``unstable_modes`` over the two knobs; with `growth`, ``growth_rate`` and ``frequency`` of the root
+        ``unstable_modes`` over the two parameters; with `growth`, ``growth_rate`` and ``frequency`` of the root
         furthest to the right (NaN where no mode decays exponentially).
 
     Raises
     ------
     InputError
-        If a value is not above 0, both knobs are the same, or there is no steady sliding.
+        If a value is not above 0, both parameters are the same, or there is no steady sliding.
     """
-    first, second = knob_named(over[0]), knob_named(over[1])
+    first, second = parameter_named(over[0]), parameter_named(over[1])
     if first.name == second.name:
-        raise InputError(f"over = ({first.name!r}, {second.name!r}): must be two different knobs")
+        raise InputError(f"over = ({first.name!r}, {second.name!r}): must be two different parameters")
     grids = [np.atleast_1d(np.asarray(value, dtype=float)) for value in values]
-    for knob, grid in zip((first, second), grids, strict=True):
+    for parameter, grid in zip((first, second), grids, strict=True):
         for value in (np.min(grid), np.max(grid)):
-            number(f"values of {knob.name}", float(value), above=0, hint=knob.unit)
+            number(f"values of {parameter.name}", float(value), above=0, hint=parameter.unit)
     setting = Setting(interface=interface, rig=rig, velocity=velocity)
     if second is STIFFNESS or first is VELOCITY:
         counts = _counts(second, first, setting, grids[1], grids[0]).T
@@ -144,7 +144,7 @@ def stability_map(
 # ---------------------------------------------------------------- maps
 
 
-def _counts(inner: Knob, outer: Knob, setting: Setting, a: Array, b: Array) -> NDArray[np.int64]:
+def _counts(inner: Parameter, outer: Parameter, setting: Setting, a: Array, b: Array) -> NDArray[np.int64]:
     """Number of growing modes at each ``(a, b)``."""
     counts = np.empty((a.size, b.size), dtype=np.int64)
     if _is_free(inner, setting):
@@ -158,21 +158,21 @@ def _counts(inner: Knob, outer: Knob, setting: Setting, a: Array, b: Array) -> N
     return counts
 
 
-def _is_free(knob: Knob, setting: Setting) -> bool:
-    """Whether the knob adds the same to ``Z`` at every frequency: one set of neutral frequencies for all values."""
-    return knob is STIFFNESS and hasattr(setting.rig, "stiffness")
+def _is_free(parameter: Parameter, setting: Setting) -> bool:
+    """Whether the parameter adds the same to ``Z`` at every frequency: one set of neutral frequencies for all values."""
+    return parameter is STIFFNESS and hasattr(setting.rig, "stiffness")
 
 
 def _roots_on_grid(
-    knobs: tuple[Knob, Knob], setting: Setting, grids: Sequence[Array], counts: NDArray[np.int64]
+    parameters: tuple[Parameter, Parameter], setting: Setting, grids: Sequence[Array], counts: NDArray[np.int64]
 ) -> NDArray[np.complex128]:
     """Root furthest right at each point, carried from neighbour to neighbour and checked against the count."""
     roots = np.full(counts.shape, complex(math.nan, math.nan))
     for j, b in enumerate(grids[1].tolist()):
-        column = knobs[1].set(setting, b)
+        column = parameters[1].set(setting, b)
         known = np.empty(0, dtype=complex)
         for i, a in enumerate(grids[0].tolist()):
-            here = knobs[0].set(column, a)
+            here = parameters[0].set(column, a)
             response, rig = respond(here.interface), impedance(here.rig)
             # Every few points the search starts afresh, for a root that overtakes from outside the ones carried along.
             starts = known[:8] if i % 16 else known[:0]
@@ -191,7 +191,7 @@ def _roots_on_grid(
 
 
 def _map_dataset(
-    knobs: tuple[Knob, Knob],
+    parameters: tuple[Parameter, Parameter],
     setting: Setting,
     grids: Sequence[Array],
     counts: NDArray[np.int64],
@@ -199,7 +199,7 @@ def _map_dataset(
 ) -> xarray.Dataset:
     import xarray
 
-    names = tuple(knob.name for knob in knobs)
+    names = tuple(parameter.name for parameter in parameters)
     data: dict[str, tuple[tuple[str, ...], Any, dict[str, str]]] = {
         "unstable_modes": (names, counts, {"units": "1", "long_name": "growing modes of smooth sliding"}),
     }
@@ -208,21 +208,21 @@ def _map_dataset(
         data["growth_rate"] = (names, roots.real, rate)
         data["frequency"] = (names, roots.imag, {"units": "1/time", "long_name": "its angular frequency"})
     coords = {
-        knob.name: (knob.name, grid, {"units": knob.unit, "long_name": knob.name})
-        for knob, grid in zip(knobs, grids, strict=True)
+        parameter.name: (parameter.name, grid, {"units": parameter.unit, "long_name": parameter.name})
+        for parameter, grid in zip(parameters, grids, strict=True)
     }
     values = [grid.tolist() for grid in grids]
-    made = _provenance("stability_map", knobs, setting, values=values, growth=roots is not None)
+    made = _provenance("stability_map", parameters, setting, values=values, growth=roots is not None)
     return xarray.Dataset(data, coords=coords, attrs={"provenance": made})
 
 
-def _provenance(call: str, knobs: Sequence[Knob], setting: Setting, **more: object) -> str:
+def _provenance(call: str, parameters: Sequence[Parameter], setting: Setting, **more: object) -> str:
     """What made the result; a rig that is a function is named, but cannot be made again from its name."""
     arguments = {
         "interface": setting.interface,
         "rig": setting.rig if is_dataclass(setting.rig) else repr(setting.rig),
         "velocity": setting.velocity,
-        "over": [knob.name for knob in knobs],
+        "over": [parameter.name for parameter in parameters],
         **more,
     }
     return store.provenance(call, arguments)
@@ -231,35 +231,35 @@ def _provenance(call: str, knobs: Sequence[Knob], setting: Setting, **more: obje
 # ---------------------------------------------------------------- starts of curves
 
 
-def _window(over: tuple[Knob | str, Knob | str], within: Window) -> tuple[tuple[Knob, Knob], Array]:
-    first, second = knob_named(over[0]), knob_named(over[1])
+def _window(over: tuple[Parameter | str, Parameter | str], within: Window) -> tuple[tuple[Parameter, Parameter], Array]:
+    first, second = parameter_named(over[0]), parameter_named(over[1])
     if first.name == second.name:
-        raise InputError(f"over = ({first.name!r}, {second.name!r}): must be two different knobs")
-    ranges = [check_range(knob, span) for knob, span in zip((first, second), within, strict=True)]
+        raise InputError(f"over = ({first.name!r}, {second.name!r}): must be two different parameters")
+    ranges = [check_range(parameter, span) for parameter, span in zip((first, second), within, strict=True)]
     return (first, second), np.array(ranges)
 
 
-def _starts(knobs: tuple[Knob, Knob], setting: Setting, window: Array) -> list[Array]:
+def _starts(parameters: tuple[Parameter, Parameter], setting: Setting, window: Array) -> list[Array]:
     """Points ``(log a, log b, log omega)`` where neutral curves cross lines over the window."""
     starts = []
-    for k, knob in enumerate(knobs):
-        other, span = knobs[1 - k], window[1 - k]
-        free, other_free = _is_free(knob, setting), _is_free(other, setting)
+    for k, parameter in enumerate(parameters):
+        other, span = parameters[1 - k], window[1 - k]
+        free, other_free = _is_free(parameter, setting), _is_free(other, setting)
         lines = np.geomspace(span[0], span[1], LINES if free else 2 if other_free else FEW_LINES).tolist()
         lines[0], lines[-1] = span
-        for line, value, omega in _on_lines(knob, other, setting, window[k], lines):
+        for line, value, omega in _on_lines(parameter, other, setting, window[k], lines):
             point = np.log([value, line, omega])
             starts.append(point if k == 0 else point[[1, 0, 2]])
     return starts
 
 
 def _on_lines(
-    knob: Knob, other: Knob, setting: Setting, span: Array, lines: list[float]
+    parameter: Parameter, other: Parameter, setting: Setting, span: Array, lines: list[float]
 ) -> list[tuple[float, float, float]]:
-    """Crossings ``(line, value, omega)`` along the knob, on lines of constant value of the other one."""
+    """Crossings ``(line, value, omega)`` along the parameter, on lines of constant value of the other one."""
     low, high = float(span[0]), float(span[1])
-    if _is_free(knob, setting):
-        along = neutral_along(other, knob.set(setting, low), lines, softest=low)
+    if _is_free(parameter, setting):
+        along = neutral_along(other, parameter.set(setting, low), lines, softest=low)
         return [
             (line, low + extra, omega)
             for line, neutral in zip(lines, along, strict=True)
@@ -269,7 +269,9 @@ def _on_lines(
     return [
         (line, crossing.value, crossing.frequency)
         for line in lines
-        for crossing in search(knob, other.set(setting, line), low, high, density=16 if knob is VELOCITY else 8)
+        for crossing in search(
+            parameter, other.set(setting, line), low, high, density=16 if parameter is VELOCITY else 8
+        )
         if math.isfinite(crossing.frequency)
     ]
 
@@ -277,9 +279,9 @@ def _on_lines(
 # ---------------------------------------------------------------- continuation
 
 
-def _linearised(knobs: Sequence[Knob], setting: Setting, z: Array) -> tuple[Array, Array]:
+def _linearised(parameters: Sequence[Parameter], setting: Setting, z: Array) -> tuple[Array, Array]:
     """Residual, shape (2,), and its Jacobian in the three logarithms, shape (2, 3)."""
-    value, slopes = residual_and_slopes(knobs, setting, z[:2].tolist(), float(z[2]))
+    value, slopes = residual_and_slopes(parameters, setting, z[:2].tolist(), float(z[2]))
     return np.array([value.real, value.imag]), np.array(
         [[slope.real for slope in slopes], [slope.imag for slope in slopes]]
     )
@@ -291,13 +293,13 @@ def _tangent(jacobian: Array) -> Array:
 
 
 def _correct(
-    knobs: Sequence[Knob], setting: Setting, guess: Array, normal: Array, through: Array | None = None
+    parameters: Sequence[Parameter], setting: Setting, guess: Array, normal: Array, through: Array | None = None
 ) -> tuple[Array, Array] | None:
     """Newton's method within a plane across `normal`; the point and the curve's direction there."""
     anchor = guess if through is None else through
     z, last = guess.copy(), math.inf
     for _ in range(8):
-        residual, jacobian = _linearised(knobs, setting, z)
+        residual, jacobian = _linearised(parameters, setting, z)
         system = np.vstack([jacobian, normal])
         if not np.all(np.isfinite(system)) or abs(np.linalg.det(system)) == 0:
             return None
@@ -320,24 +322,24 @@ class _Curve(NamedTuple):
     directions: Array
 
 
-def _follow(knobs: tuple[Knob, Knob], setting: Setting, window: Array, start: Array) -> _Curve | None:
+def _follow(parameters: tuple[Parameter, Parameter], setting: Setting, window: Array, start: Array) -> _Curve | None:
     """The curve through `start`, from one end in the window to the other, or all the way round."""
-    begun = _correct(knobs, setting, start, np.array([0.0, 0.0, 1.0])) or _correct(
-        knobs, setting, start, np.array([1.0, 0.0, 0.0])
+    begun = _correct(parameters, setting, start, np.array([0.0, 0.0, 1.0])) or _correct(
+        parameters, setting, start, np.array([1.0, 0.0, 0.0])
     )
     if begun is None:
         return None
     origin, direction = begun
-    ahead, closed = _one_way(knobs, setting, window, origin, direction)
+    ahead, closed = _one_way(parameters, setting, window, origin, direction)
     if closed:
         return _Curve(*(np.array(a) for a in zip(begun, *ahead, begun, strict=True)))
-    behind, _ = _one_way(knobs, setting, window, origin, -direction)
+    behind, _ = _one_way(parameters, setting, window, origin, -direction)
     back = [(point, -tangent) for point, tangent in behind[::-1]]
     return _Curve(*(np.array(a) for a in zip(*back, begun, *ahead, strict=True)))
 
 
 def _one_way(
-    knobs: tuple[Knob, Knob], setting: Setting, window: Array, origin: Array, direction: Array
+    parameters: tuple[Parameter, Parameter], setting: Setting, window: Array, origin: Array, direction: Array
 ) -> tuple[list[tuple[Array, Array]], bool]:
     """Points and directions from the origin on, and whether the curve came back to it."""
     span = window[:, 1] - window[:, 0]
@@ -345,19 +347,19 @@ def _one_way(
     points: list[tuple[Array, Array]] = []
     z, tangent, bend, h = origin, direction, np.zeros(3), 0.25 * longest
     while len(points) < 5000:
-        stepped = _correct(knobs, setting, z + h * (tangent + 0.5 * h * bend), tangent)
+        stepped = _correct(parameters, setting, z + h * (tangent + 0.5 * h * bend), tangent)
         if stepped is None or abs(stepped[1] @ tangent) < math.cos(0.35):
             h *= 0.5
             bend = np.zeros(3)
             if h < 1e-7 * longest:
                 raise UndecidedError(
-                    f"the boundary could not be followed beyond {knobs[0].name} = {math.exp(z[0]):.6g}, "
-                    f"{knobs[1].name} = {math.exp(z[1]):.6g}: it turns too sharply there"
+                    f"the boundary could not be followed beyond {parameters[0].name} = {math.exp(z[0]):.6g}, "
+                    f"{parameters[1].name} = {math.exp(z[1]):.6g}: it turns too sharply there"
                 )
             continue
         new, new_tangent = stepped[0], stepped[1] * math.copysign(1.0, stepped[1] @ tangent)
         if np.any((new[:2] < window[:, 0]) | (new[:2] > window[:, 1])) or new[2] < -40:
-            edge = _at_edge(knobs, setting, window, z, new, new_tangent)
+            edge = _at_edge(parameters, setting, window, z, new, new_tangent)
             return ([*points, edge] if edge is not None else points), False
         if len(points) > 2 and _passes(z, new, origin, direction, new_tangent):
             return points, True
@@ -378,7 +380,7 @@ def _passes(z: Array, new: Array, origin: Array, direction: Array, tangent: Arra
 
 
 def _at_edge(
-    knobs: Sequence[Knob], setting: Setting, window: Array, z: Array, new: Array, tangent: Array
+    parameters: Sequence[Parameter], setting: Setting, window: Array, z: Array, new: Array, tangent: Array
 ) -> tuple[Array, Array] | None:
     """Where the curve leaves the window between `z` and `new`."""
     found: tuple[float, tuple[Array, Array]] | None = None
@@ -388,13 +390,13 @@ def _at_edge(
                 t = (edge - z[k]) / (new[k] - z[k])
                 guess = z + t * (new - z)
                 guess[k] = edge
-                landed = _correct(knobs, setting, guess, np.eye(3)[k])
+                landed = _correct(parameters, setting, guess, np.eye(3)[k])
                 if landed is not None and (found is None or t < found[0]):
                     found = t, (landed[0], landed[1] * math.copysign(1.0, landed[1] @ tangent))
     return None if found is None else found[1]
 
 
-def _lies_on(knobs: tuple[Knob, Knob], setting: Setting, curve: _Curve, point: Array) -> bool:
+def _lies_on(parameters: tuple[Parameter, Parameter], setting: Setting, curve: _Curve, point: Array) -> bool:
     """Whether a point of some neutral curve is on this one."""
     begin, chord = curve.points[:-1], np.diff(curve.points, axis=0)
     length = np.maximum(np.linalg.norm(chord, axis=1), 1e-300)
@@ -411,12 +413,12 @@ def _lies_on(knobs: tuple[Knob, Knob], setting: Setting, curve: _Curve, point: A
     )
     if float(np.linalg.norm(foot - point)) < 2e-3 * length[k]:
         return True
-    landed = _correct(knobs, setting, foot, chord[k] / length[k], through=point)
+    landed = _correct(parameters, setting, foot, chord[k] / length[k], through=point)
     return landed is not None and float(np.linalg.norm(landed[0] - point)) < 1e-6
 
 
 def _boundary_dataset(
-    knobs: tuple[Knob, Knob], setting: Setting, window: Array, curves: list[_Curve]
+    parameters: tuple[Parameter, Parameter], setting: Setting, window: Array, curves: list[_Curve]
 ) -> xarray.Dataset:
     import xarray
 
@@ -424,7 +426,8 @@ def _boundary_dataset(
     values = np.exp(points)
     which = np.repeat(np.arange(len(curves)), [len(curve.points) for curve in curves])
     data = {
-        knob.name: ("point", values[:, k], {"units": knob.unit, "long_name": knob.name}) for k, knob in enumerate(knobs)
+        parameter.name: ("point", values[:, k], {"units": parameter.unit, "long_name": parameter.name})
+        for k, parameter in enumerate(parameters)
     }
     data["frequency"] = (
         "point",
@@ -434,25 +437,25 @@ def _boundary_dataset(
     data["curve"] = ("point", which, {"units": "1", "long_name": "number of the curve"})
     data["other_unstable"] = (
         "point",
-        _others(knobs, setting, values),
+        _others(parameters, setting, values),
         {"units": "1", "long_name": "growing modes beside the neutral one"},
     )
-    made = _provenance("boundary", knobs, setting, within=window.tolist())
+    made = _provenance("boundary", parameters, setting, within=window.tolist())
     return xarray.Dataset(data, attrs={"provenance": made})
 
 
-def _others(knobs: tuple[Knob, Knob], setting: Setting, values: Array) -> NDArray[np.int64]:
+def _others(parameters: tuple[Parameter, Parameter], setting: Setting, values: Array) -> NDArray[np.int64]:
     """Growing modes at each point of a curve, the neutral one left out."""
     if values.shape[0] == 0:
         return np.empty(0, dtype=np.int64)
-    free = next((k for k, knob in enumerate(knobs) if _is_free(knob, setting)), None)
+    free = next((k for k, parameter in enumerate(parameters) if _is_free(parameter, setting)), None)
     if free is not None:
         softest = float(np.min(values[:, free]))
-        soft = knobs[free].set(setting, softest)
-        neutrals = neutral_along(knobs[1 - free], soft, values[:, 1 - free].tolist(), softest=softest)
+        soft = parameters[free].set(setting, softest)
+        neutrals = neutral_along(parameters[1 - free], soft, values[:, 1 - free].tolist(), softest=softest)
         added = values[:, free] - softest
     else:
-        there = [knobs[1].set(knobs[0].set(setting, a), b) for a, b in values[:, :2].tolist()]
+        there = [parameters[1].set(parameters[0].set(setting, a), b) for a, b in values[:, :2].tolist()]
         neutrals = [n for here in there for n in neutral_along(VELOCITY, here, [here.velocity])]
         added = np.zeros(len(there))
     counts = np.empty(len(neutrals), dtype=np.int64)

@@ -1,11 +1,11 @@
 """One door to all solvers: an interface, a slider, a drive and a method in, a labelled Dataset out.
 
 >>> import stickslip as ss
->>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, spread=0.1), delay=ss.Delay(0.2))
+>>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
 >>> slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0)
->>> run = ss.simulate(interface, slider, ss.hold(1.0, duration=20), method=ss.Contacts(10_000, seed=1))
+>>> run = ss.simulate(interface, slider, ss.constant(1.0, duration=20), method=ss.Contacts(10_000, seed=1))
 >>> print(*run.sizes, *list(run.data_vars)[:4])
-t X velocity F_d F_c
+t displacement velocity spring_force friction_force
 
 The method is a value: `Contacts` (N contacts, event by event) or `MasterEquation` (N to infinity, on cohorts).
 Thresholds that age have solvers of their own behind the same two names: N contacts in small steps, with exact moments
@@ -24,12 +24,12 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip import store
-from stickslip.drive import Drive, ForceAbove, ForceBelow, Piece, Travel, hold
 from stickslip.errors import InputError, instance, number, sequence, whole
-from stickslip.model import Delay, DelayLaw, ExponentialGrowth, Interface, Langevin, Slider
-from stickslip.theory import ageing_constants, gaussian_ageing, growth_law, lives
-from stickslip.thresholds import Law, SteadyState, panels
+from stickslip.io import datasets as store
+from stickslip.model import Delay, DelayModel, ExponentialGrowth, Interface, Langevin, Slider
+from stickslip.model.distributions import Distribution, SteadyState, panels
+from stickslip.model.drive import Drive, ForceAbove, ForceBelow, Piece, Travel, constant
+from stickslip.theory import ageing_constants, gaussian_ageing, growth_model, lives
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
-"""Called now and then with the share of the work that is done, 0 to 1."""
+"""Called now and then with the fraction of the work that is done, 0 to 1."""
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -57,7 +57,7 @@ class Contacts:
         Number of contacts ``N``.
     seed : int
         The same seed gives the same run, bit for bit, whatever is recorded. (With thresholds that age, other times
-        of recording may be other steps, and give another run of the same law.)
+        of recording may be other steps, and give another run of the same distribution.)
     """
 
     count: int = 10_000
@@ -79,8 +79,8 @@ class MasterEquation:
     cells : int
         Resolution: cohorts per ``x_s`` of motion. The error falls as ``cells**-2``. With thresholds that age it is
         the kinetic equation that is solved, with a sixteenth as many cohorts, and ``cells/40`` cells of the gap per
-        spread, in steps of at most ``4/cells`` times ``rate**-2`` and ``x_s``; the error falls as ``cells**-2``, too
-        (400: 0.1 % of the steady force up to ``velocity = rate**2``, peaks to 0.5 %).
+        standard deviation, in steps of at most ``4/cells`` times ``rate**-2`` and ``x_s``; the error falls as
+        ``cells**-2``, too (400: 0.1 % of the steady force up to ``velocity = rate**2``, peaks to 0.5 %).
     memoryless : bool
         Use the paper's approximation, Eq. (10), for the detached contacts in place of the true delay. It has no
         memory and gives an oscillation of its own; for comparison only.
@@ -99,15 +99,16 @@ class MasterEquation:
 class PaperClosure:
     """Method: the paper's own equations for ageing thresholds, Eqs. (1)-(3) with (18); for comparison only.
 
-    They keep one law of thresholds for all contacts, whatever their stretching: the correlation between age and
-    stretching is lost. Against `Contacts` and `MasterEquation` the force of smooth sliding is 23 % too large at
-    ``v = .01 rate**2``, 9 % too small at .5 and 28 % too small at 1 (spread .1). For `Langevin` ageing without delay.
+    They keep one distribution of thresholds for all contacts, whatever their stretching: the correlation between age
+    and stretching is lost. Against `Contacts` and `MasterEquation` the force of smooth sliding is 23 % too large at
+    ``v = .01 rate**2``, 9 % too small at .5 and 28 % too small at 1 (standard deviation .1). For `Langevin` ageing
+    without delay.
 
     Parameters
     ----------
     cells : int
-        Resolution: cohorts per ``x_s`` of motion are a quarter of it, cells of threshold per spread a fiftieth. The
-        error falls as ``1/cells``.
+        Resolution: cohorts per ``x_s`` of motion are a quarter of it, cells of threshold per standard deviation a
+        fiftieth. The error falls as ``1/cells``.
     """
 
     cells: int = 400
@@ -121,7 +122,7 @@ Method = Contacts | MasterEquation | PaperClosure
 
 
 @dataclass(frozen=True, kw_only=True)
-class Record:
+class Output:
     """What to record.
 
     Parameters
@@ -129,7 +130,7 @@ class Record:
     interval : float, optional
         Time between samples; by default some fine fraction of the run that resolves the oscillation of the slider.
     snapshots : tuple of float
-        Times at which to record the law of stretchings ``Q(x)``.
+        Times at which to record the distribution of stretchings ``Q(x)``.
     bins : int
         Bins of a snapshot.
     """
@@ -140,41 +141,41 @@ class Record:
 
     def __post_init__(self) -> None:
         if self.interval is not None:
-            object.__setattr__(self, "interval", number("Record.interval", self.interval, above=0))
-        looks = sequence("Record.snapshots", self.snapshots, "times, such as (1.0, 2.5)")
-        times = tuple(number(f"Record.snapshots[{i}]", t, at_least=0) for i, t in enumerate(looks))
+            object.__setattr__(self, "interval", number("Output.interval", self.interval, above=0))
+        looks = sequence("Output.snapshots", self.snapshots, "times, such as (1.0, 2.5)")
+        times = tuple(number(f"Output.snapshots[{i}]", t, at_least=0) for i, t in enumerate(looks))
         object.__setattr__(self, "snapshots", tuple(sorted(times)))
-        object.__setattr__(self, "bins", whole("Record.bins", self.bins, at_least=1, at_most=100_000))
+        object.__setattr__(self, "bins", whole("Output.bins", self.bins, at_least=1, at_most=100_000))
 
 
 @dataclass(frozen=True)
-class Relaxed:
-    """Start: slider at rest, spring unstretched, contacts with the interface's initial law."""
+class FromRest:
+    """Start: slider at rest, spring unstretched, contacts with the interface's initial distribution."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sliding:
+class FromSliding:
     """Start: steady smooth sliding at the drive's first velocity, contacts detached as they then are on average.
 
     Parameters
     ----------
-    kick : float
-        Added to the slider's velocity, as a share of it: whether it dies out or grows tells the stability.
+    perturbation : float
+        Added to the slider's velocity, as a fraction of it: whether it decays or grows tells the stability.
     """
 
-    kick: float = 0.0
+    perturbation: float = 0.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "kick", number("Sliding.kick", self.kick))
+        object.__setattr__(self, "perturbation", number("Sliding.perturbation", self.perturbation))
 
 
-Start = Relaxed | Sliding
+Start = FromRest | FromSliding
 
 
 def records() -> dict[str, type]:
-    """Return every record that a run's provenance can name, for `stickslip.store.decode`."""
+    """Return every record that a run's provenance can name, for `stickslip.io.datasets.decode`."""
     return store.records() | {
-        kind.__name__: kind for kind in (Contacts, MasterEquation, PaperClosure, Record, Relaxed, Sliding)
+        kind.__name__: kind for kind in (Contacts, MasterEquation, PaperClosure, Output, FromRest, FromSliding)
     }
 
 
@@ -189,8 +190,8 @@ def simulate(
     drive: Drive,
     method: Method = MasterEquation(),
     *,
-    record: Record = Record(),
-    start: Start = Relaxed(),
+    output: Output = Output(),
+    start: Start = FromRest(),
     progress: Progress | None = None,
 ) -> xr.Dataset:
     """Pull a slider on an interface by a spring, Eq. (11).
@@ -205,17 +206,17 @@ def simulate(
         Sampling and snapshots; it never changes the motion.
     start : Relaxed or Sliding
     progress : callable, optional
-        Called with the share of the drive that is done.
+        Called with the fraction of the drive that is done.
 
     Returns
     -------
     xarray.Dataset
-        On ``t``: ``X`` and ``velocity`` of the slider, ``F_d`` and ``F_c`` (driving force and force of the contacts,
-        per contact, in ``f_s``), ``attached`` (fraction), ``drive_velocity``, and the energies ``work``,
-        ``kinetic_energy``, ``spring_energy``, ``contact_energy``, ``damped_energy``, ``broken_energy`` (per contact,
-        in ``f_s x_s``); with snapshots, ``Q`` on ``(snapshot, x)``. The attribute ``provenance`` tells how to make it
-        again; see `repeat`. With thresholds that age ``work`` and the energies of contacts, damping and breaks are
-        left out: breaks cannot be counted there (their rate diverges for newborns without strength).
+        On ``t``: ``X`` and ``velocity`` of the slider, ``spring_force`` and ``friction_force`` (spring force and
+        friction force, per contact, in ``f_s``), ``attached`` (fraction), ``drive_velocity``, and the energies
+        ``work``, ``kinetic_energy``, ``spring_energy``, ``contact_energy``, ``damped_energy``, ``broken_energy`` (per
+        contact, in ``f_s x_s``); with snapshots, ``Q`` on ``(snapshot, x)``. The attribute ``provenance`` tells how to
+        make it again; see `rerun`. With thresholds that age ``work`` and the energies of contacts, damping and breaks
+        are left out: breaks cannot be counted there (their rate diverges for newborns without strength).
 
     Raises
     ------
@@ -224,19 +225,19 @@ def simulate(
         beyond the end; `Langevin` ageing of thresholds that are no Gaussian; ageing for which the method has no
         solver.
     """
-    _check(interface, slider, drive, method, record, start)
+    _check(interface, slider, drive, method, output, start)
     if progress is not None:
         instance("simulate: progress", progress, Callable, "a function of the share that is done")
     # Ageing contacts are followed in steps; samples finer than these show no more.
-    times = _sample_times(slider, drive, record, angle=0.1 if interface.ageing is None else 0.35)
-    motion = _Motion(interface, slider, drive, start, record, times)
+    times = _sample_times(slider, drive, output, angle=0.1 if interface.ageing is None else 0.35)
+    motion = _Motion(interface, slider, drive, start, output, times)
     _follow(motion, method, progress)
     arguments = {
         "interface": interface,
         "slider": slider,
         "drive": drive,
         "method": method,
-        "record": record,
+        "record": output,
         "start": start,
     }
     return _dataset(motion, slider, store.provenance("simulate", arguments))
@@ -250,25 +251,28 @@ def pull_rigidly(
     points: int,
     progress: Progress | None = None,
 ) -> xr.Dataset:
-    """Move a rigid slider at a constant velocity; the engine room of `stickslip.rigid.slide`.
+    """Move a rigid slider at a constant velocity; the engine room of `stickslip.rigid.rigid_slide`.
 
     Returns
     -------
     xarray.Dataset
-        ``F_c`` and ``attached`` on ``points + 1`` positions ``X``.
+        ``friction_force`` and ``attached`` on ``points + 1`` positions ``X``.
     """
     duration = distance / velocity
-    record = Record(interval=duration / points)
+    output = Output(interval=duration / points)
     motion = _Motion(
-        interface, None, hold(velocity, duration), Relaxed(), record, np.linspace(0.0, duration, points + 1)
+        interface, None, constant(velocity, duration), FromRest(), output, np.linspace(0.0, duration, points + 1)
     )
     _follow(motion, method, progress)
-    x = ("X", velocity * motion.times, {"units": "x_s", "long_name": "displacement of the slider"})
-    variables = {name: ("X", motion.rows[:, _COLUMNS.index(name)], LABELS[name]) for name in ("F_c", "attached")}
-    return _as_dataset(variables, {"X": x}, {})
+    x = ("displacement", velocity * motion.times, {"units": "x_s", "long_name": "displacement of the slider"})
+    variables = {
+        name: ("displacement", motion.rows[:, _COLUMNS.index(name)], LABELS[name])
+        for name in ("friction_force", "attached")
+    }
+    return _as_dataset(variables, {"displacement": x}, {})
 
 
-def repeat(run: xr.Dataset, progress: Progress | None = None) -> xr.Dataset:
+def rerun(run: xr.Dataset, progress: Progress | None = None) -> xr.Dataset:
     """Make a run again from its provenance: the same numbers, bit for bit.
 
     Raises
@@ -293,28 +297,28 @@ def case_of(run: xr.Dataset) -> dict[str, Any]:
     return decoded
 
 
-def _check(interface: Interface, slider: Slider, drive: Drive, method: Method, record: Record, start: Start) -> None:
+def _check(interface: Interface, slider: Slider, drive: Drive, method: Method, output: Output, start: Start) -> None:
     instance("simulate: interface", interface, Interface, "an Interface")
     instance("simulate: slider", slider, Slider, "a Slider")
-    instance("simulate: drive", drive, Drive, "a drive, made with hold() or ramp()")
+    instance("simulate: drive", drive, Drive, "a drive, made with constant() or ramp()")
     known = (Contacts, MasterEquation, PaperClosure)
     instance("simulate: method", method, known, "Contacts(...) or MasterEquation(...)")
-    instance("simulate: record", record, Record, "a Record")
-    instance("simulate: start", start, (Relaxed, Sliding), "Relaxed() or Sliding()")
+    instance("simulate: record", output, Output, "an Output")
+    instance("simulate: start", start, (FromRest, FromSliding), "FromRest() or FromSliding()")
     check_method(interface, method)
     if slider.mass == 0:
         raise InputError("Slider.mass = 0: a simulation needs a mass above 0; the massless limit is for stability only")
-    if record.snapshots and record.snapshots[-1] > drive.duration:
+    if output.snapshots and output.snapshots[-1] > drive.duration:
         raise InputError(
-            f"Record.snapshots: {record.snapshots[-1]:g} lies beyond the end of the drive ({drive.duration:g})"
+            f"Output.snapshots: {record.snapshots[-1]:g} lies beyond the end of the drive ({drive.duration:g})"
         )
-    if isinstance(start, Sliding):
+    if isinstance(start, FromSliding):
         if drive.pieces[0].start <= 0:
             raise InputError(
-                f"Sliding: the drive starts at velocity {drive.pieces[0].start:g}: steady sliding needs one above 0"
+                f"FromSliding: the drive starts at velocity {drive.pieces[0].start:g}: steady sliding needs one above 0"
             )
         if math.isinf(interface.delay.moment(1)):
-            raise InputError("Sliding: contacts that never come back have no steady sliding; start Relaxed()")
+            raise InputError("FromSliding: contacts that never re-attach have no steady sliding; start FromRest()")
 
 
 def check_method(interface: Interface, method: object) -> None:
@@ -324,7 +328,7 @@ def check_method(interface: Interface, method: object) -> None:
     elif isinstance(method, PaperClosure):
         raise InputError("PaperClosure: is for thresholds that age by Langevin; use MasterEquation")
     elif not isinstance(method, Contacts):
-        interface.threshold_law.density(0.0)  # complains of a law without a density
+        interface.threshold_distribution.density(0.0)  # complains of a distribution without a density
 
 
 def _check_ageing(interface: Interface, method: object) -> None:
@@ -343,8 +347,8 @@ def _check_ageing(interface: Interface, method: object) -> None:
         raise InputError(f"{what}: not available for ageing thresholds with MasterEquation; use Contacts")
 
 
-def _sample_times(slider: Slider, drive: Drive, record: Record, *, angle: float = 0.1) -> Array:
-    interval = record.interval
+def _sample_times(slider: Slider, drive: Drive, output: Output, *, angle: float = 0.1) -> Array:
+    interval = output.interval
     if interval is None:
         # An angle (rad) of the fastest oscillation, within bounds on the size of the result.
         fastest = math.sqrt((slider.stiffness + 1.0) / slider.mass)
@@ -353,7 +357,7 @@ def _sample_times(slider: Slider, drive: Drive, record: Record, *, angle: float 
     count = drive.duration / interval
     if count > 50_000_000:
         raise InputError(
-            f"Record.interval = {interval:g}: {count:.3g} samples; choose at least {drive.duration / 5e7:g}"
+            f"Output.interval = {interval:g}: {count:.3g} samples; choose at least {drive.duration / 5e7:g}"
         )
     # The last sample lies on the end if the interval divides the duration, rounding aside.
     times = interval * np.arange(math.floor(count * (1 + 1e-12)) + 1)
@@ -364,7 +368,16 @@ def _sample_times(slider: Slider, drive: Drive, record: Record, *, angle: float 
 # A run in the making
 # ---------------------------------------------------------------------------------------------------------------------
 
-_COLUMNS = ("X", "velocity", "F_c", "attached", "contact_energy", "work", "damped_energy", "broken_energy")
+_COLUMNS = (
+    "displacement",
+    "velocity",
+    "friction_force",
+    "attached",
+    "contact_energy",
+    "work",
+    "damped_energy",
+    "broken_energy",
+)
 
 
 @dataclass
@@ -375,7 +388,7 @@ class _Motion:
     slider: Slider | None
     drive: Drive
     start: Start
-    record: Record
+    output: Output
     times: Array
     rows: Array = field(init=False)
     drive_velocity: Array = field(init=False)
@@ -394,22 +407,22 @@ class _Motion:
         drive = self.drive.pieces[0].start
         if self.slider is None:
             return drive
-        return drive * (1.0 + self.start.kick) if isinstance(self.start, Sliding) else 0.0
+        return drive * (1.0 + self.start.perturbation) if isinstance(self.start, FromSliding) else 0.0
 
     @property
     def next_look(self) -> float:
         """Time of the next snapshot; infinite if none is left."""
         taken = len(self.snapshots)
-        return self.record.snapshots[taken] if taken < len(self.record.snapshots) else math.inf
+        return self.output.snapshots[taken] if taken < len(self.output.snapshots) else math.inf
 
     def steady_attached(self) -> float:
         """Attached fraction in steady sliding at the drive's first velocity, Eq. (10)."""
-        mean = self.interface.threshold_law.moment(1)
+        mean = self.interface.threshold_distribution.moment(1)
         return mean / (mean + self.drive.pieces[0].start * self.interface.delay.moment(1))
 
     def drive_origin(self, contact_force: float) -> float:
         """Position of the drive at time 0: a slider that starts sliding starts in balance."""
-        if self.slider is None or isinstance(self.start, Relaxed):
+        if self.slider is None or isinstance(self.start, FromRest):
             return 0.0
         drag = self.slider.mass * self.slider.damping * self.drive.pieces[0].start
         return (contact_force + drag) / self.slider.stiffness
@@ -417,7 +430,7 @@ class _Motion:
 
 @dataclass(frozen=True)
 class _Snapshot:
-    """Stretchings at a moment, and the share of all contacts at each; `cells`: each stands for its neighbourhood."""
+    """Stretchings at a moment, and the fraction of all contacts at each; `cells`: each stands for its neighbourhood."""
 
     time: float
     stretching: Array
@@ -425,7 +438,7 @@ class _Snapshot:
     cells: bool
 
     def density(self, edges: Array) -> Array:
-        """Share of contacts per unit stretching in each bin."""
+        """Fraction of contacts per unit stretching in each bin."""
         if not self.cells:
             counts, _ = np.histogram(self.stretching, edges, weights=self.share)
             return np.asarray(counts / np.diff(edges))
@@ -538,7 +551,7 @@ class _ContactsEngine:
         from stickslip.kernels import events as kernel
 
         self._kernel, self._motion = kernel, motion
-        self._law, self._delay = motion.interface.threshold_law, motion.interface.delay
+        self._distribution, self._delay = motion.interface.threshold_distribution, motion.interface.delay
         initial, thresholds, delays = (
             np.random.default_rng(seed) for seed in np.random.SeedSequence(method.seed).spawn(3)
         )
@@ -547,7 +560,7 @@ class _ContactsEngine:
         self._state = kernel.make_state(-x, threshold, pending, self._delay.moment(1), velocity=motion.first_velocity)
         self._slider = slider_constants(motion.slider)
         fixed = self._delay.time if isinstance(self._delay, Delay) else math.nan
-        self._draws = kernel.Draws(self._law.sample(self._threshold_rng, self._BLOCK), np.empty(0), fixed)
+        self._draws = kernel.Draws(self._distribution.sample(self._threshold_rng, self._BLOCK), np.empty(0), fixed)
 
     def contact_force(self) -> float:
         """Force of the contacts now, per contact."""
@@ -567,7 +580,9 @@ class _ContactsEngine:
             motion.filled = int(state.counts[kernel.SAMPLE])
             now = float(state.motion[kernel.TIME])
             if why == kernel.THRESHOLDS_USED_UP:
-                self._draws = self._draws._replace(thresholds=self._law.sample(self._threshold_rng, self._BLOCK))
+                self._draws = self._draws._replace(
+                    thresholds=self._distribution.sample(self._threshold_rng, self._BLOCK)
+                )
                 state.counts[kernel.THRESHOLD] = 0
             elif why == kernel.DELAYS_USED_UP:
                 self._draws = self._draws._replace(delays=self._delay.sample(self._delay_rng, self._BLOCK))
@@ -584,22 +599,22 @@ class _ContactsEngine:
 
 def _first_contacts(motion: _Motion, count: int, rng: np.random.Generator) -> tuple[Array, Array, Array]:
     """Draw stretchings and thresholds of all contacts (detached ones last), and when the latter are born again."""
-    law, delay = motion.interface.threshold_law, motion.interface.delay
-    if isinstance(motion.start, Relaxed):
+    distribution, delay = motion.interface.threshold_distribution, motion.interface.delay
+    if isinstance(motion.start, FromRest):
         initial, attached = motion.interface.initial, count
     else:
-        initial, attached = SteadyState(thresholds=law), round(count * motion.steady_attached())
+        initial, attached = SteadyState(thresholds=distribution), round(count * motion.steady_attached())
     x = initial.sample(rng, attached)
-    largest = law.support[1]
+    largest = distribution.support[1]
     while (again := np.flatnonzero(np.abs(x) >= largest)).size:
         x[again] = initial.sample(rng, again.size)
-    threshold = law.sample_beyond(rng, np.abs(x))
+    threshold = distribution.sample_beyond(rng, np.abs(x))
     detached = count - attached
     pending = _pending(delay, detached, rng)
     return np.append(x, np.zeros(detached)), np.append(threshold, np.zeros(detached)), pending
 
 
-def _pending(delay: DelayLaw, detached: int, rng: np.random.Generator) -> Array:
+def _pending(delay: DelayModel, detached: int, rng: np.random.Generator) -> Array:
     """When contacts that are caught in the middle of a delay come back: long delays are met more often."""
     if isinstance(delay, Delay):
         return delay.time * rng.random(detached)
@@ -619,16 +634,16 @@ class _Cohorts:
 
         self._kernel, self._motion, self._cells = kernel, motion, float(method.cells)
         interface = motion.interface
-        self._table = kernel.tabulate(*survival_table(interface.threshold_law))
+        self._table = kernel.tabulate(*survival_table(interface.threshold_distribution))
         delay, weight = interface.delay.quadrature()
         self._delays = kernel.Delays(delay, weight, method.memoryless)
         self._slider = slider_constants(motion.slider)
-        if isinstance(motion.start, Relaxed):
+        if isinstance(motion.start, FromRest):
             (x, share), rate = initial_nodes(interface), 0.0
         else:
             attached = motion.steady_attached()
             x, share = kernel.smooth_sliding(self._table, self._cells, attached)
-            rate = attached * motion.drive.pieces[0].start / interface.threshold_law.moment(1)
+            rate = attached * motion.drive.pieces[0].start / interface.threshold_distribution.moment(1)
         self._state = kernel.initial_state(
             self._table, self._delays, x, share, velocity=motion.first_velocity, rate=rate
         )
@@ -718,7 +733,7 @@ class _Aged(Protocol):
         ...
 
     def stretchings(self) -> tuple[Array, Array, bool]:
-        """Stretchings, their shares, and whether each stands for its neighbourhood."""
+        """Stretchings, their fractions, and whether each stands for its neighbourhood."""
         ...
 
 
@@ -796,9 +811,9 @@ _GROWING_REACH = 0.02
 
 
 def _settling_time(motion: _Motion, ageing: Langevin) -> float:
-    """How long to slide rigidly from the law of Eq. (10) to the steady state: lives, and times of ageing."""
+    """How long to slide rigidly from the distribution of Eq. (10) to the steady state: lives, and times of ageing."""
     velocity, delay = motion.drive.pieces[0].start, motion.interface.delay.moment(1)
-    return 5.0 * (motion.interface.threshold_law.moment(1) / velocity + delay) + 5.0 / ageing.rate**2
+    return 5.0 * (motion.interface.threshold_distribution.moment(1) / velocity + delay) + 5.0 / ageing.rate**2
 
 
 def _first_pull(motion: _Motion) -> Quadratic:
@@ -833,7 +848,7 @@ class _AgeingContacts:
         x, threshold, pending = _first_contacts(motion, method.count, initial)
         self._contacts = Sampled(x, threshold, np.append(np.full(method.count - pending.size, -math.inf), pending))
         self._state = np.zeros(4)
-        if isinstance(motion.start, Sliding):
+        if isinstance(motion.start, FromSliding):
             self._slider = slider_constants(None)
             end = _settling_time(motion, ageing)
             self.advance(_first_pull(motion), np.array([end]))
@@ -856,7 +871,7 @@ class _AgeingContacts:
         return _mean_force(self._contacts.stretching, self._contacts.attach, self._state[0])
 
     def stretchings(self) -> tuple[Array, Array, bool]:
-        """Stretchings of attached contacts, and their shares."""
+        """Stretchings of attached contacts, and their fractions."""
         return *_of_attached(self._contacts.stretching, self._contacts.attach, self._state[0]), False
 
 
@@ -866,13 +881,13 @@ def _mean_force(x: Array, attach: Array, now: float) -> float:
 
 
 def _of_attached(x: Array, attach: Array, now: float) -> tuple[Array, Array]:
-    """Stretchings of the contacts that hold now, and their shares of all."""
+    """Stretchings of the contacts that hold now, and their fractions of all."""
     held = x[attach <= now]
     return held, np.full(held.size, 1.0 / x.size)
 
 
 class _GrowingContacts:
-    """N contacts whose thresholds grow by a fixed law, of `stickslip.kernels.growth`."""
+    """N contacts whose thresholds grow by a fixed rule, of `stickslip.kernels.growth`."""
 
     _POOL = 65_536
 
@@ -883,12 +898,12 @@ class _GrowingContacts:
         from stickslip.kernels.growth import Growing
 
         interface = motion.interface
-        self._growth, self._rng = growth_law(interface), thresholds
-        self._pool = interface.threshold_law.sample(thresholds, self._POOL)
+        self._growth, self._rng = growth_model(interface), thresholds
+        self._pool = interface.threshold_distribution.sample(thresholds, self._POOL)
         delay = interface.delay
         self._delays = delay.sample(delays, 1 if isinstance(delay, Delay) else self._POOL)
         self._slider = slider_constants(motion.slider)
-        if isinstance(motion.start, Relaxed):
+        if isinstance(motion.start, FromRest):
             # Growth towards a strength has come to its end; growth without end begins.
             born = -math.inf if isinstance(interface.ageing, ExponentialGrowth) else 0.0
             x, strength, _ = _first_contacts(motion, method.count, initial)
@@ -925,7 +940,7 @@ class _GrowingContacts:
         return _mean_force(self._contacts.stretching, self._contacts.attach, self._state[0])
 
     def stretchings(self) -> tuple[Array, Array, bool]:
-        """Stretchings of attached contacts, and their shares."""
+        """Stretchings of attached contacts, and their fractions."""
         return *_of_attached(self._contacts.stretching, self._contacts.attach, self._state[0]), False
 
 
@@ -939,12 +954,12 @@ class _AgeingDensity:
         mean = self._constants.mean
         self._step = 4.0 / method.cells
         self._nodes = density_nodes(self._constants, method.cells / 40.0)
-        sliding = isinstance(motion.start, Sliding)
+        sliding = isinstance(motion.start, FromSliding)
         cohorts = _first_cohorts(motion.interface, self._nodes, 4.0 * self._step * mean, steady=sliding)
         count, room = cohorts[0].size, math.ceil(self._nodes[-1] / (self._step * mean)) + 3
         self._cohorts = Cohorts(*(np.append(part, np.zeros((room, *part.shape[1:])), 0) for part in cohorts))
         self._state = np.array([0.0, 0.0, 0.0, 0.0, count, 0.0])
-        if isinstance(motion.start, Sliding):
+        if isinstance(motion.start, FromSliding):
             self._slider = slider_constants(None)
             end = _settling_time(motion, ageing)
             self.advance(_first_pull(motion), np.array([end]))
@@ -968,7 +983,7 @@ class _AgeingDensity:
         return float(np.sum(x * share))
 
     def stretchings(self) -> tuple[Array, Array, bool]:
-        """Mean stretchings of the cohorts, and their shares."""
+        """Mean stretchings of the cohorts, and their fractions."""
         share = self._cohorts.mass.sum(axis=1)
         kept = share > 0.0
         place = self._cohorts.place[kept] + self._cohorts.moment[kept].sum(axis=1) / share[kept]
@@ -976,7 +991,7 @@ class _AgeingDensity:
 
 
 class _AgeingClosure:
-    """The paper's closure of `stickslip.kernels.closure`: cohorts of stretchings, and one law of thresholds."""
+    """The paper's closure of `stickslip.kernels.closure`: cohorts of stretchings, and one distribution of thresholds."""
 
     def __init__(self, motion: _Motion, ageing: Langevin, method: PaperClosure) -> None:
         from stickslip.kernels.closure import Cohorts, Thresholds, threshold_edges
@@ -984,11 +999,15 @@ class _AgeingClosure:
         self._constants = ageing_constants(motion.interface)
         self._step = 4.0 / method.cells
         edges = threshold_edges(self._constants, max(method.cells / 50.0, 2.0))
-        law = motion.interface.threshold_law
-        sliding = isinstance(motion.start, Sliding)
-        start = Interface(thresholds=law, initial=SteadyState(thresholds=law)) if sliding else motion.interface
+        distribution = motion.interface.threshold_distribution
+        sliding = isinstance(motion.start, FromSliding)
+        start = (
+            Interface(thresholds=distribution, initial=SteadyState(thresholds=distribution))
+            if sliding
+            else motion.interface
+        )
         x, share = initial_nodes(start)
-        beyond = law.survival(edges)
+        beyond = distribution.survival(edges)
         self._thresholds = Thresholds(edges, (beyond[:-1] - beyond[1:]) / (beyond[0] - beyond[-1]))
         room = x.size + math.ceil(3.0 / self._step) + 20
         self._cohorts = Cohorts(np.zeros(room), np.zeros(room))
@@ -996,7 +1015,7 @@ class _AgeingClosure:
         self._state = np.array([0.0, 0.0, 0.0, 0.0, x.size])
         if sliding:
             self._slider = slider_constants(None)
-            end = 2.0 * _settling_time(motion, ageing)  # one law for all settles more slowly
+            end = 2.0 * _settling_time(motion, ageing)  # one distribution for all settles more slowly
             self.advance(_first_pull(motion), np.array([end]))
             self._cohorts.place[:] -= self._state[1]
             self._state[:2] = 0.0
@@ -1027,7 +1046,7 @@ class _AgeingClosure:
         return float(np.sum(x * share))
 
     def stretchings(self) -> tuple[Array, Array, bool]:
-        """Stretchings of the cohorts, and their shares."""
+        """Stretchings of the cohorts, and their fractions."""
         count = int(self._state[4])
         return self._state[1] - self._cohorts.place[:count], self._cohorts.weight[:count], True
 
@@ -1035,15 +1054,17 @@ class _AgeingClosure:
 def _first_cohorts(interface: Interface, gaps: Array, width: float, *, steady: bool) -> tuple[Array, Array, Array]:
     """Cohorts of contacts whose stretchings are no farther apart than `width`, the slider at 0.
 
-    Returns their places of birth, the share of contacts by cohort and gap, and its moment about these places.
+    Returns their places of birth, the fraction of contacts by cohort and gap, and its moment about these places.
     """
     from stickslip.kernels.langevin_density import cell_widths
 
-    law = interface.threshold_law
-    x, share = initial_nodes(Interface(thresholds=law, initial=SteadyState(thresholds=law)) if steady else interface)
+    distribution = interface.threshold_distribution
+    x, share = initial_nodes(
+        Interface(thresholds=distribution, initial=SteadyState(thresholds=distribution)) if steady else interface
+    )
     kept = share > 1e-12
     x, share = x[kept], share[kept]
-    mass = law.density(gaps + np.abs(x)[:, None]) * cell_widths(gaps)
+    mass = distribution.density(gaps + np.abs(x)[:, None]) * cell_widths(gaps)
     mass[:, 0] = 0.0  # none is on its boundary
     mass *= (share / mass.sum(axis=1) / share.sum())[:, None]
     # Those pulled back and those pulled ahead apart: as the slider moves, the gaps of ones widen, of others narrow.
@@ -1055,36 +1076,40 @@ def _first_cohorts(interface: Interface, gaps: Array, width: float, *, steady: b
     return place, together, moment
 
 
-def survival_table(law: Law) -> tuple[Array, Array, float]:
-    """Tabulate survival and density of thresholds for cubic interpolation to 1e-13 (smooth laws), and the spacing."""
-    end = law.support[1]
-    count = math.ceil(end / min(max(2e-3 * law.standard_deviation(), end / 2**20), end / 64))
+def survival_table(distribution: Distribution) -> tuple[Array, Array, float]:
+    """Tabulate survival and density of thresholds for cubic interpolation to 1e-13 (smooth distributions), and the spacing."""
+    end = distribution.support[1]
+    count = math.ceil(end / min(max(2e-3 * distribution.standard_deviation(), end / 2**20), end / 64))
     spacing = end / count
     x = spacing * np.arange(count + 1)
-    survival = law.survival(x)
+    survival = distribution.survival(x)
     survival[-1] = 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
-        density = law.density(x)
-    if not np.isfinite(density[0]):  # laws with a singular start
+        density = distribution.density(x)
+    if not np.isfinite(density[0]):  # distributions with a singular start
         density[0] = (survival[0] - survival[1]) / spacing
     return survival, density, spacing
 
 
 def initial_nodes(interface: Interface, finer: int = 1) -> tuple[Array, Array]:
-    """Quadrature nodes of the initial stretchings, between the jumps of their law, and their weights of sum 1.
+    """Quadrature nodes of the initial stretchings, between the jumps of their distribution, and their weights of sum 1.
 
-    Sixteen nodes for every four spreads do for laws without jumps, and `finer` times as many may be asked for.
+    Sixteen nodes for every four standard deviations do for distributions without jumps, and `finer` times as many may
+    be asked for.
     """
-    law, thresholds = interface.initial, interface.threshold_law
-    spread = law.standard_deviation()
-    if spread == 0:
-        return np.array([law.moment(1)]), np.ones(1)
-    low, high = max(law.support[0], -thresholds.support[1]), min(law.support[1], thresholds.support[1])
-    edges = [low, *(knot for knot in sorted({*law.knots, *thresholds.knots}) if low < knot < high), high]
-    width = 4.0 * min(spread, max(thresholds.standard_deviation(), 1e-3 * spread))
+    distribution, thresholds = interface.initial, interface.threshold_distribution
+    std = distribution.standard_deviation()
+    if std == 0:
+        return np.array([distribution.moment(1)]), np.ones(1)
+    low, high = (
+        max(distribution.support[0], -thresholds.support[1]),
+        min(distribution.support[1], thresholds.support[1]),
+    )
+    edges = [low, *(knot for knot in sorted({*distribution.knots, *thresholds.knots}) if low < knot < high), high]
+    width = 4.0 * min(std, max(thresholds.standard_deviation(), 1e-3 * std))
     parts = [panels(left, right, math.ceil(finer * (right - left) / width)) for left, right in pairwise(edges)]
     x, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
-    weight = weight * law.density(x)
+    weight = weight * distribution.density(x)
     kept = (weight > 0) & (thresholds.survival(np.abs(x)) > 0)
     return x[kept], weight[kept] / weight[kept].sum()
 
@@ -1094,11 +1119,11 @@ def initial_nodes(interface: Interface, finer: int = 1) -> tuple[Array, Array]:
 # ---------------------------------------------------------------------------------------------------------------------
 
 LABELS: Mapping[str, Mapping[str, str]] = {
-    "t": {"units": "time", "long_name": "time"},
-    "X": {"units": "x_s", "long_name": "displacement of the slider"},
+    "time": {"units": "time", "long_name": "time"},
+    "displacement": {"units": "x_s", "long_name": "displacement of the slider"},
     "velocity": {"units": "x_s/time", "long_name": "velocity of the slider"},
-    "F_d": {"units": "f_s", "long_name": "driving force per contact"},
-    "F_c": {"units": "f_s", "long_name": "force of the contacts, per contact"},
+    "spring_force": {"units": "f_s", "long_name": "spring force per contact"},
+    "friction_force": {"units": "f_s", "long_name": "friction force, per contact"},
     "attached": {"units": "1", "long_name": "fraction of attached contacts"},
     "drive_velocity": {"units": "x_s/time", "long_name": "velocity of the drive"},
     "work": {"units": "f_s x_s", "long_name": "work of the drive, per contact"},
@@ -1107,7 +1132,7 @@ LABELS: Mapping[str, Mapping[str, str]] = {
     "contact_energy": {"units": "f_s x_s", "long_name": "energy stored in contacts, per contact"},
     "damped_energy": {"units": "f_s x_s", "long_name": "energy dissipated by damping, per contact"},
     "broken_energy": {"units": "f_s x_s", "long_name": "energy lost in breaks, per contact"},
-    "Q": {"units": "1/x_s", "long_name": "density of stretchings, per contact"},
+    "stretching_density": {"units": "1/x_s", "long_name": "density of stretchings, per contact"},
     "x": {"units": "x_s", "long_name": "stretching"},
     "snapshot": {"units": "time", "long_name": "time of the snapshot"},
 }
@@ -1118,19 +1143,19 @@ def _dataset(motion: _Motion, slider: Slider, provenance: str) -> xr.Dataset:
     kept = slice(0, motion.filled)
     values = {name: motion.rows[kept, i] for i, name in enumerate(_COLUMNS)}
     if motion.interface.ageing is not None:
-        values = {name: values[name] for name in ("X", "velocity", "F_c", "attached")}
+        values = {name: values[name] for name in ("displacement", "velocity", "friction_force", "attached")}
     values["drive_velocity"] = motion.drive_velocity[kept]
-    values["F_d"] = slider.stiffness * (motion.drive_position[kept] - values["X"])
+    values["spring_force"] = slider.stiffness * (motion.drive_position[kept] - values["displacement"])
     values["kinetic_energy"] = 0.5 * slider.mass * values["velocity"] ** 2
-    values["spring_energy"] = 0.5 * values["F_d"] ** 2 / slider.stiffness
-    variables: dict[str, Any] = {name: ("t", values[name], LABELS[name]) for name in LABELS if name in values}
-    coordinates = {"t": ("t", motion.times[kept], LABELS["t"])}
+    values["spring_energy"] = 0.5 * values["spring_force"] ** 2 / slider.stiffness
+    variables: dict[str, Any] = {name: ("time", values[name], LABELS[name]) for name in LABELS if name in values}
+    coordinates = {"time": ("time", motion.times[kept], LABELS["time"])}
     if motion.snapshots:
         low = min(float(s.stretching.min(initial=0.0)) for s in motion.snapshots)
         high = max(float(s.stretching.max(initial=0.0)) for s in motion.snapshots)
-        edges = np.linspace(low, max(high, low + 1e-12) * (1 + 1e-12), motion.record.bins + 1)
+        edges = np.linspace(low, max(high, low + 1e-12) * (1 + 1e-12), motion.output.bins + 1)
         densities = np.array([s.density(edges) for s in motion.snapshots])
-        variables["Q"] = (("snapshot", "x"), densities, LABELS["Q"])
+        variables["stretching_density"] = (("snapshot", "x"), densities, LABELS["stretching_density"])
         coordinates["snapshot"] = ("snapshot", np.array([s.time for s in motion.snapshots]), LABELS["snapshot"])
         coordinates["x"] = ("x", 0.5 * (edges[1:] + edges[:-1]), LABELS["x"])
     return _as_dataset(variables, coordinates, {"provenance": provenance})

@@ -4,7 +4,7 @@ Drives are values: comparable, printable, joined by `Drive.then`.
 
 >>> from stickslip import hold, ramp
 >>> loop = ramp(0.1, 3.0, duration=200).then(ramp(3.0, 0.1, duration=200))
->>> loop.then(hold(0.1, duration=50)).duration
+>>> loop.then(constant(0.1, duration=50)).duration
 450.0
 """
 
@@ -31,7 +31,7 @@ class Travel:
 
 @dataclass(frozen=True)
 class ForceAbove:
-    """Condition: the driving force per contact has reached this value."""
+    """Condition: the spring force per contact has reached this value."""
 
     force: float
 
@@ -41,7 +41,7 @@ class ForceAbove:
 
 @dataclass(frozen=True)
 class ForceBelow:
-    """Condition: the driving force per contact has fallen to this value."""
+    """Condition: the spring force per contact has fallen to this value."""
 
     force: float
 
@@ -79,16 +79,16 @@ class Piece:
 
 @dataclass(frozen=True)
 class Drive:
-    """A sequence of pieces; made with `hold` and `ramp`."""
+    """A sequence of pieces; made with `constant` and `ramp`."""
 
     pieces: tuple[Piece, ...]
 
     def __post_init__(self) -> None:
-        instance("Drive.pieces", self.pieces, tuple, "a tuple of pieces; make a drive with hold() or ramp()")
+        instance("Drive.pieces", self.pieces, tuple, "a tuple of pieces; make a drive with constant() or ramp()")
         for i, piece in enumerate(self.pieces):
-            instance(f"Drive.pieces[{i}]", piece, Piece, "a piece; make a drive with hold() or ramp()")
+            instance(f"Drive.pieces[{i}]", piece, Piece, "a piece; make a drive with constant() or ramp()")
         if not self.pieces:
-            raise InputError("Drive.pieces: must hold at least one piece; make one with hold() or ramp()")
+            raise InputError("Drive.pieces: must hold at least one piece; make one with constant() or ramp()")
 
     @property
     def duration(self) -> float:
@@ -98,7 +98,7 @@ class Drive:
 
     def then(self, other: Drive) -> Drive:
         """Return this drive followed by another."""
-        instance("Drive.then", other, Drive, "a drive, made with hold() or ramp()")
+        instance("Drive.then", other, Drive, "a drive, made with constant() or ramp()")
         return Drive(self.pieces + other.pieces)
 
     def until(self, condition: Condition) -> Drive:
@@ -116,7 +116,7 @@ class Drive:
         return np.asarray(np.interp(np.asarray(t, dtype=float), times, values))
 
 
-def hold(velocity: float, duration: float) -> Drive:
+def constant(velocity: float, duration: float) -> Drive:
     """Pull at a constant velocity (in ``x_s`` per time) for a time."""
     return Drive((Piece(start=velocity, end=velocity, duration=duration),))
 

@@ -1,8 +1,9 @@
-"""Laws for the thresholds of contacts and for their initial stretchings.
+"""Distributions for the thresholds of contacts and for their initial stretchings.
 
-Every law answers the same few questions (`Law`), so that every solver takes every law. A threshold is a stretching
-at which a contact breaks, hence positive: a law that reaches below zero is conditioned on positive values by
-`positive` when it is used for thresholds, and taken as it is when it is used for initial stretchings.
+Every distribution answers the same few questions (`Distribution`), so that every solver takes every distribution. A
+threshold is a stretching at which a contact breaks, hence positive: a distribution that reaches below zero is
+conditioned on positive values by `positive` when it is used for thresholds, and taken as it is when it is used for
+initial stretchings.
 
 Natural units: stretchings in units of ``x_s = f_s/k``.
 """
@@ -27,10 +28,10 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 NEGLIGIBLE = 1e-16
-"""Probability below which the tail of a law is left out of a table (double precision of a probability)."""
+"""Probability below which the tail of a distribution is left out of a table (double precision of a probability)."""
 
 LARGEST_STRETCHING = 1e12
-"""In ``x_s``: beyond any law of contacts."""
+"""In ``x_s``: beyond any distribution of contacts."""
 
 
 def _stretching(place: str, value: object, *, above: float | None = None, at_least: float | None = None) -> float:
@@ -41,10 +42,11 @@ def _stretching(place: str, value: object, *, above: float | None = None, at_lea
 
 
 @runtime_checkable
-class Law(Protocol):
-    """A probability law on stretchings.
+class Distribution(Protocol):
+    """A probability distribution on stretchings.
 
-    A new law gives `density`, `partial_moment`, `inverse_survival`, `laplace` and `positive`; the rest follows.
+    A new distribution gives `density`, `partial_moment`, `inverse_survival`, `laplace` and `positive`; the rest
+    follows.
     """
 
     def density(self, x: ArrayLike) -> Array:
@@ -63,8 +65,8 @@ class Law(Protocol):
         """Mean of ``x**order * exp(-q x)`` at complex `q`: minus the slope of the transform for order 1."""
         ...
 
-    def positive(self) -> Law:
-        """Return the law conditioned on positive values."""
+    def positive(self) -> Distribution:
+        """Return the distribution conditioned on positive values."""
         ...
 
     @property
@@ -108,120 +110,120 @@ class Law(Protocol):
         return float(low), float(high)
 
 
-def excess(law: Law, x: ArrayLike, order: int) -> Array:
+def excess(distribution: Distribution, x: ArrayLike, order: int) -> Array:
     """Mean of ``max(x_s - x, 0)**order / order!``: the survival function integrated `order` times from above."""
     x = np.asarray(x, dtype=float)
     total = np.zeros_like(x)
     for power in range(order + 1):
         factor = math.comb(order, power) / math.factorial(order)
-        total += factor * (-x) ** (order - power) * law.partial_moment(x, power)
+        total += factor * (-x) ** (order - power) * distribution.partial_moment(x, power)
     return total
 
 
 @dataclass(frozen=True, kw_only=True)
-class Gaussian(Law):
-    """Gaussian law, optionally cut off from below; a spread of zero puts all stretchings at the mean.
+class Gaussian(Distribution):
+    """Gaussian distribution, optionally cut off from below; a standard deviation of zero puts all stretchings at the mean.
 
     Parameters
     ----------
-    mean, spread : float
+    mean, std : float
         Centre and standard deviation before the cut, in units of ``x_s``. The paper's ``Delta f_s/f_s`` and
-        ``Delta f_0/f_s`` are spreads.
+        ``Delta f_0/f_s`` are standard deviations.
     lower : float
         Values at or below it are drawn again.
     """
 
     mean: float
-    spread: float
+    std: float
     lower: float = -math.inf
 
     def __post_init__(self) -> None:
         _set(self, "mean", _stretching("Gaussian.mean", self.mean))
-        _set(self, "spread", _stretching("Gaussian.spread", self.spread, at_least=0))
+        _set(self, "std", _stretching("Gaussian.std", self.std, at_least=0))
         _set(self, "lower", number("Gaussian.lower", self.lower, infinite=True))
         if self._beyond_lower() < 1e-6:
             raise InputError(
                 f"Gaussian.lower = {self.lower:g}: less than one value in a million lies above it; "
-                f"raise the mean ({self.mean:g}) or the spread ({self.spread:g})"
+                f"raise the mean ({self.mean:g}) or the standard deviation ({self.std:g})"
             )
 
     def _z(self, x: ArrayLike) -> Array:
-        return (np.asarray(x, dtype=float) - self.mean) / self.spread
+        return (np.asarray(x, dtype=float) - self.mean) / self.std
 
     def _beyond_lower(self) -> float:
-        if self.spread == 0:
+        if self.std == 0:
             return float(self.mean > self.lower)
         return float(special.ndtr(-self._z(self.lower)))
 
     def density(self, x: ArrayLike) -> Array:
         """Probability density at `x`."""
-        if self.spread == 0:
+        if self.std == 0:
             raise InputError(
-                "Gaussian.spread = 0: a law with all its values at one point has no density; "
-                "give a spread above 0, or use the method Contacts"
+                "Gaussian.std = 0: a distribution with all its values at one point has no density; "
+                "give a standard deviation above 0, or use the method Contacts"
             )
         x = np.asarray(x, dtype=float)
-        bell = np.exp(-0.5 * self._z(x) ** 2) / (math.sqrt(2 * math.pi) * self.spread)
+        bell = np.exp(-0.5 * self._z(x) ** 2) / (math.sqrt(2 * math.pi) * self.std)
         return np.where(x >= self.lower, bell / self._beyond_lower(), 0.0)
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
         """Integral of ``y**order`` times the density over ``y > x``, by recursion in the order."""
         low = np.maximum(np.asarray(x, dtype=float), self.lower)
-        if self.spread == 0:
+        if self.std == 0:
             return np.where(low < self.mean, self.mean**order, 0.0)
         finite = np.where(np.isfinite(low), low, 0.0)
         z = self._z(low)
-        edge = self.spread * np.exp(-0.5 * z**2) / math.sqrt(2 * math.pi)
+        edge = self.std * np.exp(-0.5 * z**2) / math.sqrt(2 * math.pi)
         moments = [special.ndtr(-z)]
         for n in range(1, order + 1):
-            earlier = (n - 1) * self.spread**2 * moments[n - 2] if n > 1 else 0.0
+            earlier = (n - 1) * self.std**2 * moments[n - 2] if n > 1 else 0.0
             moments.append(self.mean * moments[n - 1] + earlier + finite ** (n - 1) * edge)
         return np.asarray(moments[order] / self._beyond_lower())
 
     def inverse_survival(self, probability: ArrayLike) -> Array:
         """Stretching exceeded with the given probability."""
         tail = np.asarray(probability, dtype=float) * self._beyond_lower()
-        return np.asarray(self.mean - self.spread * special.ndtri(tail))
+        return np.asarray(self.mean - self.std * special.ndtri(tail))
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:
         """Draw `size` values; those at or below `lower` are drawn again."""
-        values = rng.normal(self.mean, self.spread, size)
+        values = rng.normal(self.mean, self.std, size)
         while (again := np.flatnonzero(values <= self.lower)).size:
-            values[again] = rng.normal(self.mean, self.spread, again.size)
+            values[again] = rng.normal(self.mean, self.std, again.size)
         return values
 
     def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
         """Mean of ``x**order * exp(-q x)``, through the scaled error function so that nothing overflows early."""
         q = np.asarray(q, dtype=complex)
-        if self.spread == 0:
+        if self.std == 0:
             return np.asarray(self.mean**order * np.exp(-q * self.mean))
-        variance = self.spread**2
+        variance = self.std**2
         if math.isinf(self.lower):
             kept = np.exp(-q * self.mean + 0.5 * q * q * variance)
             edge = np.zeros_like(kept)
         else:
             # erfcx keeps exp(large) * erfc(large) together: no overflow on either side of the cut.
-            z = (self.lower - self.mean + q * variance) / (self.spread * math.sqrt(2))
+            z = (self.lower - self.mean + q * variance) / (self.std * math.sqrt(2))
             at_cut = np.exp(-q * self.lower - 0.5 * float(self._z(self.lower)) ** 2)
             right = z.real >= 0
             part = 0.5 * at_cut * special.erfcx(np.where(right, z, -z))
             left = np.where(right, 0.0, q)
             kept = np.where(right, part, np.exp(-left * self.mean + 0.5 * left * left * variance) - part)
-            edge = at_cut / math.sqrt(2 * math.pi) * self.spread
+            edge = at_cut / math.sqrt(2 * math.pi) * self.std
         if order == 1:
-            kept = (self.mean - q * self.spread**2) * kept + edge
+            kept = (self.mean - q * self.std**2) * kept + edge
         elif order != 0:
             raise InputError(f"laplace(order={order}): only orders 0 and 1 are defined")
         return np.asarray(kept / self._beyond_lower())
 
     def positive(self) -> Gaussian:
-        """Return the law cut off at zero."""
+        """Return the distribution cut off at zero."""
         return replace(self, lower=max(self.lower, 0.0))
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """The cut, where there is one, or the single value of a law without spread."""
-        if self.spread == 0:
+        """The cut, where there is one, or the single value of a distribution without standard deviation."""
+        if self.std == 0:
             return (self.mean,)
         return () if math.isinf(self.lower) else (self.lower,)
 
@@ -229,12 +231,12 @@ class Gaussian(Law):
     def support(self) -> tuple[float, float]:
         """Interval that holds all but a negligible part of the probability on each side."""
         low, high = special.ndtri(NEGLIGIBLE / 2), special.ndtri(NEGLIGIBLE / 2 * self._beyond_lower())
-        return max(self.lower, self.mean + low * self.spread), self.mean - high * self.spread
+        return max(self.lower, self.mean + low * self.std), self.mean - high * self.std
 
 
 @dataclass(frozen=True, kw_only=True)
-class Uniform(Law):
-    """Rectangular law on ``[low, high]``."""
+class Uniform(Distribution):
+    """Rectangular distribution on ``[low, high]``."""
 
     low: float
     high: float
@@ -262,9 +264,9 @@ class Uniform(Law):
         return _laplace_of_bins(q, np.array([self.low, self.high]), np.array([1.0]), order)
 
     def positive(self) -> Uniform:
-        """Return the law on the positive part of its interval."""
+        """Return the distribution on the positive part of its interval."""
         if self.high <= 0:
-            raise InputError(f"Uniform.high = {self.high:g}: must be above 0 for a law of thresholds")
+            raise InputError(f"Uniform.high = {self.high:g}: must be above 0 for a distribution of thresholds")
         return replace(self, low=max(self.low, 0.0))
 
     @property
@@ -279,8 +281,8 @@ class Uniform(Law):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Exponential(Law):
-    """Exponential law: a contact that has no memory of its stretching."""
+class Exponential(Distribution):
+    """Exponential distribution: a contact that has no memory of its stretching."""
 
     mean: float
 
@@ -313,7 +315,7 @@ class Exponential(Law):
         )
 
     def positive(self) -> Exponential:
-        """Return the law itself: it is positive."""
+        """Return the distribution itself: it is positive."""
         return self
 
     @property
@@ -323,25 +325,25 @@ class Exponential(Law):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Gamma(Law):
-    """Gamma law with the given mean and standard deviation."""
+class Gamma(Distribution):
+    """Gamma distribution with the given mean and standard deviation."""
 
     mean: float
-    spread: float
+    std: float
 
     def __post_init__(self) -> None:
         _set(self, "mean", _stretching("Gamma.mean", self.mean, above=0))
-        _set(self, "spread", _stretching("Gamma.spread", self.spread, above=0))
+        _set(self, "std", _stretching("Gamma.std", self.std, above=0))
 
     @property
     def shape(self) -> float:
-        """Shape parameter ``(mean/spread)**2``."""
-        return (self.mean / self.spread) ** 2
+        """Shape parameter ``(mean/standard deviation)**2``."""
+        return (self.mean / self.std) ** 2
 
     @property
     def scale(self) -> float:
-        """Scale parameter ``spread**2/mean``."""
-        return self.spread**2 / self.mean
+        """Scale parameter ``std**2/mean``."""
+        return self.std**2 / self.mean
 
     def density(self, x: ArrayLike) -> Array:
         """Probability density at `x`."""
@@ -370,7 +372,7 @@ class Gamma(Law):
         return np.asarray(factor * (1 + self.scale * np.asarray(q, dtype=complex)) ** (-self.shape - order))
 
     def positive(self) -> Gamma:
-        """Return the law itself: it is positive."""
+        """Return the distribution itself: it is positive."""
         return self
 
     @property
@@ -380,20 +382,20 @@ class Gamma(Law):
 
 
 @dataclass(frozen=True, kw_only=True)
-class LogNormal(Law):
-    """Log-normal law with the given mean and standard deviation (of the stretching, not of its logarithm)."""
+class LogNormal(Distribution):
+    """Log-normal distribution with the given mean and standard deviation (of the stretching, not of its logarithm)."""
 
     mean: float
-    spread: float
+    std: float
 
     def __post_init__(self) -> None:
         _set(self, "mean", _stretching("LogNormal.mean", self.mean, above=0))
-        _set(self, "spread", _stretching("LogNormal.spread", self.spread, above=0))
+        _set(self, "std", _stretching("LogNormal.std", self.std, above=0))
 
     @property
     def log_spread(self) -> float:
         """Standard deviation of the logarithm."""
-        return math.sqrt(math.log1p((self.spread / self.mean) ** 2))
+        return math.sqrt(math.log1p((self.std / self.mean) ** 2))
 
     @property
     def log_mean(self) -> float:
@@ -433,20 +435,20 @@ class LogNormal(Law):
 
     def _on_a_ray(self, angle: float, count: int, growing: bool) -> tuple[ComplexArray, ComplexArray]:
         del growing  # the transform has no value there
-        # Turning x by an angle shifts z by an imaginary number; beyond two spreads the density would grow.
+        # Turning x by an angle shifts z by an imaginary number; beyond two standard deviations the density would grow.
         node, weight = panels(-8.5, 8.5, count)
         z = node - 1j * angle / self.log_spread
         x = np.asarray(np.exp(self.log_mean + self.log_spread * z))
         return x, np.asarray(np.log(weight) - 0.5 * z * z - 0.5 * math.log(2 * math.pi))
 
     def positive(self) -> LogNormal:
-        """Return the law itself: it is positive."""
+        """Return the distribution itself: it is positive."""
         return self
 
 
 @dataclass(frozen=True, kw_only=True)
-class Weibull(Law):
-    """Weibull law: ``J_c(x) = exp(-(x/scale)**shape)``, the weakest link of many."""
+class Weibull(Distribution):
+    """Weibull distribution: ``J_c(x) = exp(-(x/scale)**shape)``, the weakest link of many."""
 
     scale: float
     shape: float
@@ -489,7 +491,7 @@ class Weibull(Law):
         return x, np.asarray(np.log(weight) + y - 1j * angle * self.shape - np.exp(y) * turn)
 
     def positive(self) -> Weibull:
-        """Return the law itself: it is positive."""
+        """Return the distribution itself: it is positive."""
         return self
 
     @property
@@ -499,8 +501,8 @@ class Weibull(Law):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Empirical(Law):
-    """A measured law: a histogram, its density constant within each bin.
+class Empirical(Distribution):
+    """A measured distribution: a histogram, its density constant within each bin.
 
     Parameters
     ----------
@@ -533,7 +535,7 @@ class Empirical(Law):
         if total <= 0:
             raise InputError("Empirical.weights: must have a positive sum")
         if abs(total - 1.0) <= 4e-16:
-            total = 1.0  # normalised already: a law made again from its fields is the same law
+            total = 1.0  # normalised already: a distribution made again from its fields is the same distribution
         _set(self, "edges", edges)
         _set(self, "weights", tuple(w / total for w in weights))
 
@@ -594,7 +596,9 @@ class Empirical(Law):
         if self.edges[0] >= 0:
             return self
         if self.edges[-1] <= 0:
-            raise InputError(f"Empirical.edges[-1] = {self.edges[-1]:g}: a law of thresholds needs values above 0")
+            raise InputError(
+                f"Empirical.edges[-1] = {self.edges[-1]:g}: a distribution of thresholds needs values above 0"
+            )
         first = int(np.searchsorted(self.edges, 0.0, side="right")) - 1
         left, right = self.edges[first], self.edges[first + 1]
         share = self.weights[first] * right / (right - left)
@@ -612,21 +616,26 @@ class Empirical(Law):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SteadyState(Law):
+class SteadyState(Distribution):
     """Stretchings of smooth sliding without delay: ``Q_s(x) = J_c(x)/<x_s>``, the fixed point of Eq. (1).
 
     Used as ``initial=``, it makes the interface start in the state it ends in: the force stays at ``F_k``.
 
     Parameters
     ----------
-    thresholds : Law
-        The law of thresholds of the same interface.
+    thresholds : Distribution
+        The distribution of thresholds of the same interface.
     """
 
-    thresholds: Law
+    thresholds: Distribution
 
     def __post_init__(self) -> None:
-        instance("SteadyState.thresholds", self.thresholds, Law, "a law, such as Gaussian(mean=1.0, spread=0.1)")
+        instance(
+            "SteadyState.thresholds",
+            self.thresholds,
+            Distribution,
+            "a distribution, such as Gaussian(mean=1.0, std=0.1)",
+        )
         _set(self, "thresholds", self.thresholds.positive())
 
     @property
@@ -641,9 +650,9 @@ class SteadyState(Law):
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
         """Integral of ``y**order`` times the density over ``y > x``, by parts."""
         x = np.maximum(np.asarray(x, dtype=float), 0.0)
-        law, n = self.thresholds, order + 1
-        beyond = np.where(np.isfinite(x), np.where(np.isfinite(x), x, 0.0) ** n * law.survival(x), 0.0)
-        return np.asarray((law.partial_moment(x, n) - beyond) / (n * self._scale))
+        distribution, n = self.thresholds, order + 1
+        beyond = np.where(np.isfinite(x), np.where(np.isfinite(x), x, 0.0) ** n * distribution.survival(x), 0.0)
+        return np.asarray((distribution.partial_moment(x, n) - beyond) / (n * self._scale))
 
     def inverse_survival(self, probability: ArrayLike) -> Array:
         """Stretching exceeded with the given probability, by Newton steps from a table."""
@@ -681,7 +690,7 @@ class SteadyState(Law):
         return np.asarray(result)
 
     def positive(self) -> SteadyState:
-        """Return the law itself: it is positive."""
+        """Return the distribution itself: it is positive."""
         return self
 
     @property
@@ -695,13 +704,22 @@ class SteadyState(Law):
         return 0.0, self.thresholds.support[1]
 
 
-LAWS: tuple[type[Law], ...] = (Gaussian, Uniform, Exponential, Gamma, LogNormal, Weibull, Empirical, SteadyState)
+DISTRIBUTIONS: tuple[type[Distribution], ...] = (
+    Gaussian,
+    Uniform,
+    Exponential,
+    Gamma,
+    LogNormal,
+    Weibull,
+    Empirical,
+    SteadyState,
+)
 
 
 @lru_cache(maxsize=16)
-def _steady_table(law: SteadyState) -> tuple[Array, Array]:
-    grid = np.linspace(0.0, law.thresholds.support[1], 4001)
-    return grid, law.survival(grid)
+def _steady_table(distribution: SteadyState) -> tuple[Array, Array]:
+    grid = np.linspace(0.0, distribution.thresholds.support[1], 4001)
+    return grid, distribution.survival(grid)
 
 
 def _set(record: object, field: str, value: object) -> None:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
 from stickslip.errors import InputError, instance, number, shown
-from stickslip.thresholds import Gaussian, Law
+from stickslip.model.distributions import Distribution, Gaussian
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -25,8 +25,8 @@ NegativeDelay = Literal["clip", "redraw", "fold"]
 
 
 @runtime_checkable
-class DelayLaw(Protocol):
-    """How long a broken contact stays detached: `Delay`, `RandomDelay`, or a law of the user's own."""
+class DelayModel(Protocol):
+    """How long a broken contact stays detached: `Delay`, `RandomDelay`, or a distribution of the user's own."""
 
     def moment(self, order: int) -> float:
         """Mean of ``tau**order``."""
@@ -46,8 +46,8 @@ class DelayLaw(Protocol):
 
 
 @dataclass(frozen=True)
-class Delay(DelayLaw):
-    """The same delay time for every broken contact: 0 for none, infinity for contacts that never come back."""
+class Delay(DelayModel):
+    """The same delay time for every broken contact: 0 for none, infinity for contacts that never re-attach."""
 
     time: float
 
@@ -70,18 +70,18 @@ class Delay(DelayLaw):
         return np.full(size, self.time)
 
     def quadrature(self) -> tuple[Array, Array]:
-        """One node of weight 1; no node when contacts never come back."""
+        """One node of weight 1; no node when contacts never re-attach."""
         count = 0 if math.isinf(self.time) else 1
         return np.full(count, self.time), np.ones(count)
 
 
 @dataclass(frozen=True, kw_only=True)
-class RandomDelay(DelayLaw):
+class RandomDelay(DelayModel):
     """Delay times drawn from a Gaussian, with the fate of negative draws stated.
 
     Parameters
     ----------
-    mean, spread : float
+    mean, std : float
         Mean and standard deviation of the Gaussian, before negative draws are dealt with.
     negative : {"clip", "redraw", "fold"}
         A negative draw becomes 0, is drawn again, or changes sign. The paper does not say which it used, and its
@@ -89,21 +89,21 @@ class RandomDelay(DelayLaw):
     """
 
     mean: float
-    spread: float
+    std: float
     negative: NegativeDelay = "clip"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "mean", number("RandomDelay.mean", self.mean, at_least=0))
-        object.__setattr__(self, "spread", number("RandomDelay.spread", self.spread, above=0))
-        if self.spread < 1e-9 * self.mean:
-            raise InputError(f"RandomDelay.spread = {self.spread:g}: too small beside {self.mean:g}; use Delay instead")
+        object.__setattr__(self, "std", number("RandomDelay.std", self.std, above=0))
+        if self.std < 1e-9 * self.mean:
+            raise InputError(f"RandomDelay.std = {self.std:g}: too small beside {self.mean:g}; use Delay instead")
         if self.negative not in get_args(NegativeDelay):
             allowed = ", ".join(get_args(NegativeDelay))
             raise InputError(f"RandomDelay.negative = {shown(self.negative)}: must be one of {allowed}")
 
     def _parts(self) -> tuple[float, list[tuple[float, float]]]:
         """Weight of the atom at zero, and (weight, mean) of each Gaussian cut off below zero."""
-        positive = float(special.ndtr(self.mean / self.spread))
+        positive = float(special.ndtr(self.mean / self.std))
         match self.negative:
             case "clip":
                 return 1.0 - positive, [(positive, self.mean)]
@@ -113,39 +113,39 @@ class RandomDelay(DelayLaw):
                 return 0.0, [(positive, self.mean), (1.0 - positive, -self.mean)]
 
     def _gaussian_parts(self) -> list[tuple[float, Gaussian]]:
-        # A folded tail too thin to matter is also too thin for a law of its own.
+        # A folded tail too thin to matter is also too thin for a distribution of its own.
         kept = [(weight, mean) for weight, mean in self._parts()[1] if weight > 2e-6]
         total = sum(weight for weight, _ in kept) / (1.0 - self._parts()[0])
-        return [(w / total, Gaussian(mean=mean, spread=self.spread, lower=0.0)) for w, mean in kept]
+        return [(w / total, Gaussian(mean=mean, std=self.std, lower=0.0)) for w, mean in kept]
 
     def moment(self, order: int) -> float:
         """Mean of ``tau**order``."""
         atom = self._parts()[0] if order == 0 else 0.0
-        return atom + sum(weight * law.moment(order) for weight, law in self._gaussian_parts())
+        return atom + sum(weight * distribution.moment(order) for weight, distribution in self._gaussian_parts())
 
     def laplace(self, s: ArrayLike) -> ComplexArray:
         """Mean of ``exp(-s tau)``."""
         s = np.asarray(s, dtype=complex)
         total = np.full_like(s, self._parts()[0])
-        for weight, law in self._gaussian_parts():
-            total = total + weight * law.laplace(s)
+        for weight, distribution in self._gaussian_parts():
+            total = total + weight * distribution.laplace(s)
         return total
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:
         """Draw `size` delays."""
         if self.negative == "redraw":
-            return Gaussian(mean=self.mean, spread=self.spread, lower=0.0).sample(rng, size)
-        values = rng.normal(self.mean, self.spread, size)
+            return Gaussian(mean=self.mean, std=self.std, lower=0.0).sample(rng, size)
+        values = rng.normal(self.mean, self.std, size)
         return np.maximum(values, 0.0) if self.negative == "clip" else np.abs(values)
 
     def quadrature(self) -> tuple[Array, Array]:
         """Gauss-Legendre nodes on the continuous part, and the atom at zero if negative draws are clipped."""
         parts = self._gaussian_parts()
-        low = min(law.support[0] for _, law in parts)
-        high = max(law.support[1] for _, law in parts)
+        low = min(distribution.support[0] for _, distribution in parts)
+        high = max(distribution.support[1] for _, distribution in parts)
         node, weight = np.polynomial.legendre.leggauss(96)
         tau = low + 0.5 * (high - low) * (1 + node)
-        density = sum((w * law.density(tau) for w, law in parts), start=np.zeros_like(tau))
+        density = sum((w * distribution.density(tau) for w, distribution in parts), start=np.zeros_like(tau))
         weights = 0.5 * (high - low) * weight * density
         atom = self._parts()[0]
         weights *= (1.0 - atom) / weights.sum()
@@ -156,15 +156,15 @@ class RandomDelay(DelayLaw):
 
 @dataclass(frozen=True, kw_only=True)
 class Langevin:
-    """Thresholds that age towards the interface's Gaussian law as an Ornstein-Uhlenbeck process, Eqs. (13)-(16).
+    """Thresholds that age towards the interface's Gaussian distribution as an Ornstein-Uhlenbeck process, Eqs. (13)-(16).
 
     ``df = beta^2 (f_0 - f) dt + beta delta f_0 sqrt(2) dW``, with ``f_0`` and ``delta`` the mean and the relative
-    spread of ``Interface.thresholds``.
+    standard deviation of ``Interface.thresholds``.
 
     Parameters
     ----------
     rate : float
-        ``beta``, in 1/sqrt(time): thresholds reach their stationary law within a time ``beta**-2``.
+        ``beta``, in 1/sqrt(time): thresholds reach their stationary distribution within a time ``beta**-2``.
     newborn : float
         Threshold force of a newborn contact, in units of ``f_s``.
     """
@@ -181,7 +181,8 @@ class Langevin:
 class ExponentialGrowth:
     """Thresholds that grow as ``f(t) = f_end - (f_end - newborn) exp(-rate t)``.
 
-    ``f_end`` is drawn from the interface's law of thresholds at birth; `rate` is in 1/time, `newborn` in ``f_s``.
+    ``f_end`` is drawn from the interface's distribution of thresholds at birth; `rate` is in 1/time, `newborn` in
+    ``f_s``.
     """
 
     rate: float
@@ -196,7 +197,7 @@ class ExponentialGrowth:
 class LogarithmicGrowth:
     """Thresholds that grow as ``f(t) = f_0 + slope ln(1 + t/time)``, the ageing of creeping asperities.
 
-    ``f_0`` is drawn from the interface's law of thresholds at birth; `slope` is in ``f_s``, `time` in time.
+    ``f_0`` is drawn from the interface's distribution of thresholds at birth; `slope` is in ``f_s``, `time` in time.
     """
 
     slope: float
@@ -216,44 +217,48 @@ class Interface:
 
     Parameters
     ----------
-    thresholds : Law
-        Law of the stretchings at which contacts break, ``P_c``; conditioned on positive values by the solvers.
-    initial : Law
-        Law of the stretchings at the start, ``Q(x; X=0)``; a contact that starts at ``x_0`` has a threshold beyond
-        ``|x_0|``. `SteadyState` starts from the law of smooth sliding.
-    delay : DelayLaw
+    thresholds : Distribution
+        Distribution of the stretchings at which contacts break, ``P_c``; conditioned on positive values by the solvers.
+    initial : Distribution
+        Distribution of the stretchings at the start, ``Q(x; X=0)``; a contact that starts at ``x_0`` has a threshold
+        beyond ``|x_0|``. `SteadyState` starts from the distribution of smooth sliding.
+    delay : DelayModel
         How long a broken contact stays detached.
     ageing : Strengthening, optional
         How thresholds grow with the age of a contact; by default they do not.
     """
 
-    thresholds: Law
-    initial: Law = Gaussian(mean=0.0, spread=0.01)
-    delay: DelayLaw = Delay(0.0)
+    thresholds: Distribution
+    initial: Distribution = Gaussian(mean=0.0, std=0.01)
+    delay: DelayModel = Delay(0.0)
     ageing: Strengthening | None = None
 
     def __post_init__(self) -> None:
-        instance("Interface.thresholds", self.thresholds, Law, "a law, such as Gaussian(mean=1.0, spread=0.1)")
-        instance("Interface.initial", self.initial, Law, "a law, such as Gaussian(mean=0.0, spread=0.01)")
-        instance("Interface.delay", self.delay, DelayLaw, "a delay, such as Delay(0.2)")
+        instance(
+            "Interface.thresholds", self.thresholds, Distribution, "a distribution, such as Gaussian(mean=1.0, std=0.1)"
+        )
+        instance(
+            "Interface.initial", self.initial, Distribution, "a distribution, such as Gaussian(mean=0.0, std=0.01)"
+        )
+        instance("Interface.delay", self.delay, DelayModel, "a delay, such as Delay(0.2)")
         if self.ageing is not None:
-            instance("Interface.ageing", self.ageing, Strengthening, "a law of ageing, such as Langevin(rate=1.5)")
+            instance("Interface.ageing", self.ageing, Strengthening, "a ageing model, such as Langevin(rate=1.5)")
         lost = self.initial_loss
         if lost > 1e-3:
             raise InputError(
                 f"Interface.initial = {self.initial}: {100 * lost:.3g} % of the contacts would start beyond the "
-                f"largest threshold ({self.threshold_law.support[1]:g}); narrow it or bring it nearer to 0"
+                f"largest threshold ({self.threshold_distribution.support[1]:g}); narrow it or bring it nearer to 0"
             )
 
     @cached_property
-    def threshold_law(self) -> Law:
-        """The law of thresholds conditioned on positive values, as every solver uses it."""
+    def threshold_distribution(self) -> Distribution:
+        """The distribution of thresholds conditioned on positive values, as every solver uses it."""
         return self.thresholds.positive()
 
     @property
     def initial_loss(self) -> float:
-        """Share of the initial law that lies beyond the largest threshold on either side."""
-        high = self.threshold_law.support[1]
+        """Fraction of the initial distribution that lies beyond the largest threshold on either side."""
+        high = self.threshold_distribution.support[1]
         beyond = self.initial.survival([high, -high])
         return float(beyond[0] + 1.0 - beyond[1])
 
@@ -301,8 +306,8 @@ def _relative(ratio: float, stiffness: float, mass: float) -> float:
     return ratio * math.sqrt(stiffness / mass)
 
 
-_NARROW = Gaussian(mean=0.0, spread=0.01)
-_TENTH = Gaussian(mean=1.0, spread=0.1)
+_NARROW = Gaussian(mean=0.0, std=0.01)
+_TENTH = Gaussian(mean=1.0, std=0.1)
 
 FIG1 = PaperCase(
     interface=Interface(thresholds=_TENTH, initial=_NARROW),

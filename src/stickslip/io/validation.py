@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, cast
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, TypeAdapter, ValidationError, ValidationInfo
 
-from stickslip import files
 from stickslip.errors import InputError, extreme, shortened, shown
+from stickslip.io import files
 
 if TYPE_CHECKING:
     import pint
@@ -125,7 +125,7 @@ _PLAIN_NUMBER = re.compile(f" *({_NUMBER}) *")
 _FACTOR = re.compile(rf"({_NAME})(?:(?:\^|\*\*)(-?[1-9])|(⁻?[¹²³]))?")
 _RAISED = str.maketrans("⁻¹²³", "-123")
 
-_PREFIXED = ("m", "g", "s", "N", "Pa", "J", "bar", "t", "yr", "dyn")
+_PREFIXED = ("m", "g", "s", "N", "Pa", "J", "bar", "time", "yr", "dyn")
 """Units that take a prefix, by their symbols; their names and plurals are known as well."""
 _UNPREFIXED = (
     *("min", "h", "d", "week", "angstrom", "micron", "in", "thou", "ft", "yd", "mi", "mph", "kph"),
@@ -371,7 +371,7 @@ def _one_mistake(item: Any, document: type[Part]) -> str:
     if kind == "missing":
         return f"{key}: is missing"
     if kind in ("union_tag_not_found", "union_tag_invalid"):
-        return f"{key}: must name its law, such as {{law = 'gaussian', spread = 0.1}}; known laws: {_tags(item)}"
+        return f"{key}: must name its distribution, such as {{distribution = 'gaussian', std = 0.1}}; known distributions: {_tags(item)}"
     if kind == "literal_error":
         return f"{key} = {shown(value)}: must be {item['ctx']['expected']}"
     if kind == "value_error":
@@ -392,11 +392,11 @@ def _one_mistake(item: Any, document: type[Part]) -> str:
     return f"{key} = {shown(value)}: {words.get(kind, item['msg'].lower())}"
 
 
-_LAWS = ("gaussian", "uniform", "exponential", "gamma", "lognormal", "weibull", "empirical")
+_DISTRIBUTIONS = ("gaussian", "uniform", "exponential", "gamma", "lognormal", "weibull", "empirical")
 
 
 def _tags(item: Any) -> str:
-    return str(item.get("ctx", {}).get("expected_tags", ", ".join(_LAWS)))
+    return str(item.get("ctx", {}).get("expected_tags", ", ".join(_DISTRIBUTIONS)))
 
 
 def _keys_beside(path: list[str], document: type[Part]) -> list[str]:

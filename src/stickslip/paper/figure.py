@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Literal, Protocol, get_args
 
 import xarray as xr
 
-from stickslip import store
 from stickslip.errors import InputError
+from stickslip.io import datasets as store
 from stickslip.plot import house_style
 
 if TYPE_CHECKING:
@@ -212,12 +212,12 @@ class Figure:
     claims: Callable[[xr.Dataset], tuple[Claim, ...]]
 
     def compute(self, progress: Progress | None = None, quick: bool = False) -> xr.Dataset:
-        """Compute the data of the figure; `stickslip.store.save` writes them.
+        """Compute the data of the figure; `stickslip.io.datasets.save` writes them.
 
         Parameters
         ----------
         progress : callable, optional
-            Called with the share of the work that is done.
+            Called with the fraction of the work that is done.
         quick : bool
             Coarser, for tests; the verdicts are the same.
         """

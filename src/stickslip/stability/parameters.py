@@ -1,7 +1,7 @@
 """Critical values: where smooth sliding loses or regains stability as one parameter is turned.
 
-A `Knob` reads and sets one parameter of a `Setting`; `critical` finds every crossing along it. The named
-functions (`critical_velocities`, `critical_delay`, ...) are that, with a knob chosen. All are linear: they
+A `Parameter` reads and sets one parameter of a `Setting`; `critical` finds every crossing along it. The named
+functions (`critical_velocities`, `critical_delay`, ...) are that, with a parameter chosen. All are linear: they
 say where smooth sliding is unstable to the smallest disturbance, not where stick-slip, once started, dies.
 """
 
@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError, UndecidedError, instance, number, sequence, shown
 from stickslip.model import Delay, Interface, Langevin, RandomDelay
+from stickslip.model.distributions import Empirical, Gamma, Gaussian, LogNormal, Uniform
 from stickslip.stability.aged import AgedResponse
+from stickslip.stability.impedances import Rig, impedance
 from stickslip.stability.modes import Neutral, neutral_frequencies
 from stickslip.stability.response import respond
-from stickslip.stability.rigs import Rig, impedance
-from stickslip.thresholds import Empirical, Gamma, Gaussian, LogNormal, Uniform
 
 Array = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ class Setting:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Knob:
+class Parameter:
     """One positive parameter of a `Setting` that can be read and set.
 
     Parameters
@@ -59,10 +59,12 @@ class Knob:
     set: Callable[[Setting, float], Setting] = field(repr=False)
 
 
-def _of_rig(attribute: str, unit: str) -> Knob:
+def _of_rig(attribute: str, unit: str) -> Parameter:
     def get(setting: Setting) -> float:
         if not hasattr(setting.rig, attribute):
-            raise InputError(f"rig = {setting.rig!r}: has no {attribute} to vary; use a Slider, or a Knob of your own")
+            raise InputError(
+                f"rig = {setting.rig!r}: has no {attribute} to vary; use a Slider, or a Parameter of your own"
+            )
         return float(getattr(setting.rig, attribute))
 
     def set_(setting: Setting, value: float) -> Setting:
@@ -70,7 +72,7 @@ def _of_rig(attribute: str, unit: str) -> Knob:
         rig: Any = setting.rig
         return replace(setting, rig=replace(rig, **{attribute: value}))
 
-    return Knob(name=attribute, unit=unit, get=get, set=set_)
+    return Parameter(name=attribute, unit=unit, get=get, set=set_)
 
 
 def _get_delay(setting: Setting) -> float:
@@ -81,7 +83,7 @@ def _get_delay(setting: Setting) -> float:
         case RandomDelay():
             return delay.mean
     raise InputError(
-        f"Interface.delay = {delay!r}: has no known time to vary; use Delay, RandomDelay, or a Knob of your own"
+        f"Interface.delay = {delay!r}: has no known time to vary; use Delay, RandomDelay, or a Parameter of your own"
     )
 
 
@@ -91,7 +93,7 @@ def _set_delay(setting: Setting, value: float) -> Setting:
         case Delay():
             new: Delay | RandomDelay = Delay(value)
         case RandomDelay() if delay.mean > 0:
-            new = replace(delay, mean=value, spread=delay.spread * value / delay.mean)
+            new = replace(delay, mean=value, std=delay.std * value / delay.mean)
         case _:
             raise InputError(
                 f"Interface.delay = {delay!r}: cannot be scaled; use Delay(time) or RandomDelay with a mean above 0"
@@ -99,32 +101,32 @@ def _set_delay(setting: Setting, value: float) -> Setting:
     return replace(setting, interface=replace(setting.interface, delay=new))
 
 
-def _get_spread(setting: Setting) -> float:
-    law = setting.interface.thresholds
-    match law:
+def _get_std(setting: Setting) -> float:
+    distribution = setting.interface.thresholds
+    match distribution:
         case Gaussian() | Gamma() | LogNormal():
-            return law.spread
+            return distribution.std
         case Uniform() | Empirical():
-            return law.standard_deviation()
+            return distribution.standard_deviation()
     raise InputError(
-        f"Interface.thresholds = {law!r}: has no spread of its own to vary; use Gaussian, Gamma, LogNormal, Uniform "
-        "or Empirical, or a Knob of your own"
+        f"Interface.thresholds = {distribution!r}: has no standard deviation of its own to vary; use Gaussian, Gamma, LogNormal, Uniform "
+        "or Empirical, or a Parameter of your own"
     )
 
 
-def _set_spread(setting: Setting, value: float) -> Setting:
-    law = setting.interface.thresholds
-    match law:
+def _set_std(setting: Setting, value: float) -> Setting:
+    distribution = setting.interface.thresholds
+    match distribution:
         case Gaussian() | Gamma() | LogNormal():
-            new: Gaussian | Gamma | LogNormal | Uniform | Empirical = replace(law, spread=value)
+            new: Gaussian | Gamma | LogNormal | Uniform | Empirical = replace(distribution, std=value)
         case Uniform():
-            middle = 0.5 * (law.low + law.high)
+            middle = 0.5 * (distribution.low + distribution.high)
             new = Uniform(low=middle - math.sqrt(3) * value, high=middle + math.sqrt(3) * value)
         case Empirical():
-            mean, ratio = law.moment(1), value / law.standard_deviation()
-            new = replace(law, edges=tuple(mean + ratio * (edge - mean) for edge in law.edges))
+            mean, ratio = distribution.moment(1), value / distribution.standard_deviation()
+            new = replace(distribution, edges=tuple(mean + ratio * (edge - mean) for edge in distribution.edges))
         case _:
-            _get_spread(setting)
+            _get_std(setting)
             raise AssertionError
     return replace(setting, interface=replace(setting.interface, thresholds=new))
 
@@ -132,7 +134,9 @@ def _set_spread(setting: Setting, value: float) -> Setting:
 def _get_ageing(setting: Setting) -> float:
     ageing = setting.interface.ageing
     if not isinstance(ageing, Langevin):
-        raise InputError(f"Interface.ageing = {ageing}: has no time to vary; use Langevin(rate), or a Knob of your own")
+        raise InputError(
+            f"Interface.ageing = {ageing}: has no time to vary; use Langevin(rate), or a Parameter of your own"
+        )
     return ageing.rate**-2
 
 
@@ -148,48 +152,48 @@ MASS = _of_rig("mass", "f_s time^2/x_s")
 """Mass ``M/N``, at constant ``eta``."""
 DAMPING = _of_rig("damping", "1/time")
 """``eta`` of Eq. (11)."""
-VELOCITY = Knob(
+VELOCITY = Parameter(
     name="velocity",
     unit="x_s/time",
     get=lambda setting: setting.velocity,
     set=lambda setting, value: replace(setting, velocity=value),
 )
 """Speed of smooth sliding."""
-DELAY = Knob(name="delay", unit="time", get=_get_delay, set=_set_delay)
-"""Delay time; for a `RandomDelay` its mean, the spread kept in proportion."""
-SPREAD = Knob(name="spread", unit="x_s", get=_get_spread, set=_set_spread)
-"""Spread of the thresholds at constant mean: the law's own ``spread``, else its standard deviation."""
+DELAY = Parameter(name="delay", unit="time", get=_get_delay, set=_set_delay)
+"""Delay time; for a `RandomDelay` its mean, the standard deviation kept in proportion."""
+STD = Parameter(name="std", unit="x_s", get=_get_std, set=_set_std)
+"""Standard deviation of the thresholds at constant mean: the distribution's own ``std``, else its standard deviation."""
 
-AGEING = Knob(name="ageing", unit="time", get=_get_ageing, set=_set_ageing)
+AGEING = Parameter(name="ageing", unit="time", get=_get_ageing, set=_set_ageing)
 """Time in which thresholds age: ``rate**-2`` for `Langevin`."""
 
-KNOBS: tuple[Knob, ...] = (STIFFNESS, VELOCITY, MASS, DAMPING, DELAY, SPREAD, AGEING)
+PARAMETERS: tuple[Parameter, ...] = (STIFFNESS, VELOCITY, MASS, DAMPING, DELAY, STD, AGEING)
 
 
-def knob_named(knob: Knob | str) -> Knob:
-    """Return the knob itself, or the one of this module with that name.
+def parameter_named(parameter: Parameter | str) -> Parameter:
+    """Return the parameter itself, or the one of this module with that name.
 
     Raises
     ------
     InputError
         If there is none.
     """
-    if isinstance(knob, Knob):
-        return knob
-    for known in KNOBS:
-        if known.name == knob:
+    if isinstance(parameter, Parameter):
+        return parameter
+    for known in PARAMETERS:
+        if known.name == parameter:
             return known
-    raise InputError(f"over = {knob!r}: must be one of {', '.join(k.name for k in KNOBS)}, or a Knob")
+    raise InputError(f"over = {parameter!r}: must be one of {', '.join(k.name for k in PARAMETERS)}, or a Parameter")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Crossing:
-    """A value of a knob at which a pair of modes of smooth sliding is neutral.
+    """A value of a parameter at which a pair of modes of smooth sliding is neutral.
 
     Parameters
     ----------
     value : float
-        Of the knob, in its natural unit.
+        Of the parameter, in its natural unit.
     frequency : float
         Angular frequency of the neutral mode, in 1/time.
     unstable_below, unstable_above : int
@@ -214,21 +218,21 @@ class Crossing:
 
 @dataclass(frozen=True, kw_only=True)
 class Crossings:
-    """All crossings along a knob, rising, and the range in which they were looked for; empty is an answer too.
+    """All crossings along a parameter, rising, and the range in which they were looked for; empty is an answer too.
 
     Parameters
     ----------
-    knob, unit : str
+    parameter, unit : str
         What was varied, and its natural unit.
     searched : (float, float)
-        Range of the knob.
+        Range of the parameter.
     unstable_at_ends : (int, int)
         Number of growing modes at its two ends.
     found : tuple of Crossing
         Every crossing of any mode; `edges` are those where stability itself changes.
     """
 
-    knob: str
+    parameter: str
     unit: str
     searched: tuple[float, float]
     unstable_at_ends: tuple[int, int]
@@ -250,7 +254,7 @@ class Crossings:
 
     def __str__(self) -> str:
         low, high = self.searched
-        where = f"for {self.knob} from {low:g} to {high:g} {self.unit}"
+        where = f"for {self.parameter} from {low:g} to {high:g} {self.unit}"
         if not self.edges:
             state = "unstable" if self.unstable_at_ends[0] else "stable"
             return f"smooth sliding is {state} all the way {where}: no boundary there"
@@ -263,9 +267,9 @@ class Crossings:
 
 
 def critical(
-    knob: Knob | str, interface: Interface, rig: Rig, velocity: float, *, between: tuple[float, float]
+    parameter: Parameter | str, interface: Interface, rig: Rig, velocity: float, *, between: tuple[float, float]
 ) -> Crossings:
-    """Find every value of a knob in a range at which a mode of smooth sliding is neutral.
+    """Find every value of a parameter in a range at which a mode of smooth sliding is neutral.
 
     The number of growing modes is counted along the range, on a logarithmic grid that is refined wherever a
     pair of crossings may hide between two points; each crossing is then polished by Newton's method in the
@@ -273,13 +277,13 @@ def critical(
 
     Parameters
     ----------
-    knob : Knob or str
-        What to vary: `STIFFNESS`, `VELOCITY`, `MASS`, `DAMPING`, `DELAY`, `SPREAD`, their names, or a knob of
+    parameter : Parameter or str
+        What to vary: `STIFFNESS`, `VELOCITY`, `MASS`, `DAMPING`, `DELAY`, `STD`, their names, or a parameter of
         your own.
     interface, rig, velocity
-        The setting; the knob's own value in it does not matter.
+        The setting; the parameter's own value in it does not matter.
     between : (float, float)
-        Range searched, in the knob's natural unit, both above 0.
+        Range searched, in the parameter's natural unit, both above 0.
 
     Returns
     -------
@@ -291,7 +295,7 @@ def critical(
     InputError
         If the range is empty, or there is no steady sliding in it.
     """
-    turned = knob_named(knob)
+    turned = parameter_named(parameter)
     low, high = check_range(turned, between)
     start = Setting(interface=interface, rig=rig, velocity=velocity)
     return search(turned, start, low, high)
@@ -393,7 +397,7 @@ def critical_delay(
     """
     instance("critical_delay: interface", interface, Interface, "an Interface")
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
-    return _first_loss(DELAY, interface, rig, speed, between, interface.threshold_law.moment(1) / speed)
+    return _first_loss(DELAY, interface, rig, speed, between, interface.threshold_distribution.moment(1) / speed)
 
 
 def critical_mass(interface: Interface, rig: Rig, velocity: float, between: tuple[float, float]) -> Crossings:
@@ -406,40 +410,40 @@ def critical_damping(interface: Interface, rig: Rig, velocity: float, between: t
     return critical(DAMPING, interface, rig, velocity, between=between)
 
 
-def critical_spread(interface: Interface, rig: Rig, velocity: float, between: tuple[float, float]) -> Crossings:
-    """Find every spread of the thresholds in a range at which a mode of smooth sliding is neutral; see `critical`."""
-    return critical(SPREAD, interface, rig, velocity, between=between)
+def critical_std(interface: Interface, rig: Rig, velocity: float, between: tuple[float, float]) -> Crossings:
+    """Find every standard deviation of the thresholds in a range at which a mode of smooth sliding is neutral; see `critical`."""
+    return critical(STD, interface, rig, velocity, between=between)
 
 
 def _first_loss(
-    knob: Knob,
+    parameter: Parameter,
     interface: Interface,
     rig: Rig,
     velocity: float,
     between: tuple[float, float] | None,
     unit: float,
 ) -> float:
-    low, high = check_range(knob, between or (1e-3 * unit, 1e2 * unit))
-    answer = search(knob, Setting(interface=interface, rig=rig, velocity=velocity), low, high, first=True)
+    low, high = check_range(parameter, between or (1e-3 * unit, 1e2 * unit))
+    answer = search(parameter, Setting(interface=interface, rig=rig, velocity=velocity), low, high, first=True)
     if answer.unstable_at_ends[0] > 0 or not answer.edges:
-        raise UndecidedError(f"no critical {knob.name}: {answer}")
+        raise UndecidedError(f"no critical {parameter.name}: {answer}")
     return answer.edges[0].value
 
 
 # ---------------------------------------------------------------- the search
 
 
-def check_range(knob: Knob, between: tuple[float, float]) -> tuple[float, float]:
-    """Return the range of a knob, or raise `InputError`."""
+def check_range(parameter: Parameter, between: tuple[float, float]) -> tuple[float, float]:
+    """Return the range of a parameter, or raise `InputError`."""
     ends = sequence("between", between, "two values, such as (0.1, 10)")
     if len(ends) != 2:
         raise InputError(f"between = {shown(between)}: must be two values, such as (0.1, 10)")
-    low = number("between[0]", ends[0], above=0, hint=knob.unit)
-    return low, number("between[1]", ends[1], above=low, hint=knob.unit)
+    low = number("between[0]", ends[0], above=0, hint=parameter.unit)
+    return low, number("between[1]", ends[1], above=low, hint=parameter.unit)
 
 
 class _Point(NamedTuple):
-    """The neutral frequencies at one value of the knob."""
+    """The neutral frequencies at one value of the parameter."""
 
     value: float
     neutral: Neutral
@@ -447,10 +451,10 @@ class _Point(NamedTuple):
 
 
 def neutral_along(
-    knob: Knob, setting: Setting, values: Sequence[float], *, softest: float | None = None
+    parameter: Parameter, setting: Setting, values: Sequence[float], *, softest: float | None = None
 ) -> list[Neutral]:
-    """Neutral frequencies at each value of the knob; values that share interface and rig are computed together."""
-    there = [knob.set(setting, value) for value in values]
+    """Neutral frequencies at each value of the parameter; values that share interface and rig are computed together."""
+    there = [parameter.set(setting, value) for value in values]
     found: list[Neutral] = []
     for (interface, rig), group in groupby(there, key=lambda here: (here.interface, here.rig)):
         speeds = [here.velocity for here in group]
@@ -458,39 +462,39 @@ def neutral_along(
     return found
 
 
-def _look(knob: Knob, setting: Setting, values: Sequence[float]) -> list[_Point]:
-    along = neutral_along(knob, setting, values)
+def _look(parameter: Parameter, setting: Setting, values: Sequence[float]) -> list[_Point]:
+    along = neutral_along(parameter, setting, values)
     return [_Point(value, neutral, neutral.unstable()) for value, neutral in zip(values, along, strict=True)]
 
 
 def search(
-    knob: Knob, setting: Setting, low: float, high: float, *, first: bool = False, density: int = 16
+    parameter: Parameter, setting: Setting, low: float, high: float, *, first: bool = False, density: int = 16
 ) -> Crossings:
     """Crossings from `low` to `high`, on `density` points a decade; with `first`, up to the first edge of stability."""
     count = 1 + max(density - 4, math.ceil(density * math.log10(high / low)))
     values = np.geomspace(low, high, count).tolist()
     values[0], values[-1] = low, high
-    points = _look(knob, setting, values[:1])
+    points = _look(parameter, setting, values[:1])
     found: list[Crossing] = []
     while len(points) < count:
         ahead = values[len(points) : len(points) + (6 if first else count)]
-        points += _look(knob, setting, ahead)
+        points += _look(parameter, setting, ahead)
         for k in range(len(points) - len(ahead), len(points)):
-            found += _between(knob, setting, points[k - 1], points[k])
+            found += _between(parameter, setting, points[k - 1], points[k])
             if k >= 2:
-                found += _hidden(knob, setting, points[k - 2], points[k - 1], points[k], 6)
+                found += _hidden(parameter, setting, points[k - 2], points[k - 1], points[k], 6)
         if first and (points[0].unstable > 0 or any(c.unstable_below * c.unstable_above == 0 for c in found)):
             break
     return Crossings(
-        knob=knob.name,
-        unit=knob.unit,
+        parameter=parameter.name,
+        unit=parameter.unit,
         searched=(low, points[-1].value),
         unstable_at_ends=(points[0].unstable, points[-1].unstable),
         found=tuple(sorted(found, key=lambda crossing: crossing.value)),
     )
 
 
-def _between(knob: Knob, setting: Setting, left: _Point, right: _Point) -> list[Crossing]:
+def _between(parameter: Parameter, setting: Setting, left: _Point, right: _Point) -> list[Crossing]:
     """Crossings between two points, by quartering until each part holds at most one branch that changes sign."""
     changing = [branch for branch in _matched(left, right) if (branch[1] > 0) != (branch[3] > 0)]
     if left.unstable == right.unstable and not changing:
@@ -503,7 +507,7 @@ def _between(knob: Knob, setting: Setting, left: _Point, right: _Point) -> list[
             starts += [(0.5, w, w) for w in _nearest(left.neutral).tolist() + _nearest(right.neutral).tolist()]
         for t, w, u in starts:
             at = polish(
-                knob,
+                parameter,
                 setting,
                 math.log(left.value) + t * width,
                 (1 - t) * math.log(w) + t * math.log(u),
@@ -515,8 +519,8 @@ def _between(knob: Knob, setting: Setting, left: _Point, right: _Point) -> list[
         at = left.value, float(next(iter(_nearest(left.neutral)), math.nan))
         return [] if left.unstable == right.unstable else [_crossing(at, left, right)]
     inner = (left.value * np.exp(width * np.array([0.25, 0.5, 0.75]))).tolist()
-    points = [left, *_look(knob, setting, inner), right]
-    return [c for pair in pairwise(points) for c in _between(knob, setting, *pair)]
+    points = [left, *_look(parameter, setting, inner), right]
+    return [c for pair in pairwise(points) for c in _between(parameter, setting, *pair)]
 
 
 def _crossing(at: tuple[float, float], left: _Point, right: _Point) -> Crossing:
@@ -548,7 +552,9 @@ def _matched(one: _Point, two: _Point) -> list[tuple[float, float, float, float]
     return pairs
 
 
-def _hidden(knob: Knob, setting: Setting, before: _Point, here: _Point, after: _Point, depth: int) -> list[Crossing]:
+def _hidden(
+    parameter: Parameter, setting: Setting, before: _Point, here: _Point, after: _Point, depth: int
+) -> list[Crossing]:
     """Pairs of crossings about a point where a branch comes near to changing sign and turns back."""
     if not before.unstable == here.unstable == after.unstable or depth == 0:
         return []
@@ -563,30 +569,30 @@ def _hidden(knob: Knob, setting: Setting, before: _Point, here: _Point, after: _
         if not (0 < b <= min(a, c) and bend > 0) or b - (c - a) ** 2 / (8 * bend) > 0.3 * b:
             continue
         fine = np.geomspace(before.value, after.value, 9)[1:-1].tolist()
-        points = [before, *_look(knob, setting, fine), after]
+        points = [before, *_look(parameter, setting, fine), after]
         if any(p.unstable != here.unstable for p in points):
-            return [c for pair in pairwise(points) for c in _between(knob, setting, *pair)]
+            return [c for pair in pairwise(points) for c in _between(parameter, setting, *pair)]
         return [
             c
             for triple in zip(points, points[1:], points[2:], strict=False)
-            for c in _hidden(knob, setting, *triple, depth - 1)
+            for c in _hidden(parameter, setting, *triple, depth - 1)
         ]
     return []
 
 
 def residual_and_slopes(
-    knobs: Sequence[Knob], setting: Setting, logs: Sequence[float], log_omega: float
+    parameters: Sequence[Parameter], setting: Setting, logs: Sequence[float], log_omega: float
 ) -> tuple[complex, list[complex]]:
-    """Return ``Z + kappa`` at ``s = i omega`` and its slopes in the logarithm of each knob and of omega."""
+    """Return ``Z + kappa`` at ``s = i omega`` and its slopes in the logarithm of each parameter and of omega."""
     # The response of ageing contacts is computed on grids that vary with the setting.
     d, here = 1e-6 if setting.interface.ageing is None else 1e-3, setting
-    for knob, log in zip(knobs, logs, strict=True):
-        here = knob.set(here, math.exp(log))
-    # The point itself, omega turned both ways, then each knob turned both ways.
+    for parameter, log in zip(parameters, logs, strict=True):
+        here = parameter.set(here, math.exp(log))
+    # The point itself, omega turned both ways, then each parameter varied both ways.
     there = [here, here, here]
-    for knob, log in zip(knobs, logs, strict=True):
-        there += [knob.set(here, math.exp(log + d)), knob.set(here, math.exp(log - d))]
-    s = 1j * math.exp(log_omega) * np.array([1.0, math.exp(d), math.exp(-d), *[1.0] * (2 * len(knobs))])
+    for parameter, log in zip(parameters, logs, strict=True):
+        there += [parameter.set(here, math.exp(log + d)), parameter.set(here, math.exp(log - d))]
+    s = 1j * math.exp(log_omega) * np.array([1.0, math.exp(d), math.exp(-d), *[1.0] * (2 * len(parameters))])
     speed = np.array([each.velocity for each in there])
     values = np.empty(s.shape, dtype=complex)
     for rig in dict.fromkeys(each.rig for each in there):
@@ -602,13 +608,13 @@ def residual_and_slopes(
 
 
 def polish(
-    knob: Knob, setting: Setting, log_value: float, log_omega: float, furthest: float = math.inf
+    parameter: Parameter, setting: Setting, log_value: float, log_omega: float, furthest: float = math.inf
 ) -> tuple[float, float] | None:
     """Newton's method in (log value, log omega) for ``Z + kappa = 0`` at ``i omega``; None if it does not settle."""
     x, y, last = log_value, log_omega, math.inf
     aged = setting.interface.ageing is not None
     for _ in range(12):
-        f, (fx, fy) = residual_and_slopes([knob], setting, [x], y)
+        f, (fx, fy) = residual_and_slopes([parameter], setting, [x], y)
         det = (fx.conjugate() * fy).imag
         if det == 0 or not math.isfinite(det):
             return None

@@ -22,7 +22,7 @@ class Scales:
     force : float
         Sum of the mean threshold forces of all contacts ``N f_s``, in N.
     stretching : float
-        Mean threshold stretching of a contact ``x_s``, in m.
+        Mean breaking displacement of a contact ``x_s``, in m.
     time : float
         The unit of time, in s.
     """

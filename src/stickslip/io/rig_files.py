@@ -1,14 +1,14 @@
 """The door for rigs: a TOML file in SI units (or natural ones) in, records of the model out, and back.
 
->>> from stickslip.rig import read
+>>> from stickslip.io.rig_files import read
 >>> rig = read(example("pmma_slider"))
 >>> rig.interface.delay, rig.velocity  # natural units
 (Delay(time=0.4), 1.0)
 >>> round(rig.scales.si(rig.slider.stiffness, "stiffness"))  # N/m
 4000000
 
-Stretchings of the laws of thresholds are relative to ``interface.threshold_stretching``. How quantities are written:
-`stickslip.door`.
+Stretchings of the distributions of thresholds are relative to ``interface.breaking_displacement``. How quantities are
+written: `stickslip.io.validation`.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
-from stickslip import model, thresholds
-from stickslip.door import (
+from stickslip import model
+from stickslip.errors import InputError, instance, shown
+from stickslip.io.validation import (
     Force,
     Lag,
     Length,
@@ -37,10 +38,10 @@ from stickslip.door import (
     read_toml,
     validate,
 )
-from stickslip.drive import Drive, hold, ramp
-from stickslip.errors import InputError, instance, shown
-from stickslip.simulate import Contacts, MasterEquation, Method, Record, Relaxed, Sliding, Start
-from stickslip.units import SI, Quantity, Scales, in_si
+from stickslip.model import distributions as thresholds
+from stickslip.model.drive import Drive, constant, ramp
+from stickslip.model.units import SI, Quantity, Scales, in_si
+from stickslip.simulation import Contacts, FromRest, FromSliding, MasterEquation, Method, Output, Start
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -68,7 +69,7 @@ class Rig:
     drive: Drive
     method: Method
     start: Start
-    record: Record
+    output: Output
     scales: Scales | None
     assumed: Mapping[str, str] = field(compare=False)
     document: Mapping[str, Any] = field(compare=False)
@@ -196,65 +197,65 @@ def _in_reach(value: float) -> float:
     return value
 
 
-_DECADES = 15  # beyond, squares and quotients of doubles overflow in the laws
+_DECADES = 15  # beyond, squares and quotients of doubles overflow in the distributions
 _Relative = Annotated[float, AfterValidator(_in_reach)]
 
 
 class _Gaussian(Part):
-    law: Literal["gaussian"]
+    distribution: Literal["gaussian"]
     mean: _Relative = 1.0
-    spread: _Relative
+    std: _Relative
 
-    def make(self) -> thresholds.Law:
-        return thresholds.Gaussian(mean=self.mean, spread=self.spread)
+    def make(self) -> thresholds.Distribution:
+        return thresholds.Gaussian(mean=self.mean, std=self.std)
 
 
 class _Uniform(Part):
-    law: Literal["uniform"]
+    distribution: Literal["uniform"]
     low: _Relative
     high: _Relative
 
-    def make(self) -> thresholds.Law:
+    def make(self) -> thresholds.Distribution:
         return thresholds.Uniform(low=self.low, high=self.high)
 
 
 class _Exponential(Part):
-    law: Literal["exponential"]
+    distribution: Literal["exponential"]
     mean: _Relative = 1.0
 
-    def make(self) -> thresholds.Law:
+    def make(self) -> thresholds.Distribution:
         return thresholds.Exponential(mean=self.mean)
 
 
 class _Gamma(Part):
-    law: Literal["gamma"]
+    distribution: Literal["gamma"]
     mean: _Relative = 1.0
-    spread: _Relative
+    std: _Relative
 
-    def make(self) -> thresholds.Law:
-        return thresholds.Gamma(mean=self.mean, spread=self.spread)
+    def make(self) -> thresholds.Distribution:
+        return thresholds.Gamma(mean=self.mean, std=self.std)
 
 
 class _LogNormal(Part):
-    law: Literal["lognormal"]
+    distribution: Literal["lognormal"]
     mean: _Relative = 1.0
-    spread: _Relative
+    std: _Relative
 
-    def make(self) -> thresholds.Law:
-        return thresholds.LogNormal(mean=self.mean, spread=self.spread)
+    def make(self) -> thresholds.Distribution:
+        return thresholds.LogNormal(mean=self.mean, std=self.std)
 
 
 class _Weibull(Part):
-    law: Literal["weibull"]
+    distribution: Literal["weibull"]
     scale: _Relative = 1.0
     shape: _Relative
 
-    def make(self) -> thresholds.Law:
+    def make(self) -> thresholds.Distribution:
         return thresholds.Weibull(scale=self.scale, shape=self.shape)
 
 
 class _Empirical(Part):
-    law: Literal["empirical"]
+    distribution: Literal["empirical"]
     samples: list[_Relative] | None = None
     """Measured values, to be put into a histogram."""
     edges: list[_Relative] | None = None
@@ -268,20 +269,20 @@ class _Empirical(Part):
             raise ValueError("needs either samples, or edges and weights")
         return self
 
-    def make(self) -> thresholds.Law:
+    def make(self) -> thresholds.Distribution:
         if self.samples is not None:
             return thresholds.Empirical.from_samples(self.samples)
         return thresholds.Empirical(edges=tuple(self.edges or ()), weights=tuple(self.weights or ()))
 
 
-_AnyLaw = Annotated[
-    _Gaussian | _Uniform | _Exponential | _Gamma | _LogNormal | _Weibull | _Empirical, Discriminator("law")
+_AnyDistribution = Annotated[
+    _Gaussian | _Uniform | _Exponential | _Gamma | _LogNormal | _Weibull | _Empirical, Discriminator("distribution")
 ]
 
 
 class _RandomDelay(Part):
     mean: Lag
-    spread: Time
+    std: Time
     negative: model.NegativeDelay = "clip"
     """What becomes of a draw below 0: set to 0, drawn again, or its sign changed."""
 
@@ -297,26 +298,26 @@ _AnyDelay = Annotated[
 
 
 class _Langevin(Part):
-    law: Literal["langevin"]
+    distribution: Literal["langevin"]
     time: Time
     newborn: _Relative = 0.0
     """Threshold of a newborn contact, relative to the mean."""
 
 
 class _ExponentialGrowth(Part):
-    law: Literal["exponential"]
+    distribution: Literal["exponential"]
     time: Time
     newborn: _Relative = 0.0
     """Threshold of a newborn contact, relative to the mean."""
 
 
 class _LogarithmicGrowth(Part):
-    law: Literal["logarithmic"]
+    distribution: Literal["logarithmic"]
     slope: _Relative
     time: Time
 
 
-_AnyAgeing = Annotated[_Langevin | _ExponentialGrowth | _LogarithmicGrowth, Discriminator("law")]
+_AnyAgeing = Annotated[_Langevin | _ExponentialGrowth | _LogarithmicGrowth, Discriminator("distribution")]
 
 
 class _Slider(Part):
@@ -336,14 +337,14 @@ class _Slider(Part):
 
 
 class _Interface(Part):
-    total_threshold: Force | None = None
+    contact_strength: Force | None = None
     normal_load: Force | None = None
     friction_coefficient: float | None = None
-    threshold_stretching: Length | None = None
-    thresholds: _AnyLaw
-    """Law of the thresholds, relative to ``threshold_stretching``."""
-    initial: _AnyLaw = _Gaussian(law="gaussian", mean=0.0, spread=0.01)
-    """Law of the stretchings at the start, in the same unit."""
+    breaking_displacement: Length | None = None
+    thresholds: _AnyDistribution
+    """Distribution of the thresholds, relative to ``breaking_displacement``."""
+    initial: _AnyDistribution = _Gaussian(distribution="gaussian", mean=0.0, std=0.01)
+    """Distribution of the stretchings at the start, in the same unit."""
     delay: _AnyDelay | None = None
     """Time until a broken contact is attached again; by default none."""
     ageing: _AnyAgeing | None = None
@@ -392,7 +393,7 @@ _Words = Annotated[str, Field(max_length=2_000)]
 class _Document(Part):
     name: Annotated[str, Field(max_length=200)] = "rig"
     units: Literal["SI", "natural"] = "SI"
-    """Natural: plain numbers, threshold force, contact stiffness and threshold stretching 1, all per contact."""
+    """Natural: plain numbers, threshold force, contact stiffness and breaking displacement 1, all per contact."""
     slider: _Slider
     interface: _Interface
     drive: _Drive
@@ -431,8 +432,8 @@ class _Document(Part):
             method=Contacts(self.simulation.contacts, self.simulation.seed)
             if self.simulation.method == "contacts"
             else MasterEquation(cells=self.simulation.cells),
-            start=Relaxed() if self.simulation.start == "relaxed" else Sliding(),
-            record=Record(
+            start=FromRest() if self.simulation.start == "relaxed" else FromSliding(),
+            output=Output(
                 interval=None if self.simulation.interval is None else natural(self.simulation.interval, "time")
             ),
             scales=scales,
@@ -450,18 +451,18 @@ class _Document(Part):
     def _scales(self) -> Scales:
         part = self.interface
         by_load = part.normal_load is not None and part.friction_coefficient is not None
-        if by_load == (part.total_threshold is not None):
+        if by_load == (part.contact_strength is not None):
             raise InputError(
-                "interface: needs either total_threshold (sum of the threshold forces of all contacts, such as "
+                "interface: needs either contact_strength (sum of the threshold forces of all contacts, such as "
                 "'768 N'), or normal_load and friction_coefficient"
             )
-        if part.threshold_stretching is None:
-            raise InputError("interface.threshold_stretching: is missing; give the mean threshold, such as '2 um'")
-        force = part.total_threshold if not by_load else (part.normal_load or 0.0) * (part.friction_coefficient or 0.0)
-        scales = Scales(force=force or 0.0, stretching=part.threshold_stretching)
+        if part.breaking_displacement is None:
+            raise InputError("interface.breaking_displacement: is missing; give the mean threshold, such as '2 um'")
+        force = part.contact_strength if not by_load else (part.normal_load or 0.0) * (part.friction_coefficient or 0.0)
+        scales = Scales(force=force or 0.0, stretching=part.breaking_displacement)
         velocities = [abs(v) for v in self._velocities() if v]
         # The unit of time drops out of every result; this one keeps the numbers near 1.
-        time = part.threshold_stretching / max(velocities) if velocities else 1.0
+        time = part.breaking_displacement / max(velocities) if velocities else 1.0
         return Scales(force=scales.force, stretching=scales.stretching, time=time)
 
     def _velocities(self) -> list[float]:
@@ -469,7 +470,7 @@ class _Document(Part):
             return [self.drive.velocity or 0.0]
         return [v for piece in self.drive.pieces for v in (piece.start, piece.end)]
 
-    def _delay(self, natural: Any) -> model.DelayLaw:
+    def _delay(self, natural: Any) -> model.DelayModel:
         delay = self.interface.delay
         if delay is None:
             return model.Delay(0.0)
@@ -477,7 +478,7 @@ class _Document(Part):
             return model.Delay(math.inf)
         if isinstance(delay, _RandomDelay):
             return model.RandomDelay(
-                mean=natural(delay.mean, "time"), spread=natural(delay.spread, "time"), negative=delay.negative
+                mean=natural(delay.mean, "time"), std=natural(delay.std, "time"), negative=delay.negative
             )
         return model.Delay(natural(delay, "time"))
 
@@ -505,11 +506,11 @@ class _Document(Part):
             return drive
         velocity = natural(part.velocity or 0.0, "velocity")
         if part.duration is not None:
-            return hold(velocity, natural(part.duration, "time"))
+            return constant(velocity, natural(part.duration, "time"))
         if velocity == 0:
             raise InputError("drive.velocity: is 0; give a velocity above 0, or a duration")
         distance = 120.0 if part.distance is None else natural(part.distance, "length")
-        return hold(velocity, distance / abs(velocity))
+        return constant(velocity, distance / abs(velocity))
 
 
 def _inverse(time: float) -> float:

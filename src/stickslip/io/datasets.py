@@ -20,8 +20,11 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stickslip import drive, files, model, thresholds, units
+from stickslip import model
 from stickslip.errors import InputError
+from stickslip.io import files
+from stickslip.model import distributions as thresholds
+from stickslip.model import drive, units
 
 if TYPE_CHECKING:
     import xarray as xr
