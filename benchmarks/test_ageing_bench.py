@@ -5,8 +5,13 @@ import time
 import numpy as np
 import pytest
 
-from stickslip.kernels import ageing
 from stickslip.kernels._jit import jit
+from stickslip.kernels.drive import Quadratic
+from stickslip.kernels.langevin import Langevin
+from stickslip.kernels.langevin_contacts import Contacts, advance_contacts
+from stickslip.kernels.langevin_steady import steady_friction
+from stickslip.kernels.oscillator import Slider
+from stickslip.kernels.stepping import Course
 
 COUNT, STD, RATE = 2000, 0.1, 1.5  # Fig. 8
 STIFFNESS, MASS, DAMPING = 1.0, 1e-4, 10.0
@@ -48,16 +53,14 @@ def plain(duration, dt=5e-4, seed=1):
 def fast(duration, step=0.04, reach=0.1, seed=1):
     """Our contacts, in steps that give the error of the mean force that the plain loop has."""
     rng, x, f = start(seed)
-    state, attach, drive = np.zeros(4), np.full(COUNT, -np.inf), np.array([[0.0, 0.0, 1.0, 0.0]])
-    slider, distribution = np.array([STIFFNESS, MASS, DAMPING]), np.array([RATE, 1.0, STD, 0.0])
+    contacts, langevin = Contacts(x, f, np.full(COUNT, -np.inf)), Langevin(RATE, 1.0, STD)
     times = np.arange(1, round(duration / 0.05) + 1) * 0.05
-    return ageing.advance_contacts(
-        state, x, f, attach, drive, slider, distribution, np.zeros(1), times, step, reach, rng
-    )[:, 2]
+    course = Course(Quadratic(0.0, 0.0, 1.0, 0.0), Slider(STIFFNESS, MASS, DAMPING), times, step / RATE**2, reach)
+    return advance_contacts(np.zeros(4), contacts, course, langevin, np.zeros(1), rng)[:, 2]
 
 
 def forty():
-    return ageing.steady_friction(np.geomspace(0.01, 10.0, 40), 1.0, STD)
+    return steady_friction(np.geomspace(0.01, 10.0, 40), Langevin(1.0, 1.0, STD))
 
 
 def test_plain_loop(benchmark):

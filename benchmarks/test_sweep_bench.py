@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).parent))  # worker processes import the ca
 
 import sweep_spin
 
-from stickslip.sweep import Threads, summary, sweep
+from stickslip.sweep import Threads, run_cases, summary
 
 CASES, SECONDS, CORES = 10_000, 1e-3, 2
 TICK = os.sysconf("SC_CLK_TCK")
@@ -70,9 +70,9 @@ def test_ten_thousand_cases_of_a_millisecond(benchmark, tmp_path, pool, stored):
     figures = {}
 
     def run(executor, others):
-        store = tmp_path / "bench.zarr" if stored else None
+        store = tmp_path / "bench.sqlite" if stored else None
         begin = time.perf_counter(), cpu_here() + others(), idle()
-        result = sweep(case, {"i": np.arange(CASES)}, sweep_spin.measure, executor=executor, store=store)
+        result = run_cases(case, {"i": np.arange(CASES)}, executor=executor, store=store)
         end = time.perf_counter(), cpu_here() + others(), idle()
         wall, cpu, idled = (b - a for a, b in zip(begin, end, strict=True))
         busy = float(result["busy"].sum())
@@ -88,8 +88,8 @@ def test_ten_thousand_cases_of_a_millisecond(benchmark, tmp_path, pool, stored):
         return result
 
     with pool() as (executor, others):
-        # Imports (xarray, zarr) and the first use of the executor are paid once, not per case.
-        sweep(case, {"i": range(4)}, sweep_spin.measure, executor=executor, store=tmp_path / "warm.zarr")
+        # Imports (xarray) and the first use of the executor are paid once, not per case.
+        run_cases(case, {"i": range(4)}, executor=executor, store=tmp_path / "warm.sqlite")
         result = benchmark.pedantic(run, args=(executor, others), rounds=1, iterations=1)
     assert summary(result).done == CASES
     np.testing.assert_array_equal(result["twice"], 2 * np.arange(CASES))
@@ -100,24 +100,18 @@ def test_ten_thousand_cases_of_a_millisecond(benchmark, tmp_path, pool, stored):
 
 
 def nothing(i, seed):
-    return i, seed
-
-
-def two_numbers(result):
-    i, seed = result
     return {"twice": 2 * i, "seed": float(seed), "half": 0.5 * i}
 
 
 @pytest.mark.parametrize("stored", [False, True], ids=["memory", "store"])
 def test_what_a_sweep_costs_without_its_cases(benchmark, tmp_path, stored):
-    sweep(nothing, {"i": range(4)}, two_numbers, store=tmp_path / "warm.zarr")
+    run_cases(nothing, {"i": range(4)}, store=tmp_path / "warm.sqlite")
     costs = []
 
     def run(round_):
         begin = time.process_time()
-        result = sweep(
-            nothing, {"i": np.arange(CASES)}, two_numbers, store=tmp_path / f"{round_}.zarr" if stored else None
-        )
+        store = tmp_path / f"{round_}.sqlite" if stored else None
+        result = run_cases(nothing, {"i": np.arange(CASES)}, store=store)
         costs.append(1e6 * (time.process_time() - begin) / CASES)
         return result
 

@@ -90,18 +90,25 @@ def _cases() -> dict[str, Callable[[], object]]:
 
 def _numbers() -> dict[str, Callable[[], object]]:
     """Kernels of ageing contacts that give numbers, coarsely."""
-    from stickslip.kernels import ageing
+    from stickslip.kernels.closure import closure_friction
+    from stickslip.kernels.langevin import Langevin, Life
+    from stickslip.kernels.langevin_response import life_transforms
+    from stickslip.kernels.langevin_steady import pull_newborns, steady_moments
+
+    tenth = Langevin(rate=1.0, mean=1.0, std=0.1)
 
     p = np.array([0.3 + 0.5j, 0.005 + 0.001j])
     return {
-        "steady moments": lambda: [ageing.steady_moments(u, 0.1, born, 8) for u in (0.1, 1.5) for born in (0.0, 0.3)],
+        "steady moments": lambda: [
+            steady_moments(Life(u, 0.1, newborn), 8) for u in (0.1, 1.5) for newborn in (0.0, 0.3)
+        ],
         "dynamic stiffness": lambda: [
             [value.real, value.imag]
-            for born in (0.0, 0.3)
-            for value in ageing.life_transforms(0.5, 0.1, born, p, 6).ravel()
+            for newborn in (0.0, 0.3)
+            for value in life_transforms(Life(0.5, 0.1, newborn), p, 6).ravel()
         ],
-        "newborns pulled": lambda: ageing.pull_newborns(0.3, 1.0, 0.1, 1.0, 1.0, 20, 12)[0].tolist(),
-        "closure, friction": lambda: ageing.closure_friction(np.array([0.1, 0.5]), 1.0, 0.1, 0.0, 1.0, 5.0).tolist(),
+        "newborns pulled": lambda: pull_newborns(0.3, tenth, 1.0, 20, 12)[0].tolist(),
+        "closure, friction": lambda: closure_friction(np.array([0.1, 0.5]), tenth, 5.0).tolist(),
     }
 
 

@@ -1,40 +1,55 @@
 """Contacts whose thresholds age: sampling, kinetic equation, stability, the paper's closure."""
 
+from functools import partial
 from math import erf, erfc, exp, sqrt
 
 import numpy as np
 import pytest
 
-from stickslip.kernels import ageing
+from stickslip.kernels import langevin_contacts
+from stickslip.kernels.closure import Cohorts as ClosureCohorts
+from stickslip.kernels.closure import (
+    Thresholds,
+    advance_closure,
+    closure_friction,
+    relax,
+    threshold_edges,
+    threshold_rates,
+)
+from stickslip.kernels.drive import Quadratic, drive_at
+from stickslip.kernels.growth import EXPONENTIAL, LOGARITHMIC, Growing, Growth, advance_growing, growing_friction
+from stickslip.kernels.langevin import Langevin, Life
+from stickslip.kernels.langevin_contacts import Contacts, advance_contacts, crossing, reflected
+from stickslip.kernels.langevin_density import Cohorts, advance_density, cell_widths, density_nodes
+from stickslip.kernels.langevin_response import dynamic_stiffness
+from stickslip.kernels.langevin_steady import life_moments, pull_newborns, steady_friction
+from stickslip.kernels.oscillator import RIGID, Load, Motion, Slider, move
+from stickslip.kernels.stepping import Course
 
 STD = 0.1
 NONE = np.zeros(1)
+ONE = Langevin(rate=1.0, mean=1.0, std=STD)
+FIG_8 = Slider(stiffness=1.0, mass=1e-4, damping=10.0)
 
 
-def holding(velocity):
-    return np.array([[0.0, 0.0, velocity, 0.0]])
-
-
-RIGID = np.array([np.inf, 1.0, 1.0])
+def pulling(velocity, start=0.0, position=0.0):
+    return Quadratic(start, position, velocity, 0.0)
 
 
 def contacts_at_rest(n, rng):
-    return np.zeros(n), np.abs(rng.normal(1.0, STD, n)), np.full(n, -np.inf)
+    return Contacts(np.zeros(n), np.abs(rng.normal(1.0, STD, n)), np.full(n, -np.inf))
 
 
 def friction_of_contacts(u, rate=1.0, step=0.04, n=10_000, span=20.0, newborn=0.0, delay=0.0, seed=1):
     """Mean force of sampled contacts in steady rigid motion, and its standard error from 20 blocks."""
     rng = np.random.default_rng(seed)
     velocity = u * rate**2
-    x, f, attach = contacts_at_rest(n, rng)
-    f *= rng.random(n)  # desynchronised, so that the start is soon forgotten
-    distribution, state = np.array([rate, 1.0, STD, newborn]), np.zeros(4)
+    contacts, langevin = contacts_at_rest(n, rng), Langevin(rate, 1.0, STD, newborn)
+    contacts.threshold[:] *= rng.random(n)  # desynchronised, so that the start is soon forgotten
     start = 12.0 / velocity + 4.0 / rate**2
     times = start + np.arange(0, 401) * span / rate**2 / 400
-    delays = np.array([delay])
-    run = ageing.advance_contacts(
-        state, x, f, attach, holding(velocity), RIGID, distribution, delays, times, step, np.inf, rng
-    )
+    course = Course(pulling(velocity), RIGID, times, step / rate**2, np.inf)
+    run = advance_contacts(np.zeros(4), contacts, course, langevin, np.array([delay]), rng)
     blocks = run[1:, 3].reshape(20, -1).mean(axis=1)
     return blocks.mean(), blocks.std() / sqrt(20)
 
@@ -54,17 +69,16 @@ def plain_euler(u, dt, n, steps, seed):
     return np.mean(forces)
 
 
-# ---------------------------------------------------------------- the threshold distribution
+# ---------------------------------------------------------------- the distribution of thresholds
 
 
 @pytest.mark.eq(13, 15, 16)
 def test_distributions_at_rest_keep_their_distribution_and_forget_as_exp_minus_rate_squared_t():
     rng, n, rate, lag = np.random.default_rng(3), 20_000, 1.3, 0.4
-    x, f, attach = contacts_at_rest(n, rng)
-    distribution, state = np.array([rate, 1.0, STD, 0.0]), np.zeros(4)
-    before = f.copy()
-    times = np.array([0.5 * lag, lag])
-    ageing.advance_contacts(state, x, f, attach, holding(0.0), RIGID, distribution, NONE, times, 0.04, 0.05, rng)
+    contacts = contacts_at_rest(n, rng)
+    f, before = contacts.threshold, contacts.threshold.copy()
+    course = Course(pulling(0.0), RIGID, np.array([0.5 * lag, lag]), 0.04 / rate**2, 0.05)
+    advance_contacts(np.zeros(4), contacts, course, ONE._replace(rate=rate), NONE, rng)
     assert abs(f.mean() - 1.0) < 4 * STD / sqrt(n)
     assert abs(f.std() - STD) < 4 * STD / sqrt(2 * n)
     expected = exp(-(rate**2) * lag)
@@ -80,13 +94,10 @@ def test_distributions_at_rest_keep_their_distribution_and_forget_as_exp_minus_r
 def test_cells_of_thresholds_relax_to_the_gaussian_at_second_order():
     errors = []
     for cells in (4.0, 8.0):
-        edges = ageing.threshold_edges(1.0, STD, 1.0, cells)
-        n = edges.size - 1
-        up, down, back = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
-        ageing._threshold_rates(edges, 1.0, STD**2, 1.0, up, down)
-        mass = np.zeros(n)
-        mass[n // 3] = 1.0
-        ageing._relax(mass, up, down, 1e5, back)  # an endless step lands on the stationary distribution
+        edges = threshold_edges(ONE._replace(newborn=1.0), cells)
+        mass = np.zeros(edges.size - 1)
+        mass[mass.size // 3] = 1.0
+        relax(mass, threshold_rates(edges, ONE), 1e5)  # an endless step ends at the stationary distribution
         assert abs(mass.sum() - 1.0) < 1e-9
         assert mass.min() >= 0.0
         gauss = np.diff([0.5 * (1 + erf((e - 1.0) / STD / sqrt(2))) for e in edges])
@@ -98,19 +109,17 @@ def test_cells_of_thresholds_relax_to_the_gaussian_at_second_order():
 # ---------------------------------------------------------------- the pieces of a step
 
 
-def test_a_gap_that_is_reflected_has_the_distribution_of_a_reflected_brownian_motion():
+def test_a_margin_that_is_reflected_has_the_distribution_of_a_reflected_brownian_motion():
     rng, n, drift, noise, time = np.random.default_rng(5), 40_000, -0.7, 0.5, 1.0
     sigma = sqrt(noise * time)
-    sample = np.array([ageing._regenerate(0.0, drift, noise, time, rng) for _ in range(n)])
+    sample = np.array([reflected(0.0, drift, noise, time, rng) for _ in range(n)])
 
     def normal(z):
         return 0.5 * erfc(-z / sqrt(2))
 
     for y in (0.1, 0.3, 0.6, 1.0):
-        distribution = normal((y - drift * time) / sigma) - exp(2 * drift * y / noise) * normal(
-            (-y - drift * time) / sigma
-        )
-        assert abs(np.mean(sample[:, 0] <= y) - distribution) < 4 * sqrt(distribution * (1 - distribution) / n)
+        below = normal((y - drift * time) / sigma) - exp(2 * drift * y / noise) * normal((-y - drift * time) / sigma)
+        assert abs(np.mean(sample[:, 0] <= y) - below) < 4 * sqrt(below * (1 - below) / n)
     assert sample[:, 1].min() > 0.0
     assert sample[:, 1].max() <= time
 
@@ -118,20 +127,20 @@ def test_a_gap_that_is_reflected_has_the_distribution_of_a_reflected_brownian_mo
 def test_the_last_visit_to_the_boundary_is_where_the_bridge_has_it_on_average():
     """First passage densities of the two parts of the step, integrated over where the minimum lies."""
     rng, noise, time = np.random.default_rng(6), 0.3, 2.0
-    gap, age = ageing._regenerate(0.05, -0.2, noise, time, rng)
-    # The depth of the minimum follows from gap and age, gap/(down + gap) of the step; the distribution of its time is
-    down = gap * (time - age) / age
+    margin, age = reflected(0.05, -0.2, noise, time, rng)
+    # The depth of the minimum follows from margin and age, margin/(down + margin) of the step. Its time has the density
+    down = margin * (time - age) / age
     t = time * 0.5 * (1 - np.cos(np.pi * (np.arange(20_000) + 0.5) / 20_000))
     weight = np.sin(np.pi * (np.arange(20_000) + 0.5) / 20_000) * (t * (time - t)) ** -1.5
-    weight *= np.exp(-(down**2 / t + gap**2 / (time - t)) / (2 * noise))
+    weight *= np.exp(-(down**2 / t + margin**2 / (time - t)) / (2 * noise))
     assert age == pytest.approx(((time - t) * weight).sum() / weight.sum(), rel=1e-6)
 
 
 def test_a_forgotten_start_and_an_exact_one_give_the_same_distribution():
     rng, n, noise, time = np.random.default_rng(7), 40_000, 1.0, 1.0
-    near = np.array([ageing._regenerate(0.0, -3.9999, noise, time, rng) for _ in range(n)])
-    past = np.array([ageing._regenerate(0.0, -4.0001, noise, time, rng) for _ in range(n)])
-    assert ageing.FORGOTTEN == 16.0  # the two lie on both sides of it
+    near = np.array([reflected(0.0, -3.9999, noise, time, rng) for _ in range(n)])
+    past = np.array([reflected(0.0, -4.0001, noise, time, rng) for _ in range(n)])
+    assert langevin_contacts.FORGOTTEN == 16.0  # the two lie on both sides of it
     error = 4 * np.sqrt((near.var(axis=0) + past.var(axis=0)) / n)
     # The age over an endless past has its last exp(-8) beyond the step.
     assert np.all(np.abs(near.mean(axis=0) - past.mean(axis=0)) < error + 1e-3)
@@ -140,7 +149,7 @@ def test_a_forgotten_start_and_an_exact_one_give_the_same_distribution():
 def test_the_moment_of_breaking_inside_a_step_is_that_of_a_bridge():
     rng, n = np.random.default_rng(8), 20_000
     start, end, variance = 0.8, 0.5, 1.0
-    sample = np.array([ageing._crossing(start, end, variance, rng) for _ in range(n)])
+    sample = np.array([crossing(start, end, variance, rng) for _ in range(n)])
     clock = sample / (1 - sample)  # inverse Gaussian of mean start/end and shape start^2/variance
     mean, shape = start / end, start**2 / variance
     assert abs(clock.mean() - mean) < 4 * sqrt(mean**3 / shape / n)
@@ -150,24 +159,37 @@ def test_the_moment_of_breaking_inside_a_step_is_that_of_a_bridge():
 @pytest.mark.eq(11)
 @pytest.mark.parametrize("damping", [3.0, 20.0, 90.0])
 def test_the_oscillator_satisfies_its_equation(damping):
-    k, mass, force, dt = 2.0, 0.02, (0.3, -0.7, 0.4), 1e-4
+    slider, force, dt = Slider(1.5, 0.02, damping), (0.3, -0.7, 0.4), 1e-4
+    k, mass = slider.stiffness + 0.5, slider.mass  # of the spring and the contacts
+    # The drive starts at 0.2 with velocity -1 and acceleration 2; the contacts give the rest of the force.
+    drive, start = Quadratic(0.0, 0.2, -1.0, 2.0), Motion(0.0, 0.2, -1.0)
+    load = Load(1.5 * 0.2 + 0.5 * 0.2 - force[0], 0.5, force[1] + 1.5, 2.0 * (force[2] - 1.5))
 
     def at(t):
-        return ageing._oscillator(0.2, -1.0, k, mass, damping, *force, t)
+        there = move(slider, drive, start, load, t)
+        return there.X, there.V
 
     for t in (0.01, 0.1, 0.5):
-        x, v, _ = at(t)
+        x, v = at(t)
         acceleration = (at(t + dt)[1] - at(t - dt)[1]) / (2 * dt)
         residual = mass * acceleration + mass * damping * v + k * x - force[0] - force[1] * t - force[2] * t**2
         assert abs(residual) < 1e-5
         assert abs((at(t + dt)[0] - at(t - dt)[0]) / (2 * dt) - v) < 1e-4
 
 
-def test_the_drive_is_read_segment_by_segment():
-    drive = np.array([[0.0, 1.0, 2.0, 0.0], [3.0, 7.0, 2.0, -1.0]])
-    assert ageing.drive_at(drive, 1.0) == (3.0, 2.0, 0.0, 3.0)
-    assert ageing.drive_at(drive, 3.0) == (7.0, 2.0, -1.0, np.inf)
-    assert ageing.drive_at(drive, 5.0) == (9.0, 0.0, -1.0, np.inf)
+def test_a_slider_with_very_strong_damping_creeps_and_does_not_overflow():
+    """A step of many hundred times the inverse damping rate, where hyperbolic functions exceed the largest number."""
+    slider, drive = Slider(stiffness=1.0, mass=1e-4, damping=1e6), Quadratic(0.0, 0.5, 0.0, 0.0)
+    there = move(slider, drive, Motion(0.0, 0.0, 0.0), Load(force=0.0, stiffness=1.0), 20.0)
+    rate = (1.0 + 1.0) / (slider.mass * slider.damping)  # of the slow mode; 1 / 5e7 smaller than the fast one
+    assert pytest.approx(0.25 * (1.0 - exp(-20.0 * rate)), rel=1e-6) == there.X
+
+
+def test_the_drive_is_quadratic_in_time():
+    drive = Quadratic(start=3.0, position=7.0, velocity=2.0, acceleration=-1.0)
+    assert drive_at(drive, 3.0) == (7.0, 2.0)
+    assert drive_at(drive, 5.0) == (9.0, 0.0)
+    assert drive_at(drive, 1.0) == (1.0, 4.0)
 
 
 # ---------------------------------------------------------------- steady friction
@@ -177,35 +199,36 @@ def test_the_drive_is_read_segment_by_segment():
 @pytest.mark.parametrize(("u", "force"), [(0.1, 0.4677), (0.5, 0.3756), (1.0, 0.1243), (5.0, 0.00310)])
 @pytest.mark.parametrize("rate", [1.0, 1.5])
 def test_steady_friction_of_the_kinetic_equation(u, force, rate):
-    solved = ageing.steady_friction(np.array([u * rate**2]), rate, STD)[0]
+    langevin = ONE._replace(rate=rate)
+    solved = steady_friction(np.array([u * rate**2]), langevin)[0]
     assert solved == pytest.approx(force, rel=0.003)
-    assert ageing.steady_friction(np.array([-u * rate**2]), rate, STD)[0] == -solved
+    assert steady_friction(np.array([-u * rate**2]), langevin)[0] == -solved
 
 
 def test_steady_friction_scales_with_the_mean_threshold():
-    one = ageing.steady_friction(np.array([0.3]), 1.0, 0.1)[0]
-    assert ageing.steady_friction(np.array([0.6]), 1.0, 0.2, 0.0, 2.0)[0] == pytest.approx(2 * one, rel=1e-12)
+    one = steady_friction(np.array([0.3]), ONE)[0]
+    assert steady_friction(np.array([0.6]), Langevin(1.0, 2.0, 0.2))[0] == pytest.approx(2 * one, rel=1e-12)
 
 
 def test_steady_friction_has_its_tail():
     u, std = np.array([20.0, 50.0, 100.0]), 0.02
     tail = std**2 * u / (u - 1) ** 2
-    # The next order is spread^2/(u-1)^2 with a factor near 5.
-    assert np.all(np.abs(ageing.steady_friction(u, 1.0, std) / tail - 1) < 2e-4 + 12 * std**2 / (u - 1))
+    # The next order is std^2/(u-1)^2 with a factor near 5.
+    assert np.all(np.abs(steady_friction(u, Langevin(1.0, 1.0, std)) / tail - 1) < 2e-4 + 12 * std**2 / (u - 1))
 
 
 @pytest.mark.parametrize("u", [1e-3, 0.05, 0.5, 1.0, 3.0, 20.0])
 def test_steady_friction_is_accurate_to_1e_4_and_of_second_order(u):
-    plain = [np.divide(*ageing._steady_moments(u, STD, 0.0, m, 4 * m)[::-1]) for m in (100, 200, 400)]
+    plain = [np.divide(*life_moments(Life(u, STD, 0.0), m, 4 * m)[::-1]) for m in (100, 200, 400)]
     assert (plain[0] - plain[1]) / (plain[1] - plain[2]) == pytest.approx(4.0, rel=0.1)
     best = (4 * plain[2] - plain[1]) / 3
-    assert ageing.steady_friction(np.array([u]), 1.0, STD)[0] == pytest.approx(best, rel=1e-4)
+    assert steady_friction(np.array([u]), ONE)[0] == pytest.approx(best, rel=1e-4)
 
 
 @pytest.mark.parametrize("u", [0.1, 0.5, 1.0, 2.0, 5.0])
 def test_contacts_have_the_friction_of_the_kinetic_equation(u):
     force, error = friction_of_contacts(u)
-    exact = ageing.steady_friction(np.array([u]), 1.0, STD)[0]
+    exact = steady_friction(np.array([u]), ONE)[0]
     assert abs(force - exact) < 4 * error + 0.005 * exact
 
 
@@ -223,7 +246,7 @@ def test_halving_the_step_does_not_move_the_friction(u):
 
 
 def test_the_plain_loop_is_biased_where_bridges_are_not():
-    u, exact = 2.0, ageing.steady_friction(np.array([2.0]), 1.0, STD)[0]
+    u, exact = 2.0, steady_friction(np.array([2.0]), ONE)[0]
     bias = [plain_euler(u, dt, 2000, int(4.0 / dt), seed=4) / exact - 1 for dt in (8e-3, 2e-3)]
     assert -0.06 < bias[1] < -0.03
     assert 1.5 < bias[0] / bias[1] < 4.0  # a quarter of the step gives less than a quarter of the bias
@@ -232,74 +255,79 @@ def test_the_plain_loop_is_biased_where_bridges_are_not():
 
 
 @pytest.mark.parametrize(("u", "delay"), [(0.5, 0.0), (0.5, 0.2), (2.0, 0.1)])
-def test_contacts_born_above_their_boundary_break_at_a_finite_rate(u, delay):
+def test_contacts_that_attach_above_their_boundary_break_at_a_finite_rate(u, delay):
     force, error = friction_of_contacts(u, newborn=0.3, delay=delay, n=5000)
-    exact = ageing.steady_friction(np.array([u]), 1.0, STD, 0.3, 1.0, delay)[0]
+    exact = steady_friction(np.array([u]), ONE._replace(newborn=0.3), delay)[0]
     assert abs(force - exact) < 4 * error + 0.005 * exact
 
 
 def test_a_delay_needs_a_newborn_threshold():
     rng = np.random.default_rng(0)
-    x, f, attach = contacts_at_rest(3, rng)
-    distribution, state = np.array([1.0, 1.0, STD, 0.0]), np.zeros(4)
+    course = Course(pulling(1.0), RIGID, np.ones(1), 0.04, 1.0)
     with pytest.raises(ValueError, match="newborn"):
-        ageing.advance_contacts(
-            state, x, f, attach, holding(1.0), RIGID, distribution, np.ones(1), np.ones(1), 0.04, 1.0, rng
-        )
+        advance_contacts(np.zeros(4), contacts_at_rest(3, rng), course, ONE, np.ones(1), rng)
 
 
 # ---------------------------------------------------------------- the kinetic equation in time
 
 
 def density_at_rest(cells=400):
-    """Relaxed contacts as two cohorts, pulled back and ahead: Gaussian stretchings (20 points) and thresholds."""
-    nodes, rows = ageing.gap_nodes(1.0, STD, 0.0, cells / 40), cells // 2
+    """State, cohorts and nodes: contacts pulled back and ahead, Gaussian stretchings (20 points) and thresholds."""
+    nodes, rows = density_nodes(ONE, cells / 40), cells // 2
     points, weights = np.polynomial.hermite_e.hermegauss(20)
-    gauss = np.exp(-0.5 * ((nodes + 0.01 * np.abs(points)[:, None] - 1.0) / STD) ** 2) * ageing.gap_widths(nodes)
+    gauss = np.exp(-0.5 * ((nodes + 0.01 * np.abs(points)[:, None] - 1.0) / STD) ** 2) * cell_widths(nodes)
     gauss[:, 0] = 0.0
     gauss *= (weights / weights.sum() / gauss.sum(axis=1))[:, None]
     place, mass, moment = np.zeros(rows), np.zeros((rows, nodes.size)), np.zeros((rows, nodes.size))
     for row, side in enumerate((points < 0.0, points > 0.0)):
         mass[row], moment[row] = gauss[side].sum(axis=0), -0.01 * points[side] @ gauss[side]
-    return np.array([0.0, 0.0, 0.0, 0.0, 2.0, 0.0]), place, mass, moment, nodes
+    return np.array([0.0, 0.0, 0.0, 0.0, 2.0, 0.0]), Cohorts(place, mass, moment), nodes
 
 
-def advance_density(density, drive, slider, rate, times, cells=400):
-    distribution, step = np.array([rate, 1.0, STD, 0.0]), 4.0 / cells
-    return ageing.advance_density(*density, drive, slider, distribution, np.asarray(times), step, step)
+def advance(density, drive, slider, rate, times, cells=400):
+    step = 4.0 / cells
+    course = Course(drive, slider, np.asarray(times), step / rate**2, step)
+    return advance_density(*density, course, ONE._replace(rate=rate))
+
+
+def advance_to_and_fro(advance_to, times, sign=1.0):
+    """Samples at `times` as the drive goes one way until 0.12, then turns round: `advance_to` takes drive and times."""
+    turn = int(np.searchsorted(times, 0.12 * (1 - 1e-12)))
+    there = advance_to(pulling(sign * 10.0), np.append(times[:turn], 0.12))[:turn]
+    return np.vstack([there, advance_to(pulling(-sign * 10.0, 0.12, sign * 1.2), np.maximum(times[turn:], 0.12))])
 
 
 def friction_of_density(u, cells):
     """Force after rigid motion over some sixteen lives at the least."""
     density, end = density_at_rest(cells), max(4.0, 16.0 / u)
-    run = advance_density(density, holding(u), RIGID, 1.0, np.linspace(0.9 * end, end, 50), cells)
+    run = advance(density, pulling(u), RIGID, 1.0, np.linspace(0.9 * end, end, 50), cells)
     assert np.all(np.abs(run[:, 4] - 1.0) < 1e-12)
-    assert density[2].min() >= 0.0
+    assert density[1].mass.min() >= 0.0
     return run[:, 3].mean()
 
 
 @pytest.mark.eq(17)
 @pytest.mark.parametrize(("u", "tolerance"), [(0.5, 0.003), (1.0, 0.003), (2.0, 0.01), (5.0, 0.02)])
 def test_the_density_slides_with_the_steady_friction(u, tolerance):
-    exact = ageing.steady_friction(np.array([u]), 1.0, STD)[0]
+    exact = steady_friction(np.array([u]), ONE)[0]
     assert friction_of_density(u, 400) == pytest.approx(exact, rel=tolerance)
 
 
 @pytest.mark.slow
 def test_the_density_slides_slowly_with_the_steady_friction():
     u, cells, lives = 0.1, 200, 30
-    density = density_at_rest(cells)
-    density[0][4], density[1][:40] = 40.0, -0.02 * np.arange(40)  # of all ages, for slow ones forget their start slowly
-    density[2][:40], density[3][:] = density[2][:2].sum(axis=0) / 40, 0.0
+    density = state, (place, mass, moment), _ = density_at_rest(cells)
+    state[4], place[:40] = 40.0, -0.02 * np.arange(40)  # of all ages, for slow ones forget their start slowly
+    mass[:40], moment[:] = mass[:2].sum(axis=0) / 40, 0.0
     times = np.arange(lives * 50) * 0.2
-    run = advance_density(density, holding(u), RIGID, 1.0, times, cells)[-500:, 3]
-    exact = ageing.steady_friction(np.array([u]), 1.0, STD)[0]
+    run = advance(density, pulling(u), RIGID, 1.0, times, cells)[-500:, 3]
+    exact = steady_friction(np.array([u]), ONE)[0]
     assert np.average(run, weights=np.hanning(run.size)) == pytest.approx(exact, rel=0.003)
 
 
 @pytest.mark.parametrize("u", [0.5, 1.0])
 def test_the_density_converges_at_second_order(u):
-    exact = ageing.steady_friction(np.array([u]), 1.0, STD)[0]
+    exact = steady_friction(np.array([u]), ONE)[0]
     errors = [friction_of_density(u, cells) / exact - 1 for cells in (100, 200, 400)]
     assert np.log(errors[0] / errors[2]) / np.log(4) > 1.6
     assert abs(errors[2]) < 0.001
@@ -307,58 +335,61 @@ def test_the_density_converges_at_second_order(u):
 
 @pytest.mark.eq(14, 17)
 def test_the_density_at_rest_stays_the_gaussian_of_its_thresholds():
-    state, place, mass, moment, nodes = density_at_rest()
+    density = _, (_, mass, moment), nodes = density_at_rest()
     moment[:], mass[:] = 0.0, 0.0
-    mass[0] = np.exp(-0.5 * ((nodes - 1.0) / STD) ** 2) * ageing.gap_widths(nodes)
+    mass[0] = np.exp(-0.5 * ((nodes - 1.0) / STD) ** 2) * cell_widths(nodes)
     mass[0] /= mass.sum()
     mass[0, 0], before = 0.0, mass.copy()
-    run = advance_density((state, place, mass, moment, nodes), holding(0.0), RIGID, 1.0, [3.0])
+    run = advance(density, pulling(0.0), RIGID, 1.0, [3.0])
     assert np.abs(mass - before).sum() < 1e-10  # up to what the breaking boundary, ten standard deviations away, takes
     assert run[0, 3] == 0.0
 
 
 def test_the_density_does_not_know_left_from_right():
     """To and fro, beginning either way: forces change sign, and contacts born on the way back are pulled back."""
-    runs = []
+    runs, times = [], np.linspace(0.005, 0.4, 80)
     for sign in (1.0, -1.0):
         density = density_at_rest(200)
-        drive = np.array([[0.0, 0.0, sign * 10.0, 0.0], [0.12, sign * 1.2, -sign * 10.0, 0.0]])
-        runs.append(advance_density(density, drive, RIGID, 1.5, np.linspace(0.005, 0.4, 80), 200))
+        part = partial(advance, density, slider=RIGID, rate=1.5, cells=200)
+        runs.append(advance_to_and_fro(lambda *to, part=part: part(drive=to[0], times=to[1]), times, sign))
     np.testing.assert_allclose(runs[0][:, :4], -runs[1][:, :4], atol=1e-9)
 
 
 def test_fast_motion_to_and_fro_agrees_with_many_contacts():
     rng, n, times = np.random.default_rng(14), 40_000, np.linspace(0.005, 0.4, 80)
-    drive = np.array([[0.0, 0.0, 10.0, 0.0], [0.12, 1.2, -10.0, 0.0]])
-    run = advance_density(density_at_rest(800), drive, RIGID, 1.5, times, 800)
-    x, f, attach = contacts_at_rest(n, rng)
-    x[:], distribution = rng.normal(0.0, 0.01, n), np.array([1.5, 1.0, STD, 0.0])
-    sampled = ageing.advance_contacts(
-        np.zeros(4), x, f, attach, drive, RIGID, distribution, NONE, times, 0.005, 0.01, rng
-    )
+    density, contacts, state = density_at_rest(800), contacts_at_rest(n, rng), np.zeros(4)
+    contacts.stretching[:], langevin = rng.normal(0.0, 0.01, n), ONE._replace(rate=1.5)
+
+    def sample(drive, times):
+        course = Course(drive, RIGID, times, 0.005 / 1.5**2, 0.01)
+        return advance_contacts(state, contacts, course, langevin, NONE, rng)
+
+    run = advance_to_and_fro(lambda drive, to: advance(density, drive, RIGID, 1.5, to, 800), times)
+    sampled = advance_to_and_fro(sample, times)
     # A contact's stretching scatters by less than 0.5.
     assert np.all(np.abs(run[:, 3] - sampled[:, 3]) < 4 * 0.5 / sqrt(n) + 0.004)
 
 
 def test_newborns_with_strength_have_the_steady_friction_in_the_density_too():
     u, newborn, cells = 0.5, 0.3, 400
-    state, place, _, _, nodes = density_at_rest(cells)
-    nodes = ageing.gap_nodes(1.0, STD, newborn, cells / 40)
-    mass, moment = np.zeros((place.size, nodes.size)), np.zeros((place.size, nodes.size))
-    mass[0, nodes.size // 2] = 1.0
-    distribution, times = np.array([1.0, 1.0, STD, newborn]), np.linspace(28.0, 32.0, 50)
-    run = ageing.advance_density(state, place, mass, moment, nodes, holding(u), RIGID, distribution, times, 0.01, 0.01)
-    exact = ageing.steady_friction(np.array([u]), 1.0, STD, newborn)[0]
+    langevin = ONE._replace(newborn=newborn)
+    state, (place, _, _), _ = density_at_rest(cells)
+    nodes = density_nodes(langevin, cells / 40)
+    cohorts = Cohorts(place, np.zeros((place.size, nodes.size)), np.zeros((place.size, nodes.size)))
+    cohorts.mass[0, nodes.size // 2] = 1.0
+    course = Course(pulling(u), RIGID, np.linspace(28.0, 32.0, 50), 0.01, 0.01)
+    run = advance_density(state, cohorts, nodes, course, langevin)
+    exact = steady_friction(np.array([u]), langevin)[0]
     assert run[:, 3].mean() == pytest.approx(exact, rel=0.003)
     assert np.all(np.abs(run[:, 4] - 1.0) < 1e-12)
 
 
 def test_the_density_can_be_advanced_in_chunks():
-    slider, times = np.array([1.0, 1e-4, 10.0]), np.linspace(0.0, 1.2, 13)[1:]
+    times = np.linspace(0.0, 1.2, 13)[1:]
     whole, parts = density_at_rest(200), density_at_rest(200)
-    once = advance_density(whole, holding(1.0), slider, 1.5, times, 200)
-    first = advance_density(parts, holding(1.0), slider, 1.5, times[:7], 200)
-    second = advance_density(parts, holding(1.0), slider, 1.5, times[7:], 200)
+    once = advance(whole, pulling(1.0), FIG_8, 1.5, times, 200)
+    first = advance(parts, pulling(1.0), FIG_8, 1.5, times[:7], 200)
+    second = advance(parts, pulling(1.0), FIG_8, 1.5, times[7:], 200)
     # A new call has forgotten the free oscillation of the last step, on which the next step depends.
     assert np.allclose(np.vstack([first, second]), once, atol=1e-3)
 
@@ -369,19 +400,16 @@ def test_the_density_can_be_advanced_in_chunks():
 def pulled_contacts(rate, steady, n=2000, span=40.0, seed=0, step=0.04, reach=0.03):
     """Fig. 8: spring force from relaxed contacts or from steady sliding, sampled every 0.01."""
     rng, velocity = np.random.default_rng(seed), 1.0
-    distribution, slider = np.array([rate, 1.0, STD, 0.0]), np.array([1.0, 1e-4, 10.0])
-    x, f, attach = contacts_at_rest(n, rng)
-    state, drive = np.zeros(4), holding(velocity)
+    contacts, langevin = contacts_at_rest(n, rng), ONE._replace(rate=rate)
+    state, course = np.zeros(4), Course(pulling(velocity), RIGID, np.array([15.0]), step / rate**2, reach)
     if steady:
-        f *= rng.random(n)
-        run = ageing.advance_contacts(
-            state, x, f, attach, drive, RIGID, distribution, NONE, np.array([15.0]), step, reach, rng
-        )
-        drive = np.array([[15.0, state[1] + run[0, 3] + 1e-3, velocity, 0.0]])
+        contacts.threshold[:] *= rng.random(n)
+        run = advance_contacts(state, contacts, course, langevin, NONE, rng)
+        course = course._replace(drive=pulling(velocity, 15.0, state[1] + run[0, 3] + 1e-3))
     else:
-        x[:] = rng.normal(0.0, 0.01, n)
+        contacts.stretching[:] = rng.normal(0.0, 0.01, n)
     times = state[0] + np.arange(1, int(100 * span) + 1) * 0.01
-    return ageing.advance_contacts(state, x, f, attach, drive, slider, distribution, NONE, times, step, reach, rng)
+    return advance_contacts(state, contacts, course._replace(slider=FIG_8, times=times), langevin, NONE, rng)
 
 
 def period(force, dt=0.01, between=(1.5, 2.5), cycles=6):
@@ -400,11 +428,9 @@ def period(force, dt=0.01, between=(1.5, 2.5), cycles=6):
 @pytest.mark.eq(11)
 def test_contacts_and_slider_at_rest_balance():
     rng, n = np.random.default_rng(11), 500
-    x, f, attach = contacts_at_rest(n, rng)
-    distribution, slider, state = np.array([1.0, 1.0, STD, 0.0]), np.array([2.0, 1e-4, 40.0]), np.zeros(4)
-    times = np.array([1.0, 2.0])
-    drive = np.array([[0.0, 0.3, 0.0, 0.0]])  # pulled by 0.3 at once, far from any threshold
-    run = ageing.advance_contacts(state, x, f, attach, drive, slider, distribution, NONE, times, 0.04, 0.05, rng)
+    drive = Quadratic(0.0, 0.3, 0.0, 0.0)  # pulled by 0.3 at once, far from any threshold
+    course = Course(drive, Slider(2.0, 1e-4, 40.0), np.array([1.0, 2.0]), 0.04, 0.05)
+    run = advance_contacts(np.zeros(4), contacts_at_rest(n, rng), course, ONE, NONE, rng)
     assert run[-1, 0] == pytest.approx(0.2, abs=1e-9)  # K (D - X) = X
     assert run[-1, 2] == pytest.approx(run[-1, 3], abs=1e-9)
 
@@ -433,8 +459,7 @@ def test_fig_8_contacts(rate, steady, low, high):
 @pytest.mark.slow
 @pytest.mark.parametrize(("rate", "low", "high"), [(0.9, 0.36, 0.46), (1.5, 1.20, 1.28)])
 def test_fig_8_kinetic_equation_has_the_peaks_of_many_contacts(rate, low, high):
-    slider, times = np.array([1.0, 1e-4, 10.0]), np.arange(1, 1601) * 0.01
-    run = advance_density(density_at_rest(), holding(1.0), slider, rate, times)
+    run = advance(density_at_rest(), pulling(1.0), FIG_8, rate, np.arange(1, 1601) * 0.01)
     sampled = pulled_contacts(rate, False, n=50_000, span=16.0, step=0.01, reach=0.01)[600:, 2]
     force = run[600:, 2]
     assert low < np.ptp(force) < high
@@ -455,38 +480,38 @@ def test_fig_8_kinetic_equation_has_the_peaks_of_many_contacts(rate, low, high):
 @pytest.mark.parametrize("u", [0.05, 0.3, 0.5, 1.0, 3.0])
 def test_dynamic_stiffness_at_low_frequency_is_the_slope_of_the_friction(u):
     h, s = 1e-4 * u, 1e-4
-    low, high = ageing.steady_friction(np.array([u - h, u + h]), 1.0, STD, 0.0, 1.0, 0.0, 300)
+    low, high = steady_friction(np.array([u - h, u + h]), ONE, 0.0, 300)
     slope = (high - low) / (2 * h)
-    kappa = ageing.dynamic_stiffness_ageing(u, 1.0, STD, np.array([s + 0j]))[0]
+    kappa = dynamic_stiffness(u, ONE, np.array([s + 0j]))[0]
     assert kappa.real / s == pytest.approx(slope, abs=1e-3 * max(0.3, abs(slope)))
 
 
 def test_dynamic_stiffness_depends_on_velocity_and_frequency_over_rate_squared():
     s = np.array([1j, 0.3 + 5j])
-    one = ageing.dynamic_stiffness_ageing(0.4, 1.0, STD, s)
-    other = ageing.dynamic_stiffness_ageing(0.4 * 2.25, 1.5, STD, 2.25 * s)
+    one = dynamic_stiffness(0.4, ONE, s)
+    other = dynamic_stiffness(0.4 * 2.25, ONE._replace(rate=1.5), 2.25 * s)
     assert np.allclose(one, other, rtol=1e-12)
-    assert np.allclose(ageing.dynamic_stiffness_ageing(0.4, 1.0, STD, np.conj(s)), np.conj(one), rtol=1e-12)
+    assert np.allclose(dynamic_stiffness(0.4, ONE, np.conj(s)), np.conj(one), rtol=1e-12)
 
 
 def test_dynamic_stiffness_converges():
     s = np.array([1j, 0.5 + 5j, 30j])
     for u in (0.1, 0.44, 1.2):
-        coarse = ageing.dynamic_stiffness_ageing(u, 1.0, STD, s)
-        fine = ageing.dynamic_stiffness_ageing(u, 1.0, STD, s, 0.0, 1.0, NONE, 160)
+        coarse = dynamic_stiffness(u, ONE, s)
+        fine = dynamic_stiffness(u, ONE, s, NONE, 160)
         assert np.all(np.abs(coarse - fine) < np.array([3e-4, 3e-4, 2e-3]))
 
 
 def test_at_high_frequency_all_contacts_are_springs():
-    kappa = ageing.dynamic_stiffness_ageing(0.1, 1.0, STD, np.array([1e3j, 1e4j]))
+    kappa = dynamic_stiffness(0.1, ONE, np.array([1e3j, 1e4j]))
     assert abs(kappa[1] - 1) < 0.02
     assert abs(kappa[1] - 1) < abs(kappa[0] - 1)
 
 
 def test_dynamic_stiffness_with_newborns_and_delay_at_low_frequency():
-    u, newborn, delay, s, h = 0.5, 0.3, 0.2, 1e-4, 1e-4
-    low, high = ageing.steady_friction(np.array([u - h, u + h]), 1.0, STD, newborn, 1.0, delay, 300)
-    kappa = ageing.dynamic_stiffness_ageing(u, 1.0, STD, np.array([s + 0j]), newborn, 1.0, np.array([delay]))
+    u, langevin, delay, s, h = 0.5, ONE._replace(newborn=0.3), 0.2, 1e-4, 1e-4
+    low, high = steady_friction(np.array([u - h, u + h]), langevin, delay, 300)
+    kappa = dynamic_stiffness(u, langevin, np.array([s + 0j]), np.array([delay]))
     assert kappa[0].real / s == pytest.approx((high - low) / (2 * h), abs=2e-3)
 
 
@@ -496,7 +521,7 @@ def edge_of_stability(omega, rate, velocity=1.0):
 
     def balance(w, b):
         s = 1j * w
-        kappa = ageing.dynamic_stiffness_ageing(velocity, b, STD, np.array([s]))[0]
+        kappa = dynamic_stiffness(velocity, ONE._replace(rate=b), np.array([s]))[0]
         value = 1e-4 * s * s + 1e-3 * s + 1.0 + kappa
         return np.array([value.real, value.imag])
 
@@ -518,12 +543,12 @@ def test_smooth_sliding_of_fig_8_is_unstable_between_two_rates():
     assert 0.78 < edge_of_stability(16.0, 0.8)[1] < 0.86
 
 
-def growth_after_a_small_kick(rate, near, cells=400):
+def growth_after_a_small_perturbation(rate, near, cells=400):
     """Growth rate and frequency of the mode next to `near` in a run of the kinetic equation, by linear prediction."""
-    density, slider, settled = density_at_rest(cells), np.array([1.0, 1e-4, 10.0]), 8.0
-    run = advance_density(density, holding(1.0), RIGID, rate, [settled], cells)
-    drive = np.array([[settled, density[0][1] + run[0, 3] + 2e-3, 1.0, 0.0]])
-    run = advance_density(density, drive, slider, rate, settled + np.arange(1, 1251) * 0.002, cells)
+    density, settled = density_at_rest(cells), 8.0
+    run = advance(density, pulling(1.0), RIGID, rate, [settled], cells)
+    drive = pulling(1.0, settled, density[0][1] + run[0, 3] + 2e-3)
+    run = advance(density, drive, FIG_8, rate, settled + np.arange(1, 1251) * 0.002, cells)
     series = np.diff(run[150::25, 2])  # four damped modes
     rows = np.array([series[i : i + 4] for i in range(series.size - 4)])
     coefficients = np.linalg.lstsq(rows, series[4:], rcond=None)[0]
@@ -534,27 +559,30 @@ def growth_after_a_small_kick(rate, near, cells=400):
 @pytest.mark.parametrize(("omega", "guess", "rates"), [(5.5, 1.6, (1.59, 1.63)), (16.0, 0.82, (0.80, 0.82))])
 def test_small_perturbations_begin_to_grow_where_the_dynamic_stiffness_says(omega, guess, rates):
     omega, edge = edge_of_stability(omega, guess)
-    growth = [growth_after_a_small_kick(rate, 1j * omega).real for rate in rates]
+    growth = [growth_after_a_small_perturbation(rate, 1j * omega).real for rate in rates]
     seen = rates[0] - growth[0] * (rates[1] - rates[0]) / (growth[1] - growth[0])
     assert growth[0] * growth[1] < 0
     assert seen == pytest.approx(edge, rel=0.005)
 
 
 @pytest.mark.parametrize("omega", [0.5, 2.15, 5.0])
-def test_shaking_the_density_gives_the_dynamic_stiffness(omega):
-    u, oscillation, per = 1.5, 1e-3, 32
-    density, law_step, settled = density_at_rest(), 4.0 / 400, 8.0
-    advance_density(density, holding(u), RIGID, 1.0, [settled])
+def test_oscillating_the_density_gives_the_dynamic_stiffness(omega):
+    u, amplitude, per = 1.5, 1e-3, 32
+    density, settled = density_at_rest(), 8.0
+    advance(density, pulling(u), RIGID, 1.0, [settled])
     t = np.arange(4 * per + 1) * 2 * np.pi / omega / per
-    velocity = u + oscillation * omega * np.cos(omega * t)  # linear between the knots
+    velocity = u + amplitude * omega * np.cos(omega * t)  # linear between the knots
     way = density[0][1] + np.r_[0.0, np.cumsum(0.5 * np.diff(t) * (velocity[1:] + velocity[:-1]))]
-    drive = np.column_stack([settled + t[:-1], way[:-1], velocity[:-1], np.diff(velocity) / np.diff(t)])
-    distribution = np.array([1.0, 1.0, STD, 0.0])
-    run = ageing.advance_density(*density, drive, RIGID, distribution, settled + t[1:], law_step, law_step)[2 * per :]
+    pieces = zip(settled + t[:-1], way[:-1], velocity[:-1], np.diff(velocity) / np.diff(t), strict=True)
+    run = [
+        advance(density, Quadratic(*piece), RIGID, 1.0, [settled + end])
+        for piece, end in zip(pieces, t[1:], strict=True)
+    ]
+    run = np.vstack(run)[2 * per :]
     t = t[2 * per + 1 :]
     waves = np.column_stack([np.sin(omega * t), np.cos(omega * t), np.ones(t.size), t])
     force, shaken = (np.linalg.lstsq(waves, part, rcond=None)[0] for part in (run[:, 3], run[:, 0]))
-    kappa = ageing.dynamic_stiffness_ageing(u, 1.0, STD, np.array([1j * omega]))[0]
+    kappa = dynamic_stiffness(u, ONE, np.array([1j * omega]))[0]
     assert abs((force[0] + 1j * force[1]) / (shaken[0] + 1j * shaken[1]) - kappa) < 0.002 + 0.005 * abs(kappa)
 
 
@@ -564,18 +592,16 @@ def test_shaking_the_density_gives_the_dynamic_stiffness(omega):
 @pytest.mark.eq(7)
 @pytest.mark.parametrize(("velocity", "stiffness"), [(0.1, 3.306), (0.3, 2.257), (0.5, 0.919), (0.8, 0.112)])
 def test_effective_stiffness_of_fig_11(velocity, stiffness):
-    way, force = ageing.pull_newborns(velocity, 1.0, STD, 1.0, 1.5, 400)
+    way, force = pull_newborns(velocity, ONE, 1.5, 400)
     assert np.max(-np.gradient(force, way)[2:]) == pytest.approx(stiffness, rel=0.01)
 
 
 def test_newborns_dragged_along_agree_with_contacts():
     velocity, n, rng = 0.5, 40_000, np.random.default_rng(12)
-    way, force = ageing.pull_newborns(velocity, 1.0, STD, 1.0, 1.5, 300)
-    distribution, state = np.array([1.0, 1.0, STD, 0.0]), np.zeros(4)
-    x, f, attach = np.zeros(n), np.zeros(n), np.full(n, -np.inf)
-    run = ageing.advance_contacts(
-        state, x, f, attach, holding(velocity), RIGID, distribution, NONE, way[19::20] / velocity, 0.01, np.inf, rng
-    )
+    way, force = pull_newborns(velocity, ONE, 1.5, 300)
+    course = Course(pulling(velocity), RIGID, way[19::20] / velocity, 0.01, np.inf)
+    contacts = Contacts(np.zeros(n), np.zeros(n), np.full(n, -np.inf))
+    run = advance_contacts(np.zeros(4), contacts, course, ONE, NONE, rng)
     # A contact's stretching scatters by less than 0.5.
     assert np.all(np.abs(run[:, 3] - force[19::20]) < 4 * 0.5 / sqrt(n) + 0.002)
 
@@ -586,7 +612,7 @@ def test_newborns_dragged_along_agree_with_contacts():
 @pytest.mark.eq(1, 2, 3, 18)
 def test_the_closure_differs_from_the_exact_friction_as_stated():
     u = np.array([0.01, 0.5, 1.0])
-    ratio = ageing.closure_friction(u, 1.0, STD) / ageing.steady_friction(u, 1.0, STD)
+    ratio = closure_friction(u, ONE) / steady_friction(u, ONE)
     assert ratio - 1 == pytest.approx([0.231, -0.089, -0.281], abs=0.005)
 
 
@@ -597,26 +623,23 @@ def test_the_closure_at_low_speed_is_that_of_an_exponential_life():
     mean = 1 / (1 + gamma * u)
     first, second = 1 - mean, gamma * u / (gamma * u + 2)
     square = 1 - 2 * first + second + STD**2 * (1 - second)
-    force = ageing.closure_friction(np.array([u]), 1.0, STD, 0.0, 1.0, 40.0)[0]
+    force = closure_friction(np.array([u]), ONE, 40.0)[0]
     assert force == pytest.approx(square / (2 * mean), rel=1e-3)
 
 
 @pytest.mark.eq(18)
 def test_the_closure_in_time_ends_in_its_steady_state():
     velocity = 0.5
-    edges = ageing.threshold_edges(1.0, STD, 0.0, 20.0)
+    edges = threshold_edges(ONE, 20.0)
     thresholds = np.diff([0.5 * (1 + erf((e - 1.0) / STD / sqrt(2))) for e in edges])
     thresholds /= thresholds.sum()
-    distribution, end = np.array([1.0, 1.0, STD, 0.0]), 40.0
-    steady = ageing.closure_friction(np.array([velocity]), 1.0, STD)[0]
+    steady, end = closure_friction(np.array([velocity]), ONE)[0], 40.0
     errors = []
     for reach in (0.01, 0.005):
-        place, weight, state, p = np.zeros(1000), np.zeros(1000), np.zeros(5), thresholds.copy()
-        weight[0], state[4] = 1.0, 1
-        times = np.array([0.9 * end, end])
-        run = ageing.advance_closure(
-            state, place, weight, p, edges, holding(velocity), RIGID, distribution, times, 0.02, reach
-        )
+        cohorts, state, p = ClosureCohorts(np.zeros(1000), np.zeros(1000)), np.zeros(5), thresholds.copy()
+        cohorts.weight[0], state[4] = 1.0, 1
+        course = Course(pulling(velocity), RIGID, np.array([0.9 * end, end]), 0.02, reach)
+        run = advance_closure(state, cohorts, Thresholds(edges, p), course, ONE)
         assert np.all(np.abs(run[:, 4] - 1) < 1e-12)
         assert abs(p.sum() - 1) < 1e-10
         assert p.min() >= 0.0
@@ -625,34 +648,34 @@ def test_the_closure_in_time_ends_in_its_steady_state():
     assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.25)  # first order in the step
 
 
-# ---------------------------------------------------------------- fixed distributions of growth
+# ---------------------------------------------------------------- thresholds that grow with age
 
 
-@pytest.mark.parametrize(("kind", "first", "second"), [(0, 2.25, 0.0), (0, 1.0, 0.3), (1, 0.1, 0.01)])
+@pytest.mark.parametrize(
+    "growth", [Growth(EXPONENTIAL, 2.25, 0.0), Growth(EXPONENTIAL, 1.0, 0.3), Growth(LOGARITHMIC, 0.1, 0.01)]
+)
 @pytest.mark.parametrize("delay", [0.0, 0.2])
-def test_contacts_that_grow_by_a_fixed_distribution(kind, first, second, delay):
+def test_contacts_that_grow_with_age_have_the_friction_of_their_lives(growth, delay):
     rng, velocity, n = np.random.default_rng(13), 0.5, 4000
     strengths = np.linspace(0.3, 1.7, 1401)
     survival = np.array([0.5 * erfc((s - 1) / STD / sqrt(2)) for s in strengths])
-    exact = ageing.growing_friction(np.array([velocity]), kind, first, second, strengths, survival, delay)[0]
+    exact = growing_friction(np.array([velocity]), growth, strengths, survival, delay)[0]
     pool = rng.normal(1.0, STD, 100_000)
     # Born at moments spread over a life, so that all ages are there from the start.
-    x, s, attach = np.zeros(n), rng.choice(pool, n), rng.uniform(0.0, 3.0, n)
-    distribution, times = np.array([kind, first, second]), np.linspace(40.0, 120.0, 400)
-    run = ageing.advance_growing(
-        np.zeros(4), x, s, attach, holding(velocity), RIGID, distribution, pool, np.array([delay]), times, 0.05, rng
-    )
+    contacts = Growing(np.zeros(n), rng.choice(pool, n), rng.uniform(0.0, 3.0, n))
+    course = Course(pulling(velocity), RIGID, np.linspace(40.0, 120.0, 400), np.inf, 0.05)
+    run = advance_growing(np.zeros(4), contacts, course, growth, pool, np.array([delay]), rng)
     force, error = run[:, 3].mean(), run[:, 3].reshape(10, -1).mean(axis=1).std() / sqrt(10)
     assert abs(force - exact) < 5 * error + 0.003 * exact
 
 
 def test_growth_too_slow_for_the_slider_carries_nothing():
     strengths, survival = np.linspace(0.9, 1.1, 11), np.linspace(1.0, 0.0, 11)
-    assert ageing.growing_friction(np.array([3.0]), 0, 1.0, 0.0, strengths, survival)[0] == 0.0
+    assert growing_friction(np.array([3.0]), Growth(EXPONENTIAL, 1.0, 0.0), strengths, survival)[0] == 0.0
 
 
-def test_a_logarithmic_threshold_that_does_not_grow_is_the_distribution_of_the_renewal():
+def test_a_logarithmic_threshold_that_does_not_grow_has_the_friction_of_the_renewal():
     strengths = np.linspace(0.3, 1.7, 1401)
     survival = np.array([0.5 * erfc((s - 1) / STD / sqrt(2)) for s in strengths])
-    force = ageing.growing_friction(np.array([0.7]), 1, 0.0, 1.0, strengths, survival)[0]
+    force = growing_friction(np.array([0.7]), Growth(LOGARITHMIC, 0.0, 1.0), strengths, survival)[0]
     assert force == pytest.approx(0.505, rel=1e-5)  # <x_s^2>/(2 <x_s>)

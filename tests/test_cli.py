@@ -1,6 +1,8 @@
 """The command line: the user's path, and one line with exit code 2 for every input that cannot be used."""
 
 import json
+import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -184,6 +186,53 @@ def test_unusable_files(tmp_path, rig, sawtooth, capsys):
         assert len(line) > 25, line
 
 
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--force", "²"), "no such column"),
+        (("--force", "9" * 5_000), "no such column"),
+        (("--time", "²"), "no such column"),
+        (("--step", "1e-320"), "nearer to 0"),
+        (("--step", "1e308"), "at most"),
+        (("--step", "nan"), "finite"),
+        (("--step", "0,25"), "write '0.25': decimal point"),
+        (("--step", "9" * 5_000), "64 characters"),
+        (("--step", "1_0"), "cannot be read"),
+        (("--step", "4 kg"), "not in a unit of 's'"),
+        (("--after", "1,5"), "write '1.5'"),
+        (("--after", "inf"), "finite"),
+        (("--minimum-drop", "0x10"), "must be a number"),
+    ],
+    ids=lambda value: ascii(str(value)[:30]),
+)
+def test_numbers_of_options_are_read_by_the_grammar_of_quantities(sawtooth, capsys, arguments, words):
+    line = refused(capsys, "measure", sawtooth, *arguments)
+    assert words in line
+    assert len(line) < 420
+
+
+def test_whole_numbers_of_options_are_whole(rig, capsys):
+    for points in ("1_0", "10.5", "0x10", "1e2", "²", "9" * 5_000):
+        assert "must be a whole number" in refused(capsys, "map", rig, "--points", points)
+
+
+def test_the_step_of_a_trace_may_have_a_unit(tmp_path, capsys):
+    file = tmp_path / "forces.csv"
+    file.write_text("force\n" + "".join(f"{i % 20}\n" for i in range(400)))
+    printed = []
+    for step in ("10 ms", "0.01"):
+        assert run("measure", file, "--step", step) == 0
+        printed.append(capsys.readouterr().out)
+    assert printed[0] == printed[1]
+
+
+@pytest.mark.parametrize("content", ["x = " + "[" * 2_000, "x = " + "9" * 5_000, "x = 0x" + "f" * 5_000])
+def test_a_file_of_absurd_values_is_one_line(tmp_path, capsys, content):
+    file = tmp_path / "rig.toml"
+    file.write_text(content)
+    assert len(refused(capsys, "predict", file)) < 420
+
+
 @pytest.mark.parametrize("line", ["nan", "inf", "x"])
 def test_a_trace_with_too_many_rows_that_cannot_be_read(tmp_path, capsys, line):
     file = tmp_path / "trace.csv"
@@ -198,6 +247,39 @@ def test_a_run_too_short_to_judge_is_undecided(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["regime"]["kind"] == "undecided"
 
 
+@pytest.mark.parametrize(
+    ("arguments", "kept", "words"),
+    [
+        (("simulate", "rig.toml", "-o", "rig.toml"), "rig.toml", "is the file to be read"),
+        (("simulate", "rig.toml", "-o", "link.toml"), "rig.toml", "is the file to be read"),
+        (("simulate", "rig.toml", "-o", "kept.nc"), "kept.nc", "is read-only"),
+        (("simulate", "rig.toml", "-o", "pipe"), "pipe", "is a named pipe"),
+        (("simulate", "rig.toml", "--plot", "/dev/null"), "/dev/null", "is a device"),
+        (("simulate", "rig.toml", "-o", "run.png", "--plot", "run.png"), "rig.toml", "is given for two outputs"),
+        (("measure", "trace.csv", "--events", "trace.csv"), "trace.csv", "is the file to be read"),
+        (("measure", "trace.csv", "--events", "/dev/null"), "/dev/null", "is a device"),
+        (("measure", "trace.csv", "--plot", "kept.png"), "kept.png", "is read-only"),
+        (("plot", "trace.csv", "kept.png"), "kept.png", "is read-only"),
+        (("predict", "rig.toml", "--plot", "kept.png"), "kept.png", "is read-only"),
+        (("map", "rig.toml", "-o", "rig.toml"), "rig.toml", "is the file to be read"),
+        (("sweep", "rig.toml", "--store", "new", "--plot", "kept.png"), "kept.png", "is read-only"),
+        (("paper", "fig1"), "fig1.nc", "is read-only"),
+    ],
+)
+@pytest.mark.usefixtures("rig", "sawtooth")
+def test_an_output_replaces_nothing_but_a_file_that_may_be_replaced(
+    tmp_path, capsys, monkeypatch, arguments, kept, words
+):
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo("pipe")
+    os.symlink("rig.toml", "link.toml")
+    for name in ("kept.nc", "kept.png", "fig1.nc"):
+        Path(name).touch(mode=0o444)
+    before = sorted(os.listdir()), os.stat(kept)
+    assert words in refused(capsys, *arguments)
+    assert (sorted(os.listdir()), os.stat(kept)) == before
+
+
 def test_a_failed_write_leaves_the_old_file(rig, tmp_path, capsys, monkeypatch):
     file = tmp_path / "run.nc"
     run("simulate", rig, "-o", file)
@@ -207,18 +289,39 @@ def test_a_failed_write_leaves_the_old_file(rig, tmp_path, capsys, monkeypatch):
     def full(*_arguments, **_options):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("xarray.Dataset.to_netcdf", full)
+    monkeypatch.setattr(os, "fsync", full)
     assert "No space left" in refused(capsys, "simulate", rig, "-o", file)
     assert file.read_bytes() == before
     assert sorted(p.name for p in tmp_path.iterdir()) == ["rig.toml", "run.nc"]
 
 
+@pytest.mark.skipif(os.geteuid() != 0 or not shutil.which("mount"), reason="only root can mount a small disk")
+def test_a_full_disk_is_told_in_one_line(rig, tmp_path):
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", disk], check=False).returncode:
+        pytest.skip("nothing can be mounted here")
+    try:
+        command = [sys.executable, "-m", "stickslip.cli", "simulate", rig, "-o", disk / "run.nc"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == 2
+        assert done.stderr == (
+            f"stickslip: {disk}/run.nc: cannot be written (No space left on device); "
+            "nothing was lost, choose another place\n"
+        )
+        assert os.listdir(disk) == []
+    finally:
+        subprocess.run(["umount", disk], check=True)
+
+
 def heed_interrupts():
     """A shell's background jobs are born deaf to Ctrl-C, and hand that on."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
-def test_an_interrupt_leaves_nothing_half_written(tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_an_interrupt_leaves_nothing_half_written_and_says_so(tmp_path, number):
     file = tmp_path / "big.toml"
     file.write_text(SMALL.replace("distance = 40.0", "distance = 1e6"))
     target = tmp_path / "run.nc"
@@ -229,12 +332,23 @@ def test_an_interrupt_leaves_nothing_half_written(tmp_path):
         preexec_fn=heed_interrupts,
     )
     time.sleep(4)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert "Traceback" not in errors
-    assert not target.exists()
-    assert not list(tmp_path.glob("*.part"))
+    assert errors == "stickslip: interrupted; no half-written file was left behind\n"
+    assert os.listdir(tmp_path) == ["big.toml"]
+
+
+def test_a_command_of_nohup_outlives_its_terminal():
+    code = (
+        "import os, signal\nfrom stickslip import cli\n"
+        "cli.app = lambda *_, **__: os.kill(os.getpid(), signal.SIGHUP)\n"
+        "print('code', cli.main([]))\n"
+    )
+    for prepare, expected in (("SIG_IGN", "code 0"), ("SIG_DFL", "code 130")):
+        before = f"import signal; signal.signal(signal.SIGHUP, signal.{prepare})\n"
+        done = subprocess.run([sys.executable, "-c", before + code], capture_output=True, text=True, check=True)
+        assert done.stdout.strip() == expected
 
 
 def test_help_is_quick_and_loads_no_heavy_library():

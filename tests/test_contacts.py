@@ -2,6 +2,7 @@
 
 import heapq
 import math
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -9,14 +10,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from stickslip.kernels import contacts as kernel
+from stickslip.kernels import events as kernel
+from stickslip.kernels import flight as flights
+from stickslip.kernels.drive import Quadratic
+from stickslip.kernels.event_queue import clear, first_slot, is_full, make_queue, peek, pop, push, size
+from stickslip.kernels.oscillator import Slider
+
+
+class Rig(NamedTuple):
+    """Slider, and the delay of every contact: NaN for random ones."""
+
+    slider: Slider
+    delay: float
+
 
 # ------------------------------------------------------------------------------------------------ the bucket queue
-
-
-def entries_in(queue: kernel.Queue) -> int:
-    counts = queue.counts
-    return int(counts[kernel._CHAINED] + counts[kernel._LAST] - counts[kernel._FIRST])
 
 
 keys = st.one_of(
@@ -30,28 +38,28 @@ steps = st.lists(st.one_of(keys, st.none()), max_size=60)  # a key to push, or a
 @settings(max_examples=60)
 @given(steps, st.sampled_from([16, 64]), st.sampled_from([0.01, 0.3, 1.0, 50.0]), st.floats(-3, 3))
 def test_the_queue_gives_what_a_heap_gives(steps, bins, width, start):
-    queue = kernel.make_queue(40, bins, width)
-    kernel._clear(queue, start)
+    queue = make_queue(40, bins, width)
+    clear(queue, start)
     heap: list[tuple[float, int]] = []
     slots_of: dict[float, set[int]] = {}
     for slot, key in enumerate(steps):
-        assert kernel._peek(queue) == (heap[0][0] if heap else math.inf)
-        assert entries_in(queue) == len(heap)
-        assert bool(kernel._is_full(queue)) == (len(heap) >= 40)
+        assert peek(queue) == (heap[0][0] if heap else math.inf)
+        assert size(queue) == len(heap)
+        assert bool(is_full(queue)) == (len(heap) >= 40)
         if key is not None and len(heap) < 40:
-            kernel._push(queue, key, slot)
+            push(queue, key, slot)
             heapq.heappush(heap, (key, slot))
             slots_of.setdefault(key, set()).add(slot)
         elif key is None and heap:
             smallest, _ = heapq.heappop(heap)
             # Among equal keys any order will do; each slot comes once.
-            slots_of[smallest].remove(int(queue.front_slot[queue.counts[kernel._FIRST]]))
-            kernel._pop(queue)
+            slots_of[smallest].remove(first_slot(queue))
+            pop(queue)
     rest = []
-    while (key := kernel._peek(queue)) < math.inf:
-        slots_of[key].remove(int(queue.front_slot[queue.counts[kernel._FIRST]]))
+    while (key := peek(queue)) < math.inf:
+        slots_of[key].remove(first_slot(queue))
         rest.append(key)
-        kernel._pop(queue)
+        pop(queue)
     assert rest == sorted(key for key, _ in heap)
     assert not any(slots_of.values())
 
@@ -59,35 +67,35 @@ def test_the_queue_gives_what_a_heap_gives(steps, bins, width, start):
 @given(st.lists(st.floats(0, 100), min_size=1, max_size=50), st.floats(0.01, 10))
 def test_the_queue_as_the_engine_uses_it(gaps, width):
     """Keys that grow with the smallest one, as breaking positions do: hold many, pop one, push one."""
-    queue = kernel.make_queue(64, 32, width)
+    queue = make_queue(64, 32, width)
     heap: list[float] = []
     position = 0.0
     for slot, gap in enumerate(gaps):
-        kernel._push(queue, position + gap, slot)
+        push(queue, position + gap, slot)
         heapq.heappush(heap, position + gap)
         if slot % 3 == 2:
-            assert kernel._peek(queue) == heap[0]
+            assert peek(queue) == heap[0]
             position = heapq.heappop(heap)
-            kernel._pop(queue)
+            pop(queue)
     rest = []
-    while (key := kernel._peek(queue)) < math.inf:
+    while (key := peek(queue)) < math.inf:
         rest.append(key)
-        kernel._pop(queue)
+        pop(queue)
     assert rest == sorted(heap)
 
 
 @given(st.lists(st.floats(-100, 100), min_size=30, max_size=40))
 def test_a_cleared_queue_is_empty_and_can_be_filled_again(values):
-    queue = kernel.make_queue(40, 16, 0.5)
+    queue = make_queue(40, 16, 0.5)
     for round_ in range(3):
-        kernel._clear(queue, values[round_])
-        assert kernel._peek(queue) == math.inf
+        clear(queue, values[round_])
+        assert peek(queue) == math.inf
         for slot, key in enumerate(values):
-            kernel._push(queue, key, slot)
+            push(queue, key, slot)
         order = []
-        while (key := kernel._peek(queue)) < math.inf:
+        while (key := peek(queue)) < math.inf:
             order.append(key)
-            kernel._pop(queue)
+            pop(queue)
         assert order == sorted(values)
 
 
@@ -107,7 +115,7 @@ COEFFICIENTS = [
 
 
 def flight_of(eta, w2, v, f0, f1, f2):
-    return kernel._flight(eta, w2, kernel._NEAR / (eta + math.sqrt(w2)), v, f0, f1, f2)
+    return flights.take_off(eta, w2, flights.NEAR / (eta + math.sqrt(w2)), v, f0, f1, f2)
 
 
 @pytest.mark.parametrize("numbers", COEFFICIENTS)
@@ -123,21 +131,21 @@ def test_a_flight_solves_the_equation_of_motion(numbers):
         return [u, f0 + f1 * t + f2 * t * t - eta * u - w2 * y, y, u * u]
 
     exact = solve_ivp(slope, (0, h[-1]), [0, v, 0, 0], "DOP853", h, rtol=1e-13, atol=1e-18, max_step=0.2 * unit).y
-    got = np.array([kernel._at(flight, float(t)) for t in h]).T
+    got = np.array([flights.at(flight, float(t)) for t in h]).T
     # The closed form carries how far the slider lags behind a slow drive, and rounds as it does.
     lag = 1e-15 * (abs(flight.q0) + abs(flight.q1) * unit)
     scale = np.maximum(np.abs(exact[:2]), [[abs(v) * unit], [abs(v)]])
     assert np.all(np.abs(got - exact[:2]) < 1e-11 * scale + [[lag], [lag / unit]])
     for order in range(3):
         for t in h.tolist():
-            here, slope_here = kernel._derivative(flight, order, t)
+            here, slope_here = flights.derivative(flight, order, t)
             step = 1e-4 * unit
-            before, after = (kernel._derivative(flight, order, t + side * step)[0] for side in (-1, 1))
+            before, after = (flights.derivative(flight, order, t + side * step)[0] for side in (-1, 1))
             size = (abs(v) + abs(f0) * unit + abs(f1) * unit**2) / unit ** (order - 1)
             slack = 1e-6 * size / unit + lag / unit**order / step
             assert (after - before) / (2 * step) == pytest.approx(slope_here, abs=slack)
             if order < 2:
-                assert here == pytest.approx(kernel._at(flight, t)[order], abs=1e-10 * size + lag / unit**order)
+                assert here == pytest.approx(flights.at(flight, t)[order], abs=1e-10 * size + lag / unit**order)
 
 
 @pytest.mark.parametrize("numbers", COEFFICIENTS)
@@ -145,8 +153,8 @@ def test_taylor_and_closed_form_meet(numbers):
     flight = flight_of(*numbers)
     eta, w2, v, *_ = numbers
     unit = 1.0 / (eta + math.sqrt(w2))
-    for share in (kernel._NEAR * 0.999, kernel._NEAR * 1.001, kernel._MIDDLE):
-        near, far = kernel._taylor(flight, share * unit), kernel._far(flight, share * unit)
+    for share in (flights.NEAR * 0.999, flights.NEAR * 1.001, flights.MIDDLE):
+        near, far = flights.taylor(flight, share * unit), flights.far(flight, share * unit)
         # The closed form subtracts the offset of the oscillation from itself.
         slack = 1e-13 * abs(v) + 4e-15 * (abs(flight.q0) + abs(flight.y0)) / unit + 1e-13 * abs(flight.q1)
         assert near[0] == pytest.approx(far[0], abs=slack * unit)
@@ -166,12 +174,12 @@ def test_energies_of_a_flight_balance(numbers, drive):
     for share in (0.01, 0.2, 2.0, 10.0):
         h = share / (eta + math.sqrt(w2))
         t = 0.5 * h * (1 + node)
-        y, u = np.array([kernel._at(flight, float(s)) for s in t]).T
+        y, u = np.array([flights.at(flight, float(s)) for s in t]).T
         pull = force + K * (drive_v * t + 0.5 * drive_a * t**2 - y)
         work = 0.5 * h * np.sum(weight * pull * (drive_v + drive_a * t))
         squares = 0.5 * h * np.sum(weight * u**2)
-        end = kernel._at(flight, h)
-        got = kernel._energies(flight, h, *end, force, K, drive_v, drive_a)
+        end = flights.at(flight, h)
+        got = flights.energies(flight, h, *end, force, K, drive_v, drive_a)
         # Rounding: the closed form divides by w2 the changes of velocity and displacement of the free oscillation.
         area = 4e-16 * (eta * (abs(flight.q0) + abs(flight.y0)) + abs(flight.v0) + abs(v)) / w2
         moment = (eta * area + 4e-16 * abs(flight.y0)) / w2
@@ -198,16 +206,47 @@ def test_the_first_crossing_is_the_first(numbers, v, ahead, behind, reach):
     numbers = (eta, w2, v, f0, f1, f2)
     flight = flight_of(*numbers)
     to_ahead, to_behind, most = ahead * unit, behind * unit, reach * unit
-    h, side = kernel._first_crossing(flight, to_ahead, to_behind, most, np.zeros(16))
+    h, side = flights.first_crossing(flight, to_ahead, to_behind, most, np.zeros(16))
     assert 0 < h <= most
     assert side in (-1, 0, 1)
-    y = np.array([kernel._far(flight, float(t))[0] for t in np.linspace(0, h, 300)[:-1]])
+    y = np.array([flights.far(flight, float(t))[0] for t in np.linspace(0, h, 300)[:-1]])
     slack = 1e-9 * unit + 4e-14 * (abs(flight.q0) + abs(flight.y0))
     assert np.all(y <= to_ahead + slack)
     assert np.all(y >= -to_behind - slack)
     if side:
         target = to_ahead if side == 1 else -to_behind
-        assert kernel._far(flight, h)[0] == pytest.approx(target, abs=slack)
+        assert flights.far(flight, h)[0] == pytest.approx(target, abs=slack)
+
+
+@settings(max_examples=200)
+@given(
+    damping=st.one_of(st.floats(-2, 4).map(lambda power: 10**power), st.floats(-1e-4, 1e-4).map(lambda by: 1 + by)),
+    lasting=st.floats(-1, 5),
+    end=st.one_of(st.floats(-1.1, -0.9), st.floats(-3, 1)),
+    force=st.one_of(st.just(0.0), st.floats(-1, 1)),
+    walls=st.tuples(st.floats(0.05, 1.1), st.floats(0.05, 1.1)),
+)
+@pytest.mark.eq(11)
+def test_no_crossing_hides_behind_a_turn_of_the_drive(damping, lasting, end, force, walls):
+    """From rest, under a drive that turns once, for up to 1e5 times the slowest relaxation, of any damping ratio."""
+    w2, speed = 3e4, 0.1
+    g = damping * math.sqrt(w2)
+    slowest = g if damping <= 1 else w2 / (g + math.sqrt(g * g - w2))
+    most = 10**lasting / slowest
+    # The force on the slider changes at a rate that is `end` times as large in the end, the other way if negative.
+    rate = 0.7 * w2 * speed
+    flight = flight_of(2 * g, w2, 0.0, force * w2 * speed / slowest, rate, 0.5 * rate * (end - 1) / most)
+    t = np.concatenate([np.geomspace(1e-6 * most, most, 200), np.linspace(0, most, 300)])
+    y = np.array([flights.at(flight, float(time))[0] for time in t])
+    slack = 1e-12 * (abs(flight.q0) + abs(flight.y0) + abs(flight.q1) * most + abs(flight.q2) * most**2)
+    to_ahead, to_behind = np.array(walls) * np.abs(y).max() + slack
+    h, side = flights.first_crossing(flight, to_ahead, to_behind, most, np.zeros(16))
+    before = y[t < h]
+    assert 0 < h <= most
+    assert np.all(before <= to_ahead + slack)
+    assert np.all(before >= -to_behind - slack)
+    if side:
+        assert flights.at(flight, h)[0] == pytest.approx(to_ahead if side == 1 else -to_behind, abs=slack)
 
 
 # ------------------------------------------------------------------------------------------------ event by event
@@ -219,9 +258,9 @@ def pulled(rig, birth, threshold, pending, thresholds, delays, drive, times, X=0
         np.asarray(birth, float), np.asarray(threshold, float), np.asarray(pending, float), 0.1, X, velocity
     )
     D0, v0, a, end = drive
-    piece = kernel.Piece(t0=0.0, end=end, D0=D0, v0=v0, a=a, stop_kind=0, stop_value=0.0, X0=0.0, look=math.inf)
     samples = np.full((times.size, 8), np.nan)
-    why = kernel.advance(state, rig, piece, times, samples, thresholds, delays, 10**9)
+    piece, sampling = kernel.Piece(Quadratic(0.0, D0, v0, a), end), kernel.Sampling(times, samples)
+    why = kernel.advance(state, rig.slider, piece, sampling, kernel.Draws(thresholds, delays, rig.delay), 10**9)
     return samples, state, why
 
 
@@ -235,15 +274,16 @@ def by_solver(rig, birth, threshold, pending, thresholds, delays, drive, times, 
     waiting = sorted((time, N - len(pending) + i) for i, time in enumerate(pending))
     t, state = 0.0, np.array([X, velocity])
     rows, breaks = [], 0
-    fastest = rig.eta + math.sqrt((rig.K + 1) * rig.inverse_mass)
+    K, M, eta = rig.slider
+    fastest = eta + math.sqrt((K + 1) / M)
     while t < end:
         on = [i for i in range(N) if attached[i]]
         births = np.array([birth[i] for i in on])
         limits = np.array([threshold[i] for i in on])
 
         def slope(s, y, births=births):
-            pull = rig.K * (D0 + v0 * s + 0.5 * a * s * s - y[0]) - np.sum(y[0] - births) / N
-            return [y[1], pull * rig.inverse_mass - rig.eta * y[1]]
+            pull = K * (D0 + v0 * s + 0.5 * a * s * s - y[0]) - np.sum(y[0] - births) / N
+            return [y[1], pull / M - eta * y[1]]
 
         def gap(_, y, births=births, limits=limits):
             return float(np.min(limits - np.abs(y[0] - births))) if births.size else 1.0
@@ -265,7 +305,7 @@ def by_solver(rig, birth, threshold, pending, thresholds, delays, drive, times, 
         if done.t_events[0].size:
             i = on[int(np.argmin(limits - np.abs(state[0] - births)))]
             attached[i], breaks = False, breaks + 1
-            delay = next(next_delay) if math.isnan(rig.fixed_delay) else rig.fixed_delay
+            delay = next(next_delay) if math.isnan(rig.delay) else rig.delay
             if delay == 0:
                 birth[i], threshold[i], attached[i] = state[0], next(next_threshold), True
             elif delay < math.inf:
@@ -297,7 +337,7 @@ MOTIONS = {
 def test_events_are_those_of_an_ode_solver(name, N):
     K, M, eta, delay, drive = MOTIONS[name]
     rng = np.random.default_rng([N, len(name)])
-    rig = kernel.Rig(K, 1 / M, eta, delay)
+    rig = Rig(Slider(K, M, eta), delay)
     detached = N // 3 if 0 < delay < math.inf else 0
     birth = np.append(rng.normal(0, 0.1, N - detached), np.zeros(detached))
     threshold = np.append(rng.uniform(0.5, 1.5, N - detached), np.zeros(detached))
@@ -322,7 +362,7 @@ def test_the_running_sums_are_those_of_the_contacts(name):
     """After many events force, stored energy and counts agree with sums over the contacts."""
     K, M, eta, delay, drive = MOTIONS[name]
     N, rng = 200, np.random.default_rng(3)
-    rig = kernel.Rig(K, 1 / M, eta, delay)
+    rig = Rig(Slider(K, M, eta), delay)
     thresholds, delays = rng.uniform(0.5, 1.5, 20_000), rng.uniform(0.0, 0.4, 20_000)
     times = np.array([drive[-1]])
     samples, state, why = pulled(
@@ -339,9 +379,9 @@ def test_the_running_sums_are_those_of_the_contacts(name):
     assert np.all(np.abs(x) <= state.contacts["threshold"][on] * (1 + 1e-12))
     # Each contact is attached or waits to be re-attached, once.
     waiting = []
-    while kernel._peek(state.rebirths) < math.inf:
-        waiting.append(int(state.rebirths.front_slot[state.rebirths.counts[kernel._FIRST]]))
-        kernel._pop(state.rebirths)
+    while peek(state.waiting) < math.inf:
+        waiting.append(first_slot(state.waiting))
+        pop(state.waiting)
     if delay == math.inf:
         assert waiting == []
     else:
@@ -351,7 +391,7 @@ def test_the_running_sums_are_those_of_the_contacts(name):
 def test_the_engine_says_why_it_stops():
     rng = np.random.default_rng(0)
     N, times = 5, np.linspace(0, 4, 5)
-    rig = kernel.Rig(2.0, 100.0, 20.0, math.nan)
+    rig = Rig(Slider(2.0, 0.01, 20.0), math.nan)
     start = (rng.normal(0, 0.1, N), rng.uniform(0.5, 1.5, N), [])
     drive = (0.0, 1.0, 0.0, 4.0)
     many = rng.uniform(0.5, 1.5, 100)
@@ -369,34 +409,34 @@ def test_blocks_of_random_numbers_and_budgets_change_nothing():
     """Thresholds handed over in blocks, and returns in between, leave every number as it is."""
     rng = np.random.default_rng(1)
     N = 50
-    rig = kernel.Rig(2.0, 1e4, 200.0, 0.1)
+    rig = Rig(Slider(2.0, 1e-4, 200.0), 0.1)
     birth, threshold = rng.normal(0, 0.01, N), rng.normal(1, 0.1, N)
     all_thresholds = rng.normal(1, 0.1, 4_000)
     drive, times = (0.0, 1.0, 0.0, 5.0), np.linspace(0, 5, 51)
     whole, end_state, _ = pulled(rig, birth, threshold, [], all_thresholds, np.empty(0), drive, times)
     state = kernel.make_state(birth, threshold, np.empty(0), 0.1)
-    piece = kernel.Piece(0.0, 5.0, 0.0, 1.0, 0.0, 0, 0.0, 0.0, math.inf)
     samples = np.full((times.size, 8), np.nan)
+    piece, sampling = kernel.Piece(Quadratic(0.0, 0.0, 1.0, 0.0), 5.0), kernel.Sampling(times, samples)
     blocks = iter(np.split(all_thresholds, range(7, 4_000, 7)))
-    block = next(blocks)
-    while (why := kernel.advance(state, rig, piece, times, samples, block, np.empty(0), 11)) != kernel.REACHED_END:
+    draws = kernel.Draws(next(blocks), np.empty(0), rig.delay)
+    while (why := kernel.advance(state, rig.slider, piece, sampling, draws, 11)) != kernel.REACHED_END:
         if why == kernel.THRESHOLDS_USED_UP:
-            block, state.counts[kernel.THRESHOLD] = next(blocks), 0
+            draws, state.counts[kernel.THRESHOLD] = draws._replace(thresholds=next(blocks)), 0
     np.testing.assert_array_equal(samples, whole)
     np.testing.assert_array_equal(state.motion, end_state.motion)
 
 
 @pytest.mark.parametrize("N", [1, 2, 13, 300])
 def test_sums_and_queues_survive_many_rebuilds(N):
-    """A slider perturbed to and fro: entries go stale on both sides, and both queues are filled anew many times."""
+    """A slider pulled to and fro: entries go stale on both sides, and both queues are filled anew many times."""
     rng = np.random.default_rng(5)
-    rig = kernel.Rig(4.0, 1e2, 3.0, 0.0)
+    slider, sampling = Slider(4.0, 1e-2, 3.0), kernel.Sampling(np.empty(0), np.empty((0, 8)))
     thresholds = rng.uniform(0.01, 0.05, 400_000)
     state = kernel.make_state(np.zeros(N), rng.uniform(0.01, 0.05, N), np.empty(0), 0.0)
     t, D, velocity, used = 0.0, 0.0, 1.0, 0
     for _ in range(20):
-        piece = kernel.Piece(t, t + 1.0, D, velocity, 0.0, 0, 0.0, 0.0, math.inf)
-        why = kernel.advance(state, rig, piece, np.empty(0), np.empty((0, 8)), thresholds[used:], np.empty(0), 10**9)
+        piece = kernel.Piece(Quadratic(t, D, velocity, 0.0), t + 1.0)
+        why = kernel.advance(state, slider, piece, sampling, kernel.Draws(thresholds[used:], np.empty(0), 0.0), 10**9)
         used += int(state.counts[kernel.THRESHOLD])
         state.counts[kernel.THRESHOLD] = 0
         assert why == kernel.REACHED_END

@@ -70,7 +70,7 @@ def test_names_that_a_page_points_at_exist(page):
 
 def test_the_check_of_names_sees_a_wrong_one():
     assert found("stickslip.Slider.frequency")
-    assert found("stickslip.kernels.ageing.grown")
+    assert found("stickslip.kernels.growth.grown")
     assert not found("stickslip.slider")
     assert not found("stickslip.Slider.colour")
 

@@ -6,6 +6,7 @@ import json
 import os
 import re
 import struct
+import time
 from contextlib import ExitStack
 from copy import deepcopy
 from pathlib import Path
@@ -23,6 +24,7 @@ from stickslip.simulation import simulate
 
 for needed in ("starlette", "uvicorn", "plotly"):
     pytest.importorskip(needed)
+client = pytest.importorskip("websockets.sync.client")
 headless = pytest.importorskip("headless", reason="playwright is not installed")
 
 needs_browser = pytest.mark.skipif(headless.CHROMIUM is None, reason=headless.WHY_NOT)
@@ -39,9 +41,17 @@ def silent(_share):
 def small(**parts):
     document = documents.first()
     document["simulation"]["contacts"] = 300
+    return changed(document, parts)
+
+
+def changed(document, parts):
+    """Change keys of a document, written `table__key`, or whole tables."""
     for key, value in parts.items():
         table, _, name = key.partition("__")
-        document[table][name] = value
+        if name:
+            document[table][name] = value
+        else:
+            document[table] = value
     return document
 
 
@@ -356,6 +366,240 @@ def test_what_is_no_trace_is_one_clear_line(server, name, content, words):
 
 
 # ---------------------------------------------------------------------------------------------------------------------
+# What no message and no link can do
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+class Session:
+    """One window without a browser."""
+
+    def __init__(self, websocket):
+        self.websocket, self.count = websocket, 0
+        assert json.loads(websocket.recv(timeout=60))["kind"] == "hello"
+
+    def send(self, message):
+        """Send anything; return the last answer to it."""
+        self.websocket.send(message)
+        while True:
+            answer = json.loads(self.websocket.recv(timeout=60))
+            if answer.get("done") or "errors" in answer:
+                return answer
+
+    def ask(self, kind, document, **more):
+        self.count += 1
+        return self.send(json.dumps({"kind": kind, "id": self.count, "document": document, **more}))
+
+
+@pytest.fixture
+def session(server):
+    origin = f"http://127.0.0.1:{server.port}"
+    with client.connect(f"{origin.replace('http', 'ws', 1)}/session", origin=origin, max_size=None) as websocket:
+        opened = Session(websocket)
+        yield opened
+        assert opened.ask("edit", small(), units="natural").get("done"), "the session still answers"
+
+
+def told(answer):
+    (error,) = answer["errors"]
+    assert len(error["message"]) < 420
+    assert not error["message"].startswith("this failed")
+    return error["message"]
+
+
+def quick_rig(**parts):
+    """The bench among the examples, in a short run of few contacts."""
+    document = json.loads(json.dumps(rigs.read(PMMA).document))
+    document |= {"simulation": {"contacts": 100}, "drive": {"velocity": "0.4 mm/s", "distance": "10 um"}}
+    return changed(document, parts)
+
+
+@pytest.mark.parametrize(
+    ("message", "words"),
+    [
+        ("[" * 100_000, "nested"),
+        ('{"kind":"run","id":1,"document":' * 20_000, "no JSON"),
+        ('{"kind":"run","id":1,"document":' + "[" * 20 + "]" * 20 + "}", "12 levels"),
+        ('{"kind":"run","id":' + "9" * 5_000 + "}", "20 digits"),
+        ('{"kind":"run","id":1,"document":{"a":-' + "9" * 1_000 + "}}", "20 digits"),
+        (b"\x00\x01\xff", "binary"),
+        (b'{"kind":"run"}', "binary"),
+        ('{"kind":"run","id":NaN}', "finite"),
+        ('{"kind":"run","id":-Infinity}', "finite"),
+        ('{"kind":"run","id":1e999}', "whole number"),
+        ('{"kind":"run","id":1.5}', "whole number"),
+        ('{"kind":"run","id":true}', "whole number"),
+        ('{"kind":"run","id":"1"}', "whole number"),
+        ('{"kind":["run"],"id":1}', "not known"),
+        ('{"kind":{"a":1},"id":1}', "not known"),
+        ('{"kind":"hello","id":1}', "not known"),
+        ('{"kind":"' + "x" * 1_900 + '"}', "not known"),
+        ("[]", "not known"),
+        ("null", "not known"),
+        ("3", "not known"),
+        ("", "no JSON"),
+        ('{"kind":"run","id":1}', "must be a table"),
+        ('{"kind":"run","id":1,"document":[1]}', "must be a table"),
+        ('{"kind":"run","id":1,"document":{"name":"\\ud800"}}', "no text"),
+        ('{"kind":"run","id":1,"document":{"name":"a\\u0000"}}', "no text"),
+        ('{"kind":"run","id":1,"document":{"' + "x" * 5_000 + '":1}}', "2000 characters"),
+        (json.dumps({"kind": "run", "id": 1, "document": dict.fromkeys(map(str, range(60_000)), 1)}), "100000 items"),
+        (json.dumps({"kind": "run", "id": 1, "document": dict.fromkeys(map(str, range(40_000)), 1)}), "more"),
+        ('"' + "x" * 2_000_000 + '"', "2.0 MB"),
+    ],
+    ids=lambda value: ascii(value[:24]),
+)
+def test_a_damaged_message_is_refused_and_the_session_goes_on(session, message, words):
+    assert words in told(session.send(message))
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        *("9**9**9**9 N/m", "4 N/m^(9^9^9)", "4 " + "N" * 1_500, "4." + "0" * 1_500 + " N/m", "4,0 MN/m", "4 ton/s^2"),
+        *("\u22124 MN/m", "N/m", "4 MN/m 2", "1e999 N/m", "nan N/m", 4, True, None, [4], {"a": 4}),
+    ],
+    ids=lambda value: ascii(str(value)[:24]),
+)
+def test_no_quantity_holds_the_server_or_is_misread(session, written):
+    begun = time.monotonic()
+    answer = session.ask("run", quick_rig(slider__stiffness=written))
+    assert told(answer)
+    assert answer["errors"][0]["key"] == "slider.stiffness"
+    assert time.monotonic() - begun < 10
+
+
+@pytest.mark.parametrize(
+    ("kind", "more", "words"),
+    [
+        *(
+            ("chart", {"over": ["stiffness", "velocity"], "around": around}, "around")
+            for around in ("x", [1], None, True, {"a": 1}, 1, 1e300)
+        ),
+        *(("chart", {"over": over}, "over") for over in ([["a"], 1], {"a": 1}, [1, 2], "ab", [], None, ["mass"] * 2)),
+        *(
+            ("band", {"over": ["stiffness", "velocity"], "x": ends, "y": [0.5, 2]}, "map: x")
+            for ends in (3, [1], ["a", "b"], [2, 1], [0, 1], [1, None], [[1], [2]], True, None, [1e-300, 1e300])
+        ),
+        *(("edit", {"turn": turn}, "must be") for turn in ([1], None, 3, {"stiffness": True}, {"mass": "1"})),
+        ("edit", {"turn": {"x" * 1_900: 1}}, "is no parameter"),
+        *(("edit", {"units": units}, "units") for units in ("imperial", ["SI"], None, {"SI": 1})),
+        *(("edit", {"relative_damping": given}, "true or false") for given in (None, 1, "yes", [True])),
+    ],
+    ids=lambda value: ascii(str(value)[:40]),
+)
+def test_a_question_with_values_of_the_wrong_kind_is_refused(session, kind, more, words):
+    assert words in told(session.ask(kind, small(), **more))
+
+
+@pytest.mark.parametrize(
+    ("document", "key"),
+    [
+        (small(simulation__interval=1e-6), "simulation.interval"),
+        (small(simulation__interval=5e-324), "simulation.interval"),
+        (quick_rig(simulation={"contacts": 100, "interval": "1 ns"}), "simulation.interval"),
+        (small(drive={"pieces": [{"start": 1, "end": 1, "duration": 0.01}] * 2_000}), "drive.pieces"),
+        (
+            small(
+                interface__thresholds={
+                    "distribution": "empirical",
+                    "edges": np.linspace(0.5, 1.5, 2_001).tolist(),
+                    "weights": [1.0] * 2_000,
+                }
+            ),
+            "interface.thresholds",
+        ),
+        (
+            small(interface__delay=0, interface__ageing={"distribution": "langevin", "time": 1e-9}),
+            "interface.ageing.time",
+        ),
+        (
+            small(
+                simulation__method="master equation",
+                interface__delay=0,
+                interface__ageing={"distribution": "langevin", "time": 1e-9},
+            ),
+            "interface.ageing.time",
+        ),
+        (small(interface__thresholds={"distribution": "gaussian", "std": 1.7e308}), None),
+        (small(drive__velocity=1e-300), None),
+        (small(drive__distance=5e-324), None),
+        (quick_rig(name="x" * 300), ""),
+        (quick_rig(assumed={"slider.mass": 5}), "assumed.slider.mass"),
+    ],
+    ids=lambda value: ascii(str(value)[-60:]),
+)
+def test_work_is_bounded_before_it_starts(session, document, key):
+    answer = session.ask("run", document)
+    assert told(answer)
+    assert key in (None, answer["errors"][0]["key"])
+
+
+def test_a_distribution_too_narrow_for_theory_still_runs(session):
+    document = small(interface__thresholds={"distribution": "gaussian", "std": 1e-6}, drive__distance=5)
+    assert session.ask("run", document).get("done")
+    for kind in ("chart", "band", "advice"):
+        answer = session.ask(kind, document, over=["stiffness", "velocity"], x=[1, 2], y=[1, 2])
+        assert "at least 0.002 of the mean" in told(answer)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b"[" * 100_000,
+        b"9" * 5_000,
+        b"NaN",
+        b'{"a":' + b"9" * 2_000 + b"}",
+        b"\xff\xfe\x00",
+        b'{"name":"\\ud800"}',
+        b"{}",
+    ],
+    ids=lambda value: ascii(value[:20]),
+)
+@pytest.mark.parametrize("form", ["toml", "nc"])
+def test_a_damaged_body_is_refused_with_400(server, body, form):
+    status, _, text = ask(server, "POST", f"/download/{form}", body)
+    assert status == 400
+    assert len(json.loads(text)["errors"][0]["message"]) < 420
+
+
+@pytest.mark.parametrize(
+    ("query", "words"),
+    [
+        ("force=%C2%B2", "no such column"),
+        ("force=" + "9" * 5_000, "no such column"),
+        ("force=-1", "no such column"),
+        ("force=0", "no such column"),
+        ("time=%D9%A3", "no such column"),
+        ("step=1e-320", "nearer to 0"),
+        ("step=1e308", "at most"),
+        ("step=nan", "finite"),
+        ("step=0", "at least"),
+        ("step=-1", "at least"),
+        ("step=0,5", "write '0.5'"),
+        ("step=" + "1" * 5_000, "64 characters"),
+        ("step=4%20kg", "not in a unit of 's'"),
+    ],
+    ids=lambda value: value[:16],
+)
+def test_columns_and_step_of_a_trace_are_checked(server, query, words):
+    content = "time,force\n" + "".join(f"{0.01 * i:.2f},{i % 7}\n" for i in range(60))
+    status, _, text = ask(server, "POST", f"/trace?{query}", content.encode())
+    (error,) = json.loads(text)["errors"]
+    assert status == 200
+    assert words in error["message"]
+    assert len(error["message"]) < 420
+
+
+def test_the_step_of_a_trace_may_have_a_unit(server):
+    content = "force\n" + "".join(f"{i % 7}\n" for i in range(60))
+    spans = {
+        step: json.loads(ask(server, "POST", f"/trace?step={step}", content.encode())[2])["window"]
+        for step in ("0.5%20ms", "5e-4")
+    }
+    assert spans["0.5%20ms"] == spans["5e-4"]
+
+
+# ---------------------------------------------------------------------------------------------------------------------
 # The pages
 # ---------------------------------------------------------------------------------------------------------------------
 
@@ -601,7 +845,7 @@ def test_a_measured_trace_is_analysed(page, tmp_path):
     page.wait_for_selector("#trace-regime:has-text('stick-slip')")
     assert "17 slips marked" in page.text_content("#plot-trace")
     assert "0.79" in page.text_content("#statistics tr:has-text('drop')")
-    assert page.text_content("#plot-trace .ytitle") == "spring force (N)"
+    assert page.text_content("#plot-trace .ytitle") == "force (N)"
 
 
 @needs_browser
@@ -780,3 +1024,17 @@ def contrast(one, two):
 
     bright, dim = sorted((luminance(one), luminance(two)), reverse=True)
     return (bright + 0.05) / (dim + 0.05)
+
+
+@needs_browser
+def test_fields_read_numbers_as_files_do(page):
+    """A decimal comma becomes a point in the field; what is no number reaches the server as it is."""
+    field = "#field-slider-stiffness"
+    for typed, shown, kept in (("2,5", "2.5", 2.5), ("0x10", "0x10", "0x10"), ("1e999", "1e999", "1e999")):
+        page.fill(field, typed)
+        assert page.input_value(field) == shown
+        assert state(page)["slider"]["stiffness"] == kept
+    page.wait_for_selector(f"{field}-complaint:not([hidden])")
+    page.fill(field, "2")
+    page.fill("#field-interface-ageing-time", "5 ms")  # no rate: not read as 5
+    assert state(page)["interface"]["ageing"]["time"] == "5 ms"

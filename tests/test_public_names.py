@@ -65,7 +65,7 @@ def test_the_code_a_user_writes():
         ss.Rig(interface, slider, ss.constant(velocity=1.0, duration=100)), method=ss.Contacts(1_000, seed=1)
     )
     assert ss.regime(run).kind == "stick-slip"
-    events = ss.events(run)
+    events = ss.drops(run)
     assert {"start", "end", "drop", "peak_velocity"} <= set(events.variables)
     # With the delay some contacts are missing at the first maximum, .79560 without.
     assert 0.7 < float(ss.rigid_slide(interface, distance=6.0)["friction_force"].max()) < 0.79560

@@ -41,7 +41,7 @@ def gaussian(std, nodes=60):
     return std * z, weight / weight.sum()
 
 
-def interface(distribution=GAUSSIAN, start=None, shift=(0.0,), share=(1.0,), signed=False):
+def interface(distribution=GAUSSIAN, start=None, shift=(0.0,), fraction=(1.0,), signed=False):
     distribution = distribution.positive()
     x_0, weight = start or delta()
     return renewal.Contacts(
@@ -51,7 +51,7 @@ def interface(distribution=GAUSSIAN, start=None, shift=(0.0,), share=(1.0,), sig
         weight=weight,
         reach=np.maximum(x_0, 0.0) if signed else np.abs(x_0),
         shift=np.asarray(shift, float),
-        share=np.asarray(share, float),
+        fraction=np.asarray(fraction, float),
     )
 
 
@@ -77,7 +77,7 @@ def test_exponential_thresholds_break_at_a_constant_rate():
 @pytest.mark.parametrize("distribution", DISTRIBUTIONS, ids=type)
 def test_contacts_that_never_come_back_follow_the_survival(distribution):
     X = np.linspace(0.0, 3.0, 100)
-    response = moved(interface(distribution, shift=(), share=()), X)
+    response = moved(interface(distribution, shift=(), fraction=()), X)
     J, P = distribution.positive().survival(X), distribution.positive().density(X)
     assert response.attached == pytest.approx(J, abs=1e-12)
     assert response.force == pytest.approx(X * J, abs=1e-12)
@@ -117,8 +117,10 @@ def test_far_away_the_steady_state_is_reached(distribution, shift):
 
 
 @pytest.mark.eq(1, 2, 3, 4)
-@pytest.mark.parametrize(("shift", "share"), [((0.0,), (1.0,)), ((0.25,), (1.0,)), ((0.0, 0.1, 0.5), (0.2, 0.5, 0.3))])
-def test_brute_force_gives_the_same(shift, share):
+@pytest.mark.parametrize(
+    ("shift", "fraction"), [((0.0,), (1.0,)), ((0.25,), (1.0,)), ((0.0, 0.1, 0.5), (0.2, 0.5, 0.3))]
+)
+def test_brute_force_gives_the_same(shift, fraction):
     # Marching in X, trapezoidal rule: no transform, no product integration, no cumulative unknown.
     distribution, h, n = GAUSSIAN, 0.0025, 1001
     X = h * np.arange(n)
@@ -131,7 +133,7 @@ def test_brute_force_gives_the_same(shift, share):
         breaks += w * np.where(x + X >= abs(x), density, 0.0)
     for i in range(n):
         breaks[i] += h * (P[1 : i + 1] @ born[:i][::-1])  # P(0) is nothing, and what is born at X = 0 too
-        born[i] = sum(s * breaks[i - k] for s, k in zip(share, lag, strict=True) if k <= i)
+        born[i] = sum(s * breaks[i - k] for s, k in zip(fraction, lag, strict=True) if k <= i)
     force, attached = np.zeros(n), np.zeros(n)
     for x, w in zip(x_0, weight, strict=True):
         left = w * distribution.survival(np.maximum(abs(x), x + X)) / distribution.survival(abs(x))
@@ -139,7 +141,7 @@ def test_brute_force_gives_the_same(shift, share):
         attached += left
     force += h * np.convolve(X * J, born)[:n]
     attached += h * np.convolve(J, born)[:n] - 0.5 * h * born
-    found = moved(interface(start=(x_0, weight), shift=shift, share=share), X, points=500)
+    found = moved(interface(start=(x_0, weight), shift=shift, fraction=fraction), X, points=500)
     assert found.force == pytest.approx(force, abs=1e-5)
     assert found.attached == pytest.approx(attached, abs=1e-5)
     assert found.rate == pytest.approx(breaks, abs=1e-7)
@@ -153,7 +155,7 @@ def test_every_distribution_is_second_order_without_extrapolation(distribution):
     errors = []
     for points in (100, 200, 400):
         X = np.linspace(0.0, 4.0, points + 1)
-        _, travelled, _, lost, _ = renewal._solve_once(
+        _, travelled, _, lost, _ = renewal.solve_once(
             contacts, distribution.positive().survival(0) - distribution.positive().survival(X), 4.0
         )
         errors.append(np.abs((travelled - lost)[:: points // 100] - exact).max())
@@ -180,8 +182,8 @@ def test_a_whole_curve_is_good_to_1e_8():
 @pytest.mark.parametrize("negative", ["clip", "redraw", "fold"])
 def test_a_random_delay_is_a_mean_over_delays(negative):
     delay = RandomDelay(mean=0.2, std=0.12, negative=negative)
-    tau, share = delay.quadrature()
-    response = moved(interface(shift=2.0 * tau, share=share), [38.0, 40.0], points=2000)
+    tau, fraction = delay.quadrature()
+    response = moved(interface(shift=2.0 * tau, fraction=fraction), [38.0, 40.0], points=2000)
     cycle = 1.0 + 2.0 * delay.moment(1)
     assert response.attached == pytest.approx(1 / cycle, abs=1e-4)
     assert response.force == pytest.approx(0.505 / cycle, abs=1e-4)
@@ -248,5 +250,5 @@ def test_critical_stiffness(std, initial, critical):
 
 
 def test_critical_stiffness_without_rebirth():
-    contacts = interface(start=gaussian(0.01), shift=(), share=())
+    contacts = interface(start=gaussian(0.01), shift=(), fraction=())
     assert -moved(contacts, np.linspace(0.0, 4.0, 4001)).stiffness.min() == pytest.approx(3.548, abs=6e-4)

@@ -178,7 +178,7 @@ def test_a_mistake_names_its_place_and_its_remedy(document, path, value, place, 
         (b"\x89HDF\r\n\x1a\n\x00\xff", "binary"),
         (b"a = 1\x00", "binary"),
         (b"mass = ", "not valid TOML"),
-        (b"# " + b"x" * LARGEST_FILE, "larger than"),
+        (b"# " + b"x" * LARGEST_FILE, "more than a rig file may have"),
     ],
 )
 def test_a_file_that_is_no_rig(tmp_path, content, words):

@@ -8,7 +8,8 @@ import xarray as xr
 
 from stickslip.errors import InputError
 from stickslip.io import datasets as store
-from stickslip.kernels.ageing import steady_friction
+from stickslip.kernels.langevin import Langevin as Constants
+from stickslip.kernels.langevin_steady import steady_friction
 from stickslip.model import (
     Contacts,
     Delay,
@@ -90,7 +91,7 @@ def test_upper_range_of_figure_8_depends_on_the_start():
 )
 def test_a_sliding_start_is_in_balance_and_stays(method, tolerance):
     velocity = 0.5
-    expected = steady_friction(np.array([velocity]), 1.0, 0.1)[0]
+    expected = steady_friction(np.array([velocity]), Constants(1.0, 1.0, 0.1))[0]
     heavy = Slider(stiffness=20.0, mass=1.0, damping=5.0)  # stiff and damped: smooth
     run = simulate(Rig(aged(1.0), heavy, constant(velocity, 3.0)), method=method, start=FromSliding())
     assert float(run["friction_force"][0]) == pytest.approx(expected, abs=2 * tolerance)

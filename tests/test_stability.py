@@ -21,13 +21,13 @@ from stickslip.model.distributions import (
     Uniform,
     Weibull,
 )
+from stickslip.model.parameters import Parameter
 from stickslip.paper.cases import FIG7
 from stickslip.stability import (
     PARAMETERS,
     STIFFNESS,
     VELOCITY,
     Modes,
-    Parameter,
     RadiationDamping,
     SpringMassDamper,
     boundary,

@@ -83,7 +83,7 @@ def impedance_at(slider, omega):
 
 
 def test_the_table_agrees_with_single_points_and_there_are_two_windows_of_instability():
-    # At low rate of ageing smooth sliding is stable between the window of Fig. 9 and one of fast small oscillations.
+    # At low rate of ageing smooth sliding is stable between the window of Fig. 9 and one of fast oscillations.
     interface, slider = aged(1.0), FIG8.slider
     crossings = critical(Rig(interface, slider, constant(1.0)), "velocity", between=(0.3, 6.0))
     assert [edge.loses_stability for edge in crossings.edges] == [True, False, True, False]

@@ -213,16 +213,15 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(result, tmp_path, m
     path = store.save(result, tmp_path / "run.nc")
     before = path.read_bytes()
 
-    def fail(_, place, **__):
-        Path(place).write_bytes(b"half of it")
+    def fail(_):
         raise failure
 
-    monkeypatch.setattr(xr.Dataset, "to_netcdf", fail)
+    monkeypatch.setattr(os, "fsync", fail)
     expected = InputError if isinstance(failure, OSError) else type(failure)
     with pytest.raises(expected) as caught:
         store.save(result, path)
     if isinstance(failure, OSError):
-        assert str(caught.value) == f"{path}: cannot be written (No space left on device); nothing was left behind"
+        assert str(caught.value).startswith(f"{path}: cannot be written (No space left on device); nothing was lost")
     assert path.read_bytes() == before
     assert os.listdir(tmp_path) == ["run.nc"]
 
@@ -231,20 +230,17 @@ def test_a_killed_write_leaves_nothing_under_the_final_name(tmp_path):
     code = f"""
 import os, signal
 import xarray as xr
-from pathlib import Path
 from stickslip.io import datasets as store
 
-def die(self, place, **_):
-    Path(place).write_bytes(b"half of it")
-    os.kill(os.getpid(), signal.SIGKILL)
-
-xr.Dataset.to_netcdf = die
+os.fsync = lambda _: os.kill(os.getpid(), signal.SIGKILL)
 store.save(xr.Dataset(), {str(tmp_path / "run.nc")!r})
 """
     done = subprocess.run([sys.executable, "-c", code], check=False)
     assert done.returncode == -signal.SIGKILL
     assert not (tmp_path / "run.nc").exists()
-    assert all(name.startswith(".run.nc.") and name.endswith(".part") for name in os.listdir(tmp_path))
+    assert [name.startswith(".stickslip-") for name in os.listdir(tmp_path)] == [True]
+    store.save(xr.Dataset(), tmp_path / "run.nc")
+    assert os.listdir(tmp_path) == ["run.nc"]
 
 
 def hdf5(place: Path) -> None:
@@ -264,7 +260,7 @@ def cut_short(place: Path) -> None:
     ("make", "message"),
     [
         (lambda _: None, "no such file"),
-        (lambda place: place.mkdir(), "is a directory, not a file"),
+        (lambda place: place.mkdir(), "is a directory, not a run"),
         (lambda place: place.write_bytes(b""), "is not a NetCDF file; a run is made with `stickslip simulate"),
         (lambda place: place.write_bytes(b"\x89HD"), "is not a NetCDF file"),
         (lambda place: place.write_bytes(os.urandom(4096)), "is not a NetCDF file"),
@@ -306,7 +302,9 @@ def test_hdf5_of_others_is_read_but_has_no_provenance(tmp_path):
 @pytest.mark.parametrize("name", ["nowhere/run.nc", "file/run.nc", ".", "x" * 300 + ".nc"])
 def test_places_that_cannot_be_written(name, result, tmp_path):
     (tmp_path / "file").write_text("a file, not a directory")
-    with pytest.raises(InputError, match=r"(cannot be written \(.*\); choose another place|is a directory; give)"):
+    with pytest.raises(
+        InputError, match=r"(cannot be written .*another place|is a directory; give|no directory .*make)"
+    ):
         store.save(result, tmp_path / name)
     assert os.listdir(tmp_path) == ["file"]
 
@@ -315,7 +313,7 @@ def test_places_that_cannot_be_written(name, result, tmp_path):
 def test_a_directory_without_permission(result, tmp_path):
     tmp_path.chmod(0o500)
     try:
-        with pytest.raises(InputError, match=r"cannot be written \(Permission denied\)"):
+        with pytest.raises(InputError, match=r"cannot be written \(.* is read-only\)"):
             store.save(result, tmp_path / "run.nc")
     finally:
         tmp_path.chmod(0o700)

@@ -16,7 +16,6 @@ from stickslip import (
     Uniform,
     Weibull,
     critical_stiffness,
-    effective_stiffness,
     kinetic_friction,
     rigid_slide,
     static_friction,
@@ -24,6 +23,7 @@ from stickslip import (
 from stickslip.model.distributions import Distribution
 from stickslip.paper import Claim
 from stickslip.paper.figure import at_least, at_most, near
+from stickslip.rigid import effective_stiffness
 from verification.study import Study, finding
 
 _AT_REST = Gaussian(mean=0.0, std=0.0)

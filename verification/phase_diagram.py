@@ -20,6 +20,7 @@ from stickslip.paper import Claim
 from stickslip.paper.figure import at_least, near
 from stickslip.stability import critical
 from stickslip.sweep.plan import Plan, read_plan
+from stickslip.sweep.study import FROM_REST, FROM_SLIDING, KINDS
 from verification.study import finding
 
 _CONTACTS = 20_000
@@ -47,7 +48,8 @@ def _linear(plan: Plan, diagram: xr.Dataset) -> Claim:
             beyond = velocity / edges[0].value
             if 1 / _MARGIN <= beyond <= _MARGIN:
                 continue
-            seen = str(diagram["regime"].sel(stiffness=stiffness, velocity=velocity, start="smooth").item())
+            here = diagram["regime"].sel(stiffness=stiffness, velocity=velocity, start=FROM_SLIDING)
+            seen = KINDS[here.item()]
             claimed += 1
             as_claimed += seen in _OSCILLATES if beyond > 1 else seen == "smooth sliding"
     cells = diagram["regime"].size / 2
@@ -60,9 +62,9 @@ def _linear(plan: Plan, diagram: xr.Dataset) -> Claim:
 
 
 def _starts(diagram: xr.Dataset) -> Claim:
-    undecided = (diagram["regime"] == "undecided").any("start")
-    calm = (diagram["regime"] == "smooth sliding") | undecided
-    strange = (~calm.sel(start="smooth") & calm.sel(start="from rest")).sum()
+    undecided = (diagram["regime"] == KINDS.index("undecided")).any("start")
+    smooth = (diagram["regime"] == KINDS.index("smooth sliding")) | undecided
+    strange = (~smooth.sel(start=FROM_SLIDING) & smooth.sel(start=FROM_REST)).sum()
     return finding(
         "A start at rest oscillates wherever a start from smooth sliding does",
         near("cells where it does not", float(strange), 0.0, 0.0),
@@ -84,10 +86,10 @@ def _fold(plan: Plan) -> Claim:
         ).bands
         low, high = band.low.value, band.high.value
         for velocity, start, expected in (
-            (math.sqrt(low * high), "from rest", "stick-slip"),
-            (math.sqrt(low * high), "smooth", "smooth sliding"),
-            (low * _MARGIN, "from rest", "stick-slip"),
-            (low / _MARGIN, "from rest", "smooth sliding"),
+            (math.sqrt(low * high), FROM_REST, "stick-slip"),
+            (math.sqrt(low * high), FROM_SLIDING, "smooth sliding"),
+            (low * _MARGIN, FROM_REST, "stick-slip"),
+            (low / _MARGIN, FROM_REST, "smooth sliding"),
         ):
             seen = plan.study(stiffness=stiffness, velocity=velocity, start=start, seed=1)["regime"]
             cases.append(seen == expected)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import stickslip
-from stickslip.io.datasets import whole_file
+from stickslip.io import files
 from stickslip.paper import Claim
 from verification import STUDIES
 
@@ -80,7 +80,6 @@ class Report:
             "report.html": page.render(self.plain()),
         }
         for name, text in texts.items():
-            with whole_file(folder / name, example=name) as part:
-                part.write_text(text)
+            files.write(folder / name, text.encode())
         first, second = (folder / name for name in texts)
         return first, second

@@ -50,7 +50,7 @@ def held_friction(
     *,
     distance: float,
     after: float,
-    record: Output = Output(),
+    output: Output = Output(),
 ) -> float:
     """Return the mean force of steady sliding in a run over a distance, what comes `after` a part of it.
 
@@ -61,7 +61,7 @@ def held_friction(
         Rig(interface, slider, constant(velocity, distance / velocity)),
         method=method,
         start=FromSliding(),
-        record=record,
+        output=output,
     )
     drag = slider.mass * slider.damping * velocity
     return float(run["spring_force"].sel(time=slice(after / velocity, None)).mean()) - drag

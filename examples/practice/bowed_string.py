@@ -18,8 +18,9 @@ from matplotlib.figure import Figure
 
 import stickslip as ss
 from stickslip import plot
+from stickslip.model.parameters import Parameter
 from stickslip.model.units import Scales
-from stickslip.stability import Modes, Parameter
+from stickslip.stability import Modes
 
 LENGTH, PITCH, DENSITY, QUALITY = 0.33, 440.0, 6e-4, 100.0
 """Of an A string, in m, Hz, kg/m; and the quality of its modes with a finger and a bow on it (assumed)."""

@@ -30,7 +30,7 @@ def load(slab: ss.Rig, factor: float):
 
 def recurrence_and_drop(run) -> tuple[float, float]:
     """Median time from one event to the next, in s, and median drop of the force, in N, without the first events."""
-    events = ss.events(run).isel(event=slice(2, None))
+    events = ss.drops(run).isel(event=slice(2, None))
     return float(events["start"].diff("event").median()), float(events["drop"].median())
 
 

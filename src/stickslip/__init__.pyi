@@ -15,10 +15,7 @@ from .io.datasets import load as load
 from .io.datasets import save as save
 from .io.rig_files import example as example
 from .io.rig_files import read_rig as read_rig
-from .measure import amplitude as amplitude
-from .measure import event_statistics as event_statistics
-from .measure import events as events
-from .measure import hysteresis as hysteresis
+from .measure import drops as drops
 from .measure import read_trace as read_trace
 from .measure import regime as regime
 from .measure import transitions as transitions

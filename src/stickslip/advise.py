@@ -24,15 +24,14 @@ import numpy as np
 from stickslip import stability
 from stickslip.cycles import bistable_region, is_sustained
 from stickslip.errors import InputError, UndecidedError, number, whole
-from stickslip.io.rig_files import Rig
 from stickslip.measure import Regime, regime
 from stickslip.model import Contacts, FromRest, FromSliding, Method, Slider, Start
 from stickslip.model.drive import constant
-from stickslip.model.parameters import parameter_named
+from stickslip.model.parameters import Parameter, parameter_named
+from stickslip.model.rig import Rig
 from stickslip.model.units import quantity
 from stickslip.rigid import critical_stiffness, static_friction
 from stickslip.simulation import Progress, simulate
-from stickslip.stability import Parameter
 from stickslip.theory import kinetic_friction
 
 if TYPE_CHECKING:

@@ -4,39 +4,80 @@ from __future__ import annotations
 
 import json as jsonlib
 import math
+import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, CycloptsError, Parameter, Token
 
 from stickslip import __version__
-from stickslip.errors import InputError, UndecidedError
+from stickslip.errors import InputError, UndecidedError, one_line, shortened, shown
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from stickslip.advise import Prediction
-    from stickslip.io.rig_files import Rig
+    from stickslip.model.rig import Rig
+    from stickslip.sweep import Progress
+
+Value = TypeVar("Value")
 
 app = App(
     name="stickslip",
     help="Friction of interfaces made of many contacts: will it stick-slip, at which speeds, and what would stop it?",
     version=__version__,
     result_action="return_value",
+    suppress_keyboard_interrupt=False,  # what to say of one is ours
 )
 
+
+def _number(_type: object, tokens: Sequence[Token]) -> float:
+    from stickslip.model.quantities import read_number
+
+    return _told(read_number, tokens[0].value)
+
+
+def _whole(_type: object, tokens: Sequence[Token]) -> int:
+    def read(text: str) -> int:
+        if not re.fullmatch(r"[-+]?[0-9]{1,15}", text):
+            raise InputError("must be a whole number, such as 40")
+        return int(text)
+
+    return _told(read, tokens[0].value)
+
+
+def _seconds(_type: object, tokens: Sequence[Token]) -> float:
+    from stickslip.model.quantities import read_quantity
+
+    return _told(partial(read_quantity, unit="s", example="0.5 ms", bare=True), tokens[0].value)
+
+
+def _told(read: Callable[[str], Value], text: str) -> Value:
+    """Read the value of an option; an error shows it."""
+    try:
+        return read(text)
+    except InputError as error:
+        raise InputError(f"{shown(text)}: {error}") from None
+
+
 Json = Annotated[bool, Parameter(help="Print JSON for a machine to read.", negative="")]
+Step = Annotated[
+    float | None,
+    Parameter(help="Time from one row to the next, where there is none: 0.5 ms, or in s.", converter=_seconds),
+]
 Plot = Annotated[Path | None, Parameter(help="Also draw a picture: .png, .svg or .pdf.")]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code: 2 for input that cannot be used, 1 for a claim or case that fails."""
     try:
-        result = app(list(sys.argv[1:] if arguments is None else arguments), exit_on_error=False, print_error=False)
+        with _stoppable():
+            result = app(list(sys.argv[1:] if arguments is None else arguments), exit_on_error=False, print_error=False)
     except (InputError, UndecidedError) as error:
         return _fail(str(error))
     except CycloptsError as error:
@@ -52,7 +93,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _fail(message: str, code: int = 2) -> int:
-    print("stickslip: " + " ".join(message.split()), file=sys.stderr)
+    print(f"stickslip: {one_line(message)}", file=sys.stderr)
     return code
 
 
@@ -73,17 +114,16 @@ def predict(rig: Path, *, verify: bool = False, json: Json = False, plot: Plot =
         Simulate the rig after each mitigation with its own method.
     """
     from stickslip import advise
-    from stickslip import measure as measures
     from stickslip.io import rig_files as rigs
 
-    _check_target(plot)
+    _check_outputs(plot, read=rig)
     described = rigs.read_rig(rig)
     with _bar("predicting") as progress:
         found = advise.predict(described, verify=verify, progress=progress)
     if plot is not None:
         from stickslip import plot as drawing
 
-        drawing.save(drawing.overview(found.run, events=measures.events(found.run)), plot)
+        drawing.save(drawing.overview(found.run), plot)
     if json:
         _print_json(_prediction_as_plain(found, described))
     else:
@@ -132,8 +172,7 @@ def simulate(
     from stickslip.simulation import rerun
     from stickslip.simulation import simulate as run_case
 
-    _check_target(plot)
-    _check_target(output)
+    _check_outputs(output, plot, read=rig)
     with _bar("simulating") as progress:
         if again:
             run = rerun(before := store.load(rig), progress=progress)
@@ -164,9 +203,16 @@ def measure(
     *,
     force: Annotated[str | None, Parameter(help="Column of the force, by name or number from 1.")] = None,
     time: Annotated[str | None, Parameter(help="Column of the time, by name or number from 1.")] = None,
-    step: Annotated[float | None, Parameter(help="Seconds from one row to the next, where there is no time.")] = None,
-    minimum_drop: Annotated[float | None, Parameter(help="Smallest drop that counts as a slip.")] = None,
-    after: Annotated[float | None, Parameter(help="Judge the regime after this time only.")] = None,
+    step: Step = None,
+    displacement: Annotated[str | None, Parameter(help="Column of the displacement, by name or number.")] = None,
+    load: Annotated[str | None, Parameter(help="Column of the normal load, or the load itself: '20 N'.")] = None,
+    flip: Annotated[bool, Parameter(help="Change the sign of the force.", negative="")] = False,
+    minimum_drop: Annotated[
+        float | None, Parameter(help="Smallest drop that counts as a slip.", converter=_number)
+    ] = None,
+    after: Annotated[
+        float | None, Parameter(help="Look at what comes after this time only.", converter=_number)
+    ] = None,
     events: Annotated[Path | None, Parameter(help="Write the catalogue of slips as CSV.")] = None,
     json: Json = False,
     plot: Plot = None,
@@ -179,27 +225,32 @@ def measure(
         A run (NetCDF), or a table in plain text with a column of force.
     """
     from stickslip import measure as measures
-    from stickslip.io import datasets as store
+    from stickslip.io import files
 
-    _check_target(plot)
-    _check_target(events)
-    trace = _read_data(data, force, time, step)
-    catalogue = measures.events(trace, minimum_drop=minimum_drop)
-    statistics = measures.event_statistics(catalogue)
+    _check_outputs(events, plot, read=data)
+    trace = _read_data(data, force, time, step, displacement=displacement, load=load, flip=flip)
+    catalogue = measures.drops(trace, minimum_drop=minimum_drop, after=after)
     seen = measures.regime(trace, after=after)
     if events is not None:
-        with store.whole_file(events, example="slips.csv") as part:
-            part.write_text(_as_csv(catalogue))
+        files.write(events, _as_csv(catalogue).encode())
     if plot is not None:
         from stickslip import plot as drawing
 
         drawing.save(drawing.overview(trace, events=catalogue), plot)
-    unreadable = jsonlib.loads(trace.attrs.get("unreadable", "[]"))
+    try:
+        unreadable = jsonlib.loads(trace.attrs.get("unreadable", "[]"))
+    except (ValueError, TypeError, RecursionError):
+        raise InputError(f"{data}: its attribute 'unreadable' is damaged; measure the trace again") from None
     if json:
         _print_json(
             {
                 "regime": _plain(seen),
-                "statistics": _plain(statistics),
+                "statistics": {
+                    str(name): {key: _plain(column.attrs[key]) for key in ("mean", "std", "units")}
+                    for name, column in catalogue.data_vars.items()
+                    if "mean" in column.attrs
+                }
+                | {"count": catalogue.attrs["count"]},
                 "events": {str(name): _plain(catalogue[name].to_numpy()) for name in catalogue.variables},
                 "unreadable": unreadable,
             }
@@ -207,7 +258,9 @@ def measure(
         return
     print(seen)
     print()
-    print(statistics)
+    print(f"{catalogue.attrs['count']} slips; mean ± standard deviation:")
+    for name, text in measures.statistics(catalogue):
+        print(f"{name}: {text}")
     if note := trace.attrs.get("note"):
         print(f"note: {note}")
     for what, where in (("slips", events), ("picture", plot)):
@@ -223,9 +276,9 @@ def plot(
     kind: Literal["overview", "phase", "stretchings", "energy"] = "overview",
     force: str | None = None,
     time: str | None = None,
-    step: float | None = None,
-    at: Annotated[str | None, Parameter(help="Of a sweep, the cut to draw: delay=0.1,start=cold.")] = None,
-    bistable: Annotated[bool, Parameter(help="Of a sweep: show where stick-slip decays, too.", negative="")] = False,
+    step: Step = None,
+    at: Annotated[str | None, Parameter(help="Of a sweep, the cut to draw: delay=0.1,start=sliding.")] = None,
+    bistable: Annotated[bool, Parameter(help="Of a sweep: also show where stick-slip ends.", negative="")] = False,
 ) -> None:
     """Draw a run, a measured trace or a sweep.
 
@@ -238,17 +291,19 @@ def plot(
     kind
         What to draw of a run.
     """
-    from stickslip import measure as measures
     from stickslip import plot as drawing
+    from stickslip.sweep import is_store
 
-    _check_target(output)
-    if data.is_dir():
-        theory = _draw_sweep(_cut(_open_sweep(data), at), output, bistable=bistable)
+    _check_outputs(output, read=data)
+    if is_store(data):
+        from stickslip.sweep.plan import open_plan
+
+        theory = _draw_sweep(_cut(open_plan(data), at), output, bistable=bistable)
         print(f"on top: {theory}\npicture: {output}")
         return
     trace = _read_data(data, force, time, step)
     if kind == "overview":
-        figure: Any = drawing.overview(trace, events=measures.events(trace))
+        figure: Any = drawing.overview(trace)
     else:
         draw = {"phase": drawing.phase_portrait, "stretchings": drawing.stretchings, "energy": drawing.energy}[kind]
         figure = draw(trace).get_figure(root=True)
@@ -261,8 +316,8 @@ def map(
     rig: Path,
     *,
     over: Annotated[str, Parameter(help="Two parameters, such as stiffness,velocity.")] = "stiffness,velocity",
-    around: Annotated[float, Parameter(help="Factor on either side of the rig's own point.")] = 30.0,
-    points: Annotated[int, Parameter(help="Points of the map along each parameter.")] = 80,
+    around: Annotated[float, Parameter(help="Factor on either side of the rig's own point.", converter=_number)] = 30.0,
+    points: Annotated[int, Parameter(help="Points of the map along each parameter.", converter=_whole)] = 80,
     bistable: Annotated[bool, Parameter(help="Show where stick-slip persists beside it, too.", negative="")] = False,
     output: Annotated[Path, Parameter(alias="-o", help="The picture.")] = Path("map.png"),
     json: Json = False,
@@ -278,10 +333,12 @@ def map(
     from stickslip import plot as drawing
     from stickslip.io import rig_files as rigs
 
-    _check_target(output)
+    _check_outputs(output, read=rig)
     names = tuple(part.strip() for part in over.split(","))
     if len(names) != 2:
-        raise InputError(f"--over {over}: must name two parameters with a comma between, such as stiffness,velocity")
+        raise InputError(
+            f"--over {shortened(over)}: must name two parameters with a comma between, such as stiffness,velocity"
+        )
     described = rigs.read_rig(rig)
     with _bar("mapping") as progress:
         found = advise.chart(described, (names[0], names[1]), around, points, bistable=bistable, progress=progress)
@@ -295,15 +352,18 @@ def map(
 
 @app.command
 def sweep(
-    file: Path,
+    file: Path | None = None,
     *,
-    store: Annotated[Path, Parameter(help="Directory of the results; if it is there, the sweep goes on.")],
-    workers: Annotated[int | None, Parameter(help="Cases that run at a time; by default one per core.")] = None,
+    store: Annotated[Path, Parameter(help="File of the results; if it is there, the sweep goes on.")],
+    status: Annotated[bool, Parameter(help="Run nothing: say how far the sweep is.", negative="")] = False,
+    workers: Annotated[
+        int | None, Parameter(help="Cases that run at a time; by default one per core.", converter=_whole)
+    ] = None,
     processes: Annotated[bool, Parameter(help="Run them in processes, not in threads.", negative="")] = False,
     scheduler: Annotated[str | None, Parameter(help="Run them on a Dask cluster: tcp://HOST:PORT.")] = None,
     retry_failed: Annotated[bool, Parameter(help="Run cases again that failed before.", negative="")] = False,
     replot: Annotated[bool, Parameter(help="Run nothing: draw what the store holds.", negative="")] = False,
-    bistable: Annotated[bool, Parameter(help="Draw where stick-slip decays, too; takes seconds.", negative="")] = False,
+    bistable: Annotated[bool, Parameter(help="Also draw where stick-slip ends; takes seconds.", negative="")] = False,
     json: Json = False,
     plot: Plot = None,
 ) -> int:
@@ -314,27 +374,32 @@ def sweep(
     Parameters
     ----------
     file
-        A sweep file in TOML; `stickslip new phase_diagram` prints one.
+        A sweep file in TOML; `stickslip new phase_diagram` prints one. Not needed for --status.
     """
     from stickslip.sweep import plan as plans
+    from stickslip.sweep import status_of
 
-    _check_target(plot)
+    _check_outputs(plot, read=file)
+    if status:
+        found = status_of(store)
+        if json:
+            _print_json(_plain(found) | {"seconds_left": found.seconds_left})
+        else:
+            print(found)
+        return 0
+    if file is None:
+        raise InputError("sweep: which one? name a sweep file (`stickslip new phase_diagram` prints one)")
     plan = plans.read_plan(file)
     if replot and plot is None:
         raise InputError("--replot: needs --plot FILE, the picture to draw")
     if replot:
-        result = _open_sweep(store)
+        result = plans.open_plan(store)
         if not plans.plan_of(result).is_same(plan):
             raise InputError(f"store = {str(store)!r}: holds another sweep than {file}; draw it with `stickslip plot`")
     else:
-        with _executor(workers, processes, scheduler) as executor, _bar(plan.name) as report, _stoppable():
+        with _executor(workers, processes, scheduler) as executor, _progress_of(plan.name) as report, _stoppable():
             try:
-                result = plan.run(
-                    store=store,
-                    executor=executor,
-                    progress=lambda p: report(p.finished / p.total),
-                    retry_failed=retry_failed,
-                )
+                result = plan.run(store=store, executor=executor, progress=report, retry_failed=retry_failed)
             except KeyboardInterrupt:
                 return _fail(f"interrupted; {_resume(store)}", code=130)
     theory = None if plot is None else _draw_sweep(result, plot, bistable=bistable)
@@ -365,11 +430,13 @@ def paper(
         raise InputError(f"{figure}: no such figure; there are {', '.join(FIGURES)}")
     if not directory.is_dir():
         raise InputError(f"--directory {directory}: no such directory")
+    picture, file = directory / f"{figure}.png", directory / f"{figure}.nc"
+    _check_outputs(picture, file)
     chosen = FIGURES[figure]
     with _bar(figure) as progress:
         data = chosen.compute(progress=progress, quick=quick)
-    picture = drawing.save(chosen.draw(data), directory / f"{figure}.png")
-    file = store.save(data, directory / f"{figure}.nc")
+    drawing.save(chosen.draw(data), picture)
+    store.save(data, file)
     claims = chosen.check(data) if check else ()
     failed = [claim for claim in claims if not claim.ok]
     if json:
@@ -395,7 +462,7 @@ def paper(
 def explore(
     rig: Path | None = None,
     *,
-    port: Annotated[int | None, Parameter(help="Port on this machine; 0 for any free one.")] = None,
+    port: Annotated[int | None, Parameter(help="Port on this machine; 0 for any free one.", converter=_whole)] = None,
     browser: Annotated[bool, Parameter(help="Open the page in the browser.")] = True,
 ) -> None:
     """Open the browser app: move a slider and see sliding turn into stick-slip.
@@ -429,10 +496,11 @@ def _bar(title: str) -> Iterator[Callable[[float], None]]:
         yield lambda _share: None
         return
     from rich.console import Console
+    from rich.markup import escape
     from rich.progress import Progress
 
     with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(title, total=1.0)
+        task = bar.add_task(escape(title), total=1.0)
         yield lambda share: bar.update(task, completed=share)
 
 
@@ -453,8 +521,39 @@ def _executor(workers: int | None, processes: bool, scheduler: str | None) -> It
 
 
 @contextmanager
+def _progress_of(title: str) -> Iterator[Callable[[Progress], None]]:
+    """How far a sweep is: a bar on a terminal; elsewhere, as in the log of a job, a line with the time now and then."""
+    if sys.stderr.isatty():
+        with _bar(title) as bar:
+            yield lambda p: bar(p.finished / p.total)
+        return
+    import time
+
+    from stickslip.sweep import in_words
+
+    begin = time.monotonic()
+    due = begin
+
+    def line(p: Progress) -> None:
+        nonlocal due
+        now = time.monotonic()
+        if now < due or p.finished == p.total:
+            return
+        due = now + _LINES_EVERY
+        words = f"{p.finished} of {p.total} cases" + (f", {p.failed} failed" if p.failed else "")
+        if fresh := p.finished - p.found:
+            words += f", about {in_words((now - begin) * (p.total - p.finished) / fresh)} left"
+        print(time.strftime("%Y-%m-%d %H:%M:%S"), f"{title}: {words}", file=sys.stderr, flush=True)
+
+    yield line
+
+
+@contextmanager
 def _stoppable() -> Iterator[None]:
-    """Take the signal that a cluster sends before it kills for a Ctrl-C: what is done is written down first."""
+    """Take for a Ctrl-C what a cluster sends before it kills, and what a terminal sends when it is closed.
+
+    A signal that is ignored, as under nohup, stays so.
+    """
     import signal
     import threading
 
@@ -465,11 +564,14 @@ def _stoppable() -> Iterator[None]:
     def stop(_number: int, _frame: object) -> None:
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGTERM, stop)
+    # What is ignored stays so: `nohup` means it.
+    heeded = [n for n in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(n) != signal.SIG_IGN]
+    before = {n: signal.signal(n, stop) for n in heeded}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for n, handler in before.items():
+            signal.signal(n, handler)
 
 
 @contextmanager
@@ -479,7 +581,7 @@ def _dask(scheduler: str) -> Iterator[Any]:
     try:
         from distributed import Client
     except ImportError:
-        raise InputError("--scheduler needs the dask.distributed package: pip install stickslip[sweep]") from None
+        raise InputError("--scheduler needs the dask.distributed package: pip install 'stickslip[sweep]'") from None
     for name in [*logging.root.manager.loggerDict]:
         if name.startswith("distributed"):
             logging.getLogger(name).setLevel(logging.CRITICAL)  # what concerns the user is said in our line
@@ -496,26 +598,25 @@ def _dask(scheduler: str) -> Iterator[Any]:
         client.close(timeout=5)
 
 
-def _open_sweep(store: Path) -> xr.Dataset:
-    from stickslip.sweep import open_sweep
-    from stickslip.sweep import plan as plans
-
-    return plans.open_refined(store) if plans.is_refined(store) else open_sweep(store)
-
-
 def _cut(result: xr.Dataset, at: str | None) -> xr.Dataset:
     """Select from a sweep, each axis at the value nearest to the one given."""
+    from stickslip.model.quantities import read_number
+
     for part in (at or "").split(",") if at else ():
         name, _, value = (word.strip() for word in part.partition("="))
         if name not in result.dims or not value:
             axes = ", ".join(str(dim) for dim in result.dims)
-            raise InputError(f"--at {part}: must be an axis and a value, as in delay=0.1; this sweep has {axes}")
+            raise InputError(
+                f"--at {shortened(part)}: must be an axis and a value, as in delay=0.1; this sweep has {axes}"
+            )
         numbers = result[name].dtype.kind in "iuf"
         try:
-            result = result.sel({name: float(value)}, method="nearest") if numbers else result.sel({name: value})
+            result = result.sel({name: read_number(value)}, method="nearest") if numbers else result.sel({name: value})
+        except InputError as error:
+            raise InputError(f"--at {shortened(part)}: {error}") from None
         except (KeyError, ValueError):
             there = ", ".join(str(item) for item in result[name].values.tolist())
-            raise InputError(f"--at {part}: no such value; this sweep has {there}") from None
+            raise InputError(f"--at {shortened(part)}: no such value; this sweep has {there}") from None
     return result
 
 
@@ -532,12 +633,12 @@ def _draw_sweep(result: xr.Dataset, picture: Path, *, bistable: bool) -> str:
 
 def _resume(store: Path) -> str:
     """What is kept, and how to go on."""
-    from stickslip.sweep import open_sweep, summary
+    from stickslip.sweep import status_of
 
-    try:
-        kept = f"{summary(open_sweep(store))} are kept in {str(store)!r}"
-    except InputError:  # it had not begun, or is a refinement
-        kept = f"what was done is kept in {str(store)!r}" if store.exists() else "nothing was done yet"
+    if not store.exists():
+        return "nothing was done yet"
+    done = status_of(store).summary
+    kept = f"{done.done + done.failed} of {done.total} cases are kept in {str(store)!r}"
     return f"{kept}; the same command goes on from there"
 
 
@@ -565,21 +666,39 @@ def _report_sweep(result: xr.Dataset, store: Path, picture: Path | None, theory:
 
 
 _FAILURES_SHOWN = 5
+_LINES_EVERY = 30.0
+"""Seconds between two lines on the progress of a sweep."""
 _PATIENCE = "10s"
 """How long a scheduler is waited for."""
 
 
-def _check_target(path: Path | None) -> None:
-    """Complain of a place that cannot be written before any work is done."""
-    if path is None:
-        return
-    if path.is_dir():
-        raise InputError(f"{path}: is a directory; give the name of a file")
-    if not path.absolute().parent.is_dir():
-        raise InputError(f"{path}: there is no directory {path.parent}; make it first")
+def _check_outputs(*outputs: Path | None, read: Path | None = None) -> None:
+    """Complain before any work is done of a place that cannot be written, or that holds the file that is read."""
+    from stickslip.io import files
+
+    taken: set[Path] = set()
+    for output in outputs:
+        if output is None:
+            continue
+        place = files.target(output)
+        with suppress(OSError):  # one of the two is not there
+            if read is not None and place.samefile(read):
+                raise InputError(f"{output}: is the file to be read; choose another name for what is written")
+        if place in taken:
+            raise InputError(f"{output}: is given for two outputs; choose another name for one of them")
+        taken.add(place)
 
 
-def _read_data(data: Path, force: str | None, time: str | None, step: float | None) -> xr.Dataset:
+def _read_data(
+    data: Path,
+    force: str | None,
+    time: str | None,
+    step: float | None,
+    *,
+    displacement: str | None = None,
+    load: str | None = None,
+    flip: bool = False,
+) -> xr.Dataset:
     """Read a run, in its units, or a measured trace."""
     from stickslip import measure as measures
     from stickslip.io import datasets as store
@@ -589,11 +708,7 @@ def _read_data(data: Path, force: str | None, time: str | None, step: float | No
         if "spring_force" not in run or "time" not in run.coords:
             raise InputError(f"{data}: holds no run: there is no force F_d along a time t in it")
         return run
-    return measures.read_trace(data, force=_column(force), time=_column(time), step=step)
-
-
-def _column(name: str | None) -> str | int | None:
-    return int(name) if name is not None and name.isdigit() else name
+    return measures.read_trace(data, force=force, time=time, displacement=displacement, load=load, step=step, flip=flip)
 
 
 def _as_csv(catalogue: xr.Dataset) -> str:
@@ -654,17 +769,23 @@ def _prediction_as_plain(found: Prediction, rig: Rig) -> dict[str, Any]:
 def _print_prediction(found: Prediction, rig: Rig, picture: Path | None) -> None:
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
-    # In a pipe nobody knows the width of the page: keep the lines of a table whole.
-    console = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 140)
-    console.print(f"[bold]{rig.name}[/bold]: {found.verdict}\n")
-    console.print(str(found.regime) + "\n", markup=False)
+    # In a pipe nobody knows the width of the page: keep the lines of a table whole. What users write is no markup.
+    width = None if sys.stdout.isatty() else 140
+    console = Console(highlight=False, markup=False, emoji=False, soft_wrap=True, width=width)
+
+    def titled(title: str, rest: str) -> None:
+        console.print(Text.assemble((title, "bold"), rest))
+
+    titled(rig.name, f": {found.verdict}\n")
+    console.print(f"{found.regime}\n")
     numbers = Table(box=None, show_header=False, pad_edge=False)
     for name, text in found.numbers():
         numbers.add_row(name, text)
     console.print(numbers)
     if found.margins:
-        console.print("\n[bold]Margins[/bold] of smooth sliding, each parameter varied alone (linear stability)")
+        titled("\nMargins", " of smooth sliding, each parameter varied alone (linear stability)")
         table = Table(box=None, pad_edge=False)
         for title in ("parameter", "now", "nearest edge below", "nearest edge above"):
             table.add_column(title)
@@ -672,17 +793,17 @@ def _print_prediction(found: Prediction, rig: Rig, picture: Path | None) -> None
             table.add_row(*row)
         console.print(table)
     if found.mitigations:
-        console.print("\n[bold]Mitigations[/bold], one change at a time, the smallest first")
+        titled("\nRemedies", ", one change at a time, the smallest first")
         for line in found.mitigation_lines():
-            console.print(f"- {line}", markup=False)
+            console.print(f"- {line}")
     elif found.ill:
         console.print("\nNo single change within the ranges searched gives smooth sliding.")
     if rig.assumed:
-        console.print("\n[bold]Assumed[/bold], not measured:")
+        titled("\nAssumed", ", not measured:")
         for key, how in rig.assumed.items():
-            console.print(f"- {key}: {how}", markup=False)
+            console.print(f"- {key}: {how}")
     if picture is not None:
-        console.print(f"\npicture: {picture}", markup=False)
+        console.print(f"\npicture: {picture}")
 
 
 if __name__ == "__main__":

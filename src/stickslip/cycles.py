@@ -30,18 +30,22 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.io import datasets as store
-from stickslip.measure.verdict import SLIP_VELOCITY, TINY, Kind
+from stickslip.measure.periods import rises
+from stickslip.measure.slips import SLIP_VELOCITY
+from stickslip.measure.verdict import TINY, Kind
 from stickslip.model import FromRest, FromSliding, MasterEquation, Slider, Start
 from stickslip.model.distributions import Distribution
 from stickslip.model.parameters import DELAY, VELOCITY, Parameter, check_range, parameter_named
 from stickslip.model.rig import Rig
-from stickslip.simulation import check_method, initial_nodes, survival_table
+from stickslip.simulation import check_method, initial_nodes, slider_constants, survival_table
 from stickslip.stability import Crossings, count_unstable, critical
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from stickslip.kernels import cohorts as kernel
+    from stickslip.kernels.drive import Quadratic
+    from stickslip.kernels.oscillator import Slider as Constants
 
 Array = NDArray[np.float64]
 
@@ -204,18 +208,19 @@ class _Ride:
     rig: Rig
     cells: int
     table: kernel.Table
-    rebirth: kernel.Rebirth
-    mechanics: kernel.Mechanics
-    pull: kernel.Pull
+    delays: kernel.Delays
+    slider: Constants
+    drive: Quadratic
     state: kernel.State
     cycle: float  # expected travel of the drive in one
 
     @classmethod
     def begin(cls, rig: Rig, start: Start, method: MasterEquation) -> _Ride:
         from stickslip.kernels import cohorts as kernel
+        from stickslip.kernels.drive import Quadratic
 
         interface, slider, velocity = rig.interface, rig.slider, rig.velocity
-        table, rebirth = _table(interface.threshold_distribution), kernel.Rebirth(*interface.delay.quadrature(), False)
+        table, delays = _table(interface.threshold_distribution), kernel.Delays(*interface.delay.quadrature())
         if isinstance(start, FromRest):
             x, share = initial_nodes(interface)
             speed = rate = 0.0
@@ -226,7 +231,7 @@ class _Ride:
             rate = velocity / (mean + velocity * delay)
             x, share = kernel.smooth_sliding(table, method.cells, mean / (mean + velocity * delay))
             speed = velocity * (1.0 + start.perturbation)
-        state = kernel.initial_state(table, rebirth, x, share, velocity=speed, rate=rate)
+        state = kernel.initial_state(table, delays, x, share, velocity=speed, rate=rate)
         balance = 0.0
         if isinstance(start, FromSliding):
             drag = slider.mass * slider.damping * velocity
@@ -235,9 +240,9 @@ class _Ride:
             rig=rig,
             cells=method.cells,
             table=table,
-            rebirth=rebirth,
-            mechanics=kernel.Mechanics(slider.stiffness, slider.mass, slider.damping, False),
-            pull=kernel.Pull(0.0, balance, velocity, 0.0),
+            delays=delays,
+            slider=slider_constants(slider),
+            drive=Quadratic(0.0, balance, velocity, 0.0),
             state=state,
             cycle=_cycle(rig),
         )
@@ -255,9 +260,9 @@ class _Ride:
         done = kernel.advance(
             self.state,
             self.table,
-            self.rebirth,
-            self.mechanics,
-            self.pull,
+            self.delays,
+            self.slider,
+            self.drive,
             until=begin + duration,
             times=times,
             cells=self.cells,
@@ -269,7 +274,7 @@ class _Ride:
         """Go on for a few cycles and say what they show; stretches of the drive too short for that are doubled."""
         travel = LOOK * self.cycle
         ride, rows = self.on(travel)
-        cycles = _cycles(rows, ride.mechanics.stiffness, ride.rig.velocity)
+        cycles = _cycles(rows, ride.slider.stiffness, ride.rig.velocity)
         _, force, speed = rows
         fastest = float(speed.max()) / ride.rig.velocity
         if cycles.shape[1] == 0:
@@ -287,14 +292,15 @@ class _Ride:
         them.
         """
         from stickslip.kernels import cohorts as kernel
+        from stickslip.kernels.drive import Quadratic
 
         slider = rig.slider
-        table, rebirth = self.table, self.rebirth
+        table, delays = self.table, self.delays
         scalar, cohort, broken = self.state.scalar.copy(), self.state.cohort.copy(), self.state.broken.copy()
         cursor, used = self.state.cursor.copy(), self.state.used.copy()
         if rig.interface.delay != self.rig.interface.delay:
-            rebirth = kernel.Rebirth(*rig.interface.delay.quadrature(), False)
-            ratio = _stretched(self.rebirth, rebirth)
+            delays = kernel.Delays(*rig.interface.delay.quadrature())
+            ratio = _stretched(self.delays, delays)
             n = used[1]
             broken[0, :n] = scalar[kernel.TIME] - ratio * (scalar[kernel.TIME] - broken[0, :n])
             cursor[:] = 0
@@ -309,9 +315,9 @@ class _Ride:
             self,
             rig=rig,
             table=table,
-            rebirth=rebirth,
-            mechanics=kernel.Mechanics(slider.stiffness, slider.mass, slider.damping, False),
-            pull=kernel.Pull(float(scalar[kernel.TIME]), at, rig.velocity, 0.0),
+            delays=delays,
+            slider=slider_constants(slider),
+            drive=Quadratic(float(scalar[kernel.TIME]), at, rig.velocity, 0.0),
             state=kernel.State(scalar, cohort, broken, cursor, used),
             cycle=self.cycle / _cycle(self.rig) * _cycle(rig),
         )
@@ -325,16 +331,16 @@ def _table(distribution: Distribution) -> kernel.Table:
 
 def _cycle(rig: Rig) -> float:
     """Expected travel of the drive in a cycle: loading by a threshold, or an oscillation of the slider on its spring."""
-    slider = rig.slider
+    slider: Slider = rig.slider
     stretch = rig.interface.threshold_distribution.moment(1)
     return max(stretch * (1.0 + 1.0 / slider.stiffness), rig.velocity * 2.0 * math.pi / slider.frequency)
 
 
-def _stretched(old: kernel.Rebirth, new: kernel.Rebirth) -> float:
+def _stretched(old: kernel.Delays, new: kernel.Delays) -> float:
     """Ratio of two distributions of delays that differ in scale only."""
-    if old.delay.size == new.delay.size and old.delay.size and np.allclose(old.weight, new.weight, rtol=1e-6):
-        ratio = float(new.delay.max() / old.delay.max()) if old.delay.max() > 0 else math.nan
-        if np.allclose(new.delay, ratio * old.delay, rtol=1e-6) and ratio > 0:
+    if old.time.size == new.time.size and old.time.size and np.allclose(old.weight, new.weight, rtol=1e-6):
+        ratio = float(new.time.max() / old.time.max()) if old.time.max() > 0 else math.nan
+        if np.allclose(new.time, ratio * old.time, rtol=1e-6) and ratio > 0:
             return ratio
     raise InputError(
         "Interface.delay: a cycle can be carried over only to a delay that is the old one scaled (the parameter DELAY does "
@@ -350,10 +356,7 @@ def _cycles(rows: Array, stiffness: float, velocity: float) -> Array:
     """
     t, force, speed = rows
     low, high = float(force.min()), float(force.max())
-    level = 0.25 * low + 0.75 * high
-    side = np.where(force > level, 1, np.where(force < 0.75 * low + 0.25 * high, -1, 0))
-    outside = np.flatnonzero(side)
-    risen = outside[1:][(side[outside[1:]] > 0) & (side[outside[:-1]] < 0)]
+    risen, times = rises(t, force, 0.75 * low + 0.25 * high, 0.25 * low + 0.75 * high)
     if risen.size < 2:
         return np.empty((3, 0))
     slope = stiffness * (velocity - speed)
@@ -363,8 +366,7 @@ def _cycles(rows: Array, stiffness: float, velocity: float) -> Array:
         top, bottom = (_extreme(t, force, slope, a + int(i)) for i in (np.argmax(part), np.argmin(part)))
         oscillations.append(top - bottom)
         means.append(float(part[1:].mean()))
-    rises = t[risen] - (force[risen] - level) / (force[risen] - force[risen - 1]) * (t[risen] - t[risen - 1])
-    return np.array([oscillations, np.diff(rises), means])
+    return np.array([oscillations, np.diff(times), means])
 
 
 def _extreme(t: Array, force: Array, slope: Array, i: int) -> float:

@@ -7,16 +7,61 @@ as it is.
 from __future__ import annotations
 
 import math
+import reprlib
+from collections.abc import Iterable, Mapping
 from numbers import Integral, Real
 from types import UnionType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+LONGEST_MESSAGE = 380
+"""Characters of a message, whatever the user gave: a line of 400 on the terminal."""
+
+SMALLEST, LARGEST = 1e-30, 1e30
+"""Sizes that a number may have, in any unit: its powers and ratios then stay within what a double can hold."""
+
+
+def one_line(message: str) -> str:
+    """Return a message in one line, cut in the middle if it is long: its place stands first, its remedy last."""
+    end = LONGEST_MESSAGE // 3
+    if len(message) > LONGEST_MESSAGE:
+        message = f"{message[: LONGEST_MESSAGE - end - 5]} ... {message[-end:]}"
+    return " ".join(message.split())
 
 
 class InputError(ValueError):
     """What the user gave cannot be used; the message says where, what and how to put it right."""
 
+    def __init__(self, message: str) -> None:
+        super().__init__(one_line(message))
+
 
 class UndecidedError(RuntimeError):
     """The question has no answer on the evidence at hand; the message gives the evidence."""
+
+
+LONGEST_SHOWN = 60
+"""Characters of a value that a message shows."""
+
+
+def shortened(text: str) -> str:
+    """Return a text as far as a message shows it."""
+    return text if len(text) <= LONGEST_SHOWN else f"{text[: LONGEST_SHOWN - 3]}..."
+
+
+def shown(value: object) -> str:
+    """Return a value as a message shows it: as in Python, cut where it is long, large or deep."""
+    if isinstance(value, str):  # a long one is cut before it is turned into its form in Python
+        return shortened(repr(value[:LONGEST_SHOWN])) if len(value) <= LONGEST_SHOWN else f"{value[:40]!r}..."
+    if isinstance(value, Integral) and abs(int(value)) >= 10**LONGEST_SHOWN:
+        return f"an integer of about {math.floor(int(value).bit_length() * math.log10(2)) + 1} digits"
+    try:
+        return shortened(reprlib.repr(value))
+    except Exception:  # a value may hold anything
+        return f"a {type(value).__name__}"
 
 
 def number(
@@ -48,15 +93,16 @@ def number(
     Raises
     ------
     InputError
-        If the value is not a number, is NaN, or is out of range.
+        If the value is not a number, is NaN, or is out of range; if it is larger than 1e30 in size, or below 1e-30
+        though neither 0 nor a quantity that may be negative.
     """
     wanted = _range_in_words(above, at_least, below, at_most) + (f" ({hint})" if hint else "")
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise InputError(f"{place} = {value!r}: must be a number{wanted}")
+        raise InputError(f"{place} = {shown(value)}: must be a number{wanted}")
     try:
         result = float(value) + 0.0  # minus zero becomes zero: equal numbers are to look alike in a file, too
     except OverflowError:
-        raise InputError(f"{place} = an integer of {len(str(value))} digits: must be a number{wanted}") from None
+        raise InputError(f"{place} = {shown(value)}: must be a number{wanted}") from None
     out_of_range = (
         math.isnan(result)
         or (math.isinf(result) and not infinite)
@@ -68,21 +114,66 @@ def number(
     if out_of_range:
         kind = "a number" if infinite else "a finite number"
         raise InputError(f"{place} = {result:g}: must be {kind}{wanted}")
+    signed = all(bound is None or bound < 0 for bound in (above, at_least))  # a place or a speed may be next to 0
+    if (refusal := extreme(result)) and not (signed and abs(result) < SMALLEST):
+        raise InputError(f"{place} = {result:g}: {refusal}" + (f" ({hint})" if hint else ""))
     return result
+
+
+def numbers(
+    place: str, value: object, *, above: float | None = None, at_least: float | None = None, hint: str = ""
+) -> NDArray[np.float64]:
+    """Return `value`, a number or an array of numbers, as an array; each is checked as by `number`."""
+    import numpy as np
+
+    try:
+        found = np.asarray(value)
+    except ValueError:  # rows of different length
+        found = np.empty(0, dtype=object)
+    if found.dtype.kind not in "iuf":  # texts of digits are no numbers
+        meaning = f" ({hint})" if hint else ""
+        raise InputError(f"{place} = {shown(value)}: must be a number or an array of numbers{meaning}")
+    if found.size == 0:
+        raise InputError(f"{place}: is empty; give at least one number")
+    result = np.asarray(found, dtype=float)
+    for worst in {float(result.min()), float(result.max()), float(np.abs(result[result != 0]).min(initial=1.0))}:
+        number(place, worst, above=above, at_least=at_least, hint=hint)
+    return result
+
+
+def sequence(place: str, value: object, hint: str) -> tuple[Any, ...]:
+    """Return the items of a list, a tuple or an array; a text is none."""
+    if isinstance(value, (str, bytes, Mapping)) or not isinstance(value, Iterable):
+        raise InputError(f"{place} = {shown(value)}: must be {hint}")
+    try:
+        return tuple(value)
+    except TypeError:  # an array without dimensions
+        raise InputError(f"{place} = {shown(value)}: must be {hint}") from None
+
+
+def extreme(value: float) -> str:
+    """Say what is wrong with the size of a number; empty if nothing is, or if it is infinite."""
+    if value == 0 or SMALLEST <= abs(value) <= LARGEST or math.isinf(value):
+        return ""
+    return f"must be between {SMALLEST:g} and {LARGEST:g} in size, or 0"
 
 
 def whole(place: str, value: object, *, at_least: int, at_most: int | None = None, hint: str = "") -> int:
     """Return `value` as an int if it is a whole number in the range, else raise `InputError`."""
+    if isinstance(value, Integral) and not isinstance(value, bool):  # a float does not hold every large seed
+        exact = int(value)
+        if exact >= at_least and (at_most is None or exact <= at_most):
+            return exact
     result = number(place, value, at_least=at_least, at_most=at_most, hint=hint)
     if result != int(result):
         raise InputError(f"{place} = {result:g}: must be a whole number" + (f" ({hint})" if hint else ""))
-    return int(value) if isinstance(value, Integral) else int(result)  # a float does not hold every large seed
+    return int(result)
 
 
 def instance(place: str, value: object, kind: type | UnionType | tuple[type, ...], hint: str) -> None:
     """Raise `InputError` unless `value` is of the kind asked for; a class is no value (a Protocol would take it)."""
     if isinstance(value, type) or not isinstance(value, kind):
-        raise InputError(f"{place} = {value!r}: must be {hint}")
+        raise InputError(f"{place} = {shown(value)}: must be {hint}")
 
 
 def _range_in_words(above: float | None, at_least: float | None, below: float | None, at_most: float | None) -> str:

@@ -15,6 +15,7 @@ Figures are plain `matplotlib.figure.Figure` objects, unknown to pyplot: nothing
 
 from __future__ import annotations
 
+import io
 import os
 import re
 from collections.abc import Iterator, Mapping
@@ -30,6 +31,7 @@ from matplotlib.axis import Axis, YAxis
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import ListedColormap, SymLogNorm
 from matplotlib.figure import Figure
+from matplotlib.mathtext import MathTextParser
 from matplotlib.patches import Patch
 from matplotlib.patheffects import Normal, Stroke
 from matplotlib.rcsetup import cycler
@@ -37,8 +39,9 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
-from stickslip.io.datasets import whole_file
-from stickslip.measure import events as find_events
+from stickslip.io import files
+from stickslip.measure import drops
+from stickslip.measure.arrays import check_numbers
 
 Array = NDArray[np.float64]
 Scale = Literal["linear", "log"]
@@ -126,6 +129,15 @@ def _as_symbol(found: re.Match[str]) -> str:
     return f"${found[1]}_{{\\mathrm{{{found[2]}}}}}$" if found[1] else f"${found[3]}$"
 
 
+def _drawable(text: str) -> str:
+    """Return a text with its dollar signs as they are, if it is no formula that can be drawn."""
+    try:
+        MathTextParser("path").parse(text)
+    except ValueError:
+        return text.replace("$", r"\$")
+    return text
+
+
 def label(variable: xr.DataArray, *, units: str | None = None, most: int = 200) -> str:
     """Return the label of an axis: long name and unit of a variable.
 
@@ -139,7 +151,7 @@ def label(variable: xr.DataArray, *, units: str | None = None, most: int = 200) 
     """
     name = str(variable.attrs.get("long_name", "" if variable.name is None else variable.name))
     units = str(variable.attrs.get("units", "")) if units is None else units
-    unit = unit_text(units)
+    name, unit = _drawable(name), _drawable(unit_text(units))
     words = [(word, len(word)) for word in name.split()]
     if unit:
         words.append((f"({unit})", len(units) + 2))
@@ -182,7 +194,7 @@ def force_trace(
     ax : Axes, optional
         Where to draw; by default a new figure.
     events : Dataset, optional
-        Slips to mark, from `stickslip.measure.events`.
+        Slips to mark, from `stickslip.drops`.
     color : str
 
     Raises
@@ -298,6 +310,8 @@ def stretchings(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the snapshots of the distribution of stretchings ``Q(x)`` that a run recorded."""
     if "stretching_density" not in run or set(run["stretching_density"].dims) != {"snapshot", "x"}:
         raise InputError("plot: this run holds no snapshots; record them with Output(snapshots=(1.0, 2.0))")
+    for name in ("stretching_density", "snapshot", "x"):
+        check_numbers("plot", run[name])
     ax = new_axes() if ax is None else ax
     count = run.sizes["snapshot"]
     colours = mpl.colormaps["cividis"](np.linspace(0.0, 0.9, count)) if count > len(PALETTE) else PALETTE
@@ -366,7 +380,7 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None) -> Figure:
     run : Dataset
         A run or a measured trace.
     events : Dataset, optional
-        Slips to mark; by default those that `stickslip.measure.events` finds.
+        Slips to mark; by default those that `stickslip.drops` finds.
 
     Raises
     ------
@@ -374,7 +388,7 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None) -> Figure:
         If the Dataset has no spring force, or too little of it to look for slips.
     """
     _variable(run, "spring_force", "time")
-    events = find_events(run) if events is None else events
+    events = drops(run) if events is None else events
     panels = [name for name in ("velocity", "attached") if name in run]
     figure = new_figure(PAGE, 2.2 + 1.7 * len(panels))
     axes = figure.subplots(1 + len(panels), 1, sharex=True, squeeze=False)[:, 0]
@@ -427,6 +441,8 @@ def _variable(data: xr.Dataset, name: str, along: str) -> xr.DataArray:
         raise InputError(f"plot: {name} has the dimensions {data[name].dims}: must be along {along} alone; select one")
     if data.sizes[along] == 0:
         raise InputError(f"plot: {name} is empty")
+    check_numbers("plot", data[name])
+    check_numbers("plot", data[along])
     return data[name]
 
 
@@ -456,15 +472,16 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
     InputError
         If the suffix is none of these or the place cannot be written.
     """
-    target = Path(path)
-    kind = target.suffix.lower().removeprefix(".")
-    if kind not in _FORMATS and not os.path.isdir(target):
-        raise InputError(f"{target}: a picture is written as {', '.join('.' + f for f in _FORMATS)}, chosen by suffix")
+    files.target(path)
+    kind = Path(path).suffix.lower().removeprefix(".")
+    if kind not in _FORMATS:
+        raise InputError(f"{path}: a picture is written as {', '.join('.' + f for f in _FORMATS)}, chosen by suffix")
     # No date in the file: the same figure gives the same bytes.
     undated: Mapping[str, None] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})
-    with whole_file(target, example="run.png") as part, house_style():
-        figure.savefig(part, format=kind, metadata=dict(undated))
-    return target
+    picture = io.BytesIO()
+    with house_style():
+        figure.savefig(picture, format=kind, metadata=dict(undated))
+    return files.write(path, picture.getbuffer())
 
 
 def chart(found: xr.Dataset) -> Figure:
@@ -532,7 +549,7 @@ _REGIMES: dict[str, tuple[str, str, str]] = {
     "not run": ("#FFFFFF", "", ""),
 }
 """Colour, mark and hatching of what a case of a sweep can be; light to dark in print without colour, too."""
-_STARTS = {"from rest": "from a start at rest", "smooth": "from smooth sliding"}
+_STARTS = {"from rest": "from a start at rest", "sliding": "from smooth sliding"}
 _BOUNDARY = "linear boundary, computed"
 _HALO = [Stroke(linewidth=3.2, foreground="white"), Normal()]
 
@@ -544,7 +561,7 @@ def sweep_picture(data: xr.Dataset) -> Figure:
     Parameters
     ----------
     data : Dataset
-        A sweep with its ``regime``, or a refinement with the ``label`` of its runs; with ``edge_<axis>`` and
+        A sweep with its ``regime``, or a refinement with the regime of its runs; with ``edge_<axis>`` and
         ``band_<axis>...``, what theory says goes on top, see `stickslip.sweep.plan.with_theory`. Axes are in the order
         of the file: the first goes to the right. Where there are several seeds, a cell has the regime of all of them.
 
@@ -553,10 +570,10 @@ def sweep_picture(data: xr.Dataset) -> Figure:
     InputError
         If there are no regimes, or more than two axes beside seed and start.
     """
-    if "label" in data and "run" in data.dims:
-        return _refined_picture(data)
     if "regime" not in data:
         raise InputError("plot: this sweep holds no variable regime; measure it")
+    if "run" in data.dims:
+        return _refined_picture(data)
     axes = [str(dim) for dim in data["regime"].dims if dim not in ("seed", "start")]
     if len(axes) > 2:
         raise InputError(f"plot: this sweep has the axes {', '.join(axes)}: a picture holds two; select the others")
@@ -568,12 +585,21 @@ def sweep_picture(data: xr.Dataset) -> Figure:
 
 def _kinds(data: xr.Dataset) -> xr.DataArray:
     """What became of each case, in words."""
-    kinds = data["regime"].where(data["regime"] != "", "not run")
-    if "error" in data:
-        kinds = kinds.where(data["error"] == "", "failed")
-    if "case_key" in data:
-        kinds = kinds.where(data["case_key"] != 0, "not run")
-    return kinds
+    import xarray as xr
+
+    regime, status = data["regime"], data["status"]
+    kinds = xr.full_like(regime, "not run", dtype=object)
+    words = [word.replace("_", " ") for word in regime.flag_meanings.split()]
+    for code, word in zip(np.asarray(regime.flag_values).tolist(), words, strict=True):
+        kinds = kinds.where(regime != code, word)
+    kinds = kinds.where(status != _status(data, "failed"), "failed")
+    return kinds.where(status != _status(data, "not_run"), "not run")
+
+
+def _status(data: xr.Dataset, word: str) -> int:
+    """Code of a word in the status of a sweep."""
+    flags = data["status"].attrs
+    return int(np.asarray(flags["flag_values"])[flags["flag_meanings"].split().index(word)])
 
 
 def _phase_diagram(data: xr.Dataset, axes: list[str]) -> Figure:
@@ -693,7 +719,7 @@ def _refined_picture(data: xr.Dataset) -> Figure:
     legend: dict[str, Any] = {}
     for ax, start in panels:
         mine = data.isel(run=data["start"].to_numpy() == start, crossing=data["start_at"].to_numpy() == start)
-        label = np.where(mine["error"].to_numpy() == "", mine["label"].to_numpy(), "failed")
+        label = _kinds(mine).to_numpy()
         for kind, (colour, mark, _) in _REGIMES.items():
             here = label == kind
             if here.any():

@@ -164,6 +164,7 @@ def critical_stiffness(interface: Interface, *, reattachment: bool = True) -> fl
 def steepest_fall(interface: Interface, *, reattachment: bool = True) -> tuple[float, float]:
     """Return the largest effective stiffness and the displacement where it occurs; see `critical_stiffness`."""
     instance("critical_stiffness: interface", interface, Interface, "an Interface")
+    instance("critical_stiffness: reattachment", reattachment, bool, "True or False")
     check_method(interface, Renewal())
     delay = Delay(0.0) if reattachment else Delay(math.inf)
     bare = Interface(thresholds=interface.thresholds, initial=interface.initial, delay=delay)
@@ -201,6 +202,7 @@ def steepest_fall(interface: Interface, *, reattachment: bool = True) -> tuple[f
 
 def static_friction(interface: Interface) -> tuple[float, float]:
     """Largest friction force in quasi-static motion, per contact in ``f_s``, and the displacement there."""
+    instance("static_friction: interface", interface, Interface, "an Interface")
     run = rigid_slide(
         interface.__class__(thresholds=interface.thresholds, initial=interface.initial), _reach(interface)
     )
@@ -224,6 +226,10 @@ def _points(interface: Interface, distance: float) -> int:
     return 16 * points if kinked else points
 
 
+_MOST_WORK = 1e8
+"""Nodes of the start times positions: half a minute."""
+
+
 class _Solution:
     """The renewal equation solved once, to be looked at anywhere."""
 
@@ -235,6 +241,13 @@ class _Solution:
         # Where the distribution of thresholds jumps, each node of the start makes a jump of its own in the stiffness.
         jumps = any(0 < knot < math.inf for knot in distribution.knots)
         self.initial_stretchings, weight = initial_nodes(interface, finer=16 if jumps else 1)
+        work = self.initial_stretchings.size * float(points)
+        if work > _MOST_WORK:
+            raise InputError(
+                f"{work:.1g} points are needed to resolve thresholds of standard deviation {distribution.standard_deviation():.3g} x_s and "
+                f"initial stretchings of standard deviation {interface.initial.standard_deviation():.3g} x_s over {distance:.3g} "
+                f"x_s, more than {_MOST_WORK:.0e}: give standard deviations that differ less from each other and from the mean"
+            )
         delay, share = interface.delay.quadrature()
         self._contacts = renewal.Contacts(
             distribution.density,
@@ -245,7 +258,7 @@ class _Solution:
             velocity * delay,
             share,
         )
-        self._reborn = renewal.solve(self._contacts, distance, points)
+        self._re_attached = renewal.solve(self._contacts, distance, points)
 
     def at(self, X: Array) -> kernel.Response:
-        return self._kernel.observe(self._contacts, self._reborn, X)
+        return self._kernel.observe(self._contacts, self._re_attached, X)

@@ -6,14 +6,18 @@ Natural units per contact (``k = f_s = x_s = 1``), time in the user's unit.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, overload
+from typing import TYPE_CHECKING, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stickslip.errors import InputError, number
+from stickslip.errors import InputError, instance, number, numbers
 from stickslip.model import ExponentialGrowth, Interface, Langevin, LogarithmicGrowth, Slider
 from stickslip.model.distributions import Gaussian
+
+if TYPE_CHECKING:
+    from stickslip.kernels.growth import Growth
+    from stickslip.kernels.langevin import Langevin as Constants
 
 Array = NDArray[np.float64]
 
@@ -52,6 +56,7 @@ def kinetic_friction(interface: Interface, velocity: float | Array = 0.0) -> flo
         If thresholds age by `Langevin` from a distribution that is no Gaussian, or slide at 0 velocity while they age;
         if the delay is infinite at zero velocity, or with `Langevin` a delay meets newborns without strength.
     """
+    instance("kinetic_friction: interface", interface, Interface, "an Interface")
     if interface.ageing is not None:
         return _ageing_friction(interface, velocity)
     distribution = interface.threshold_distribution
@@ -60,19 +65,16 @@ def kinetic_friction(interface: Interface, velocity: float | Array = 0.0) -> flo
 
 def _ageing_friction(interface: Interface, velocity: float | Array) -> float | Array:
     """Force in smooth sliding by the stationary kinetic equation, or over the lives of growing contacts."""
-    from stickslip.kernels.ageing import growing_friction, steady_friction
+    from stickslip.kernels import growth, langevin_steady
 
-    speed = np.asarray(velocity, dtype=float)
-    for value in (float(np.min(speed)), float(np.max(speed))):
-        number("velocity", value, above=0, hint="in x_s per time; thresholds that age have no limit of slow sliding")
+    speed = numbers("velocity", velocity, above=0, hint="in x_s per time; ageing thresholds have no slow limit")
     delay = interface.delay.moment(1)
     if isinstance(interface.ageing, Langevin):
-        ageing, distribution = gaussian_ageing(interface)
-        force = steady_friction(speed.ravel(), ageing.rate, distribution.std, ageing.newborn, distribution.mean, delay)
+        force = langevin_steady.steady_friction(speed.ravel(), ageing_constants(interface), delay)
     else:
         strength = np.linspace(0.0, interface.threshold_distribution.support[1], 8001)
         survival = interface.threshold_distribution.survival(strength)
-        force = growing_friction(speed.ravel(), *growth_model(interface), strength, survival, delay)
+        force = growth.growing_friction(speed.ravel(), growth_model(interface), strength, survival, delay)
     return float(force[0]) if speed.ndim == 0 else np.asarray(force.reshape(speed.shape))
 
 
@@ -106,14 +108,13 @@ def closure_friction(interface: Interface, velocity: float | Array) -> float | A
     InputError
         If thresholds do not age by `Langevin` from a Gaussian, a speed is not above 0, or there is a delay.
     """
-    from stickslip.kernels import ageing as kernel
+    from stickslip.kernels import closure
 
-    ageing, distribution = gaussian_ageing(interface)
+    constants = ageing_constants(interface)
     if interface.delay.moment(1) > 0:
         raise InputError(f"Interface.delay = {interface.delay}: the paper's closure knows no delay; use Delay(0)")
-    speed = np.asarray(velocity, dtype=float)
-    number("velocity", float(np.min(speed)), above=0, hint="in x_s per time")
-    force = kernel.closure_friction(speed.ravel(), ageing.rate, distribution.std, ageing.newborn, distribution.mean)
+    speed = numbers("velocity", velocity, above=0, hint="in x_s per time")
+    force = closure.closure_friction(speed.ravel(), constants)
     return float(force[0]) if speed.ndim == 0 else np.asarray(force.reshape(speed.shape))
 
 
@@ -125,6 +126,7 @@ def gaussian_ageing(interface: Interface) -> tuple[Langevin, Gaussian]:
     InputError
         If thresholds do not age by `Langevin` from a Gaussian, or a delay meets newborns without strength.
     """
+    instance("interface", interface, Interface, "an Interface")
     ageing, distribution = interface.ageing, interface.thresholds
     if not isinstance(ageing, Langevin):
         raise InputError(
@@ -149,28 +151,38 @@ def gaussian_ageing(interface: Interface) -> tuple[Langevin, Gaussian]:
     return ageing, distribution
 
 
-def growth_model(interface: Interface) -> tuple[int, float, float]:
-    """Return the kind and the two parameters of a fixed rule of growth, as `stickslip.kernels.ageing.grown` takes them.
+def ageing_constants(interface: Interface) -> Constants:
+    """Return what the kernels know of ageing by `Langevin`; raises what `gaussian_ageing` does."""
+    from stickslip.kernels.langevin import Langevin as Constants
+
+    ageing, distribution = gaussian_ageing(interface)
+    return Constants(ageing.rate, distribution.mean, distribution.std, ageing.newborn)
+
+
+def growth_model(interface: Interface) -> Growth:
+    """Return a fixed rule of growth as `stickslip.kernels.growth.grown` takes it.
 
     Raises
     ------
     InputError
         If thresholds do not grow by such a distribution.
     """
+    from stickslip.kernels.growth import EXPONENTIAL, LOGARITHMIC, Growth
+
     match interface.ageing:
         case ExponentialGrowth(rate=rate, newborn=newborn):
-            return 0, rate, newborn
+            return Growth(EXPONENTIAL, rate, newborn)
         case LogarithmicGrowth(slope=slope, time=time):
-            return 1, slope, time
+            return Growth(LOGARITHMIC, slope, time)
     raise InputError(f"Interface.ageing = {interface.ageing}: is no fixed rule of growth; use ExponentialGrowth")
 
 
-def lives(growth: tuple[int, float, float], strength: Array, velocity: float) -> Array:
+def lives(growth: Growth, strength: Array, velocity: float) -> Array:
     """Return how long contacts hold in steady sliding while their thresholds grow, by bisection.
 
     Parameters
     ----------
-    growth : tuple
+    growth : Growth
         Of `growth_law`.
     strength : ndarray, shape (n,)
         To which, or from which, the thresholds grow.
@@ -229,14 +241,13 @@ def attached_fraction(interface: Interface, velocity: float | Array) -> float | 
     InputError
         If thresholds age, or the delay is infinite at zero velocity.
     """
+    instance("attached_fraction: interface", interface, Interface, "an Interface")
     if interface.ageing is not None:
         raise InputError(
             f"Interface.ageing = {interface.ageing}: steady sliding with ageing thresholds has no closed form; "
             "simulate it, or use ageing=None"
         )
-    speed = np.asarray(velocity, dtype=float)
-    for value in (float(np.min(speed)), float(np.max(speed))):
-        number("velocity", value, at_least=0, hint="in x_s per time")
+    speed = numbers("velocity", velocity, at_least=0, hint="in x_s per time")
     mean = interface.delay.moment(1)
     if math.isinf(mean) and np.any(speed == 0):
         raise InputError(
@@ -263,7 +274,9 @@ def driving_force(interface: Interface, slider: Slider, velocity: float) -> floa
     float
         Per contact, in ``f_s``.
     """
-    return slider.mass * slider.damping * velocity + kinetic_friction(interface, velocity)
+    instance("driving_force: slider", slider, Slider, "a Slider")
+    speed = number("velocity", velocity, at_least=0, hint="in x_s per time")
+    return slider.mass * slider.damping * speed + kinetic_friction(interface, speed)
 
 
 def critical_stiffness_estimate(interface: Interface) -> float:
@@ -312,9 +325,10 @@ def slip_displacement(slider: Slider, velocity: float, elapsed: ArrayLike) -> Ar
     InputError
         If the slider has no mass.
     """
+    instance("slip_displacement: slider", slider, Slider, "a Slider")
     number("velocity", velocity, at_least=0, hint="in x_s per time")
     number("Slider.mass", slider.mass, above=0, hint="M/N; a slip without mass takes no time")
-    t = np.asarray(elapsed, dtype=float)
+    t = numbers("elapsed", elapsed, at_least=0, hint="time since the instability")
     return np.asarray(velocity * t * (1.0 + (slider.frequency * t) ** 2 / 6.0))
 
 
@@ -354,6 +368,8 @@ def critical_delay_estimate(interface: Interface, slider: Slider, velocity: floa
     InputError
         If the velocity or the mass is 0.
     """
+    instance("critical_delay_estimate: interface", interface, Interface, "an Interface")
+    instance("critical_delay_estimate: slider", slider, Slider, "a Slider")
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
     number("Slider.mass", slider.mass, above=0, hint="M/N")
     width = interface.threshold_distribution.standard_deviation()
@@ -393,7 +409,9 @@ def effective_potential(slider: Slider, position: ArrayLike, contact_force: Arra
     InputError
         If the two arrays do not match, or positions do not rise from 0.
     """
-    x, force = np.asarray(position, dtype=float), np.asarray(contact_force, dtype=float)
+    instance("effective_potential: slider", slider, Slider, "a Slider")
+    x, force = numbers("position", position), numbers("contact_force", contact_force)
+    drive = number("drive", drive, hint="in x_s")
     if x.ndim != 1 or x.shape != force.shape or x.size < 2:
         raise InputError(f"position, contact_force: shapes {x.shape} and {force.shape}: must be equal, (n,) with n > 1")
     if x[0] != 0 or np.any(np.diff(x) <= 0):

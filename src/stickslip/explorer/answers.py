@@ -23,12 +23,13 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from stickslip import advise, cycles, measure, plot, rigid, theory
-from stickslip.errors import InputError, UndecidedError
+from stickslip.errors import InputError, UndecidedError, instance, number, shown
 from stickslip.explorer import documents
 from stickslip.io import datasets as store
 from stickslip.io import rig_files as rigs
-from stickslip.io.rig_files import Rig
 from stickslip.model import Delay, Interface
+from stickslip.model.quantities import read_quantity
+from stickslip.model.rig import Rig
 from stickslip.simulation import simulate
 from stickslip.stability import PARAMETERS
 
@@ -39,6 +40,7 @@ Watch = Callable[[float], None]
 LARGEST_TRACE = 50_000_000
 """Bytes of a measured trace that the page may send."""
 _MOST_MARKED = 2_000  # slips; more cannot be told apart on a screen
+_FARTHEST = 1e3  # from the rig's own point, for the bistable band
 _COLUMNS = 9  # of the map, for the bistable band
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 
@@ -77,12 +79,15 @@ def edit(request: Plain, watch: Watch) -> Iterator[Plain]:
     """A document with parameters varied, in other units, or with the damping given in the other way."""
     del watch
     rig = documents.rig_of(request.get("document"))
-    if isinstance(values := request.get("turn"), dict):
+    if "turn" in request:
+        instance("turn", values := request["turn"], dict, "a table of parameters and values")
         yield {"document": documents.turned(rig, values)}
     elif "units" in request:
-        yield {"document": documents.in_units(rig, str(request["units"]))}
+        yield {"document": documents.in_units(rig, request["units"])}
     else:
-        yield {"document": documents.with_damping(rig, bool(request.get("relative_damping")))}
+        relative = request.get("relative_damping")
+        instance("relative_damping", relative, bool, "true or false")
+        yield {"document": documents.with_damping(rig, relative is True)}
 
 
 def _knobs(rig: Rig) -> dict[str, float]:
@@ -111,7 +116,7 @@ def _run(rig: Rig, watch: Watch, snapshots: tuple[float, ...] = ()) -> xr.Datase
 
 def _trace(data: xr.Dataset, width: int) -> Plain:
     """Force against time, thinned to the width of the screen, with slips and regime in words."""
-    catalogue, seen = measure.events(data), measure.regime(data)
+    catalogue, seen = measure.drops(data), measure.regime(data)
     times, force = _axis(data["time"]), _axis(data["spring_force"])
     t, f = envelope(data["time"].to_numpy() / times["factor"], data["spring_force"].to_numpy() / force["factor"], width)
     start, end, before = (catalogue[name].to_numpy()[:_MOST_MARKED] for name in ("start", "end", "force_before"))
@@ -161,6 +166,10 @@ def _friction(rig: Rig) -> Plain:
     aged = replace(rig.interface, ageing=None)
     when = " (thresholds fully aged)" if rig.interface.ageing is not None else ""
     found: Plain = {"kinetic": None, "static": None, "words": []}
+    try:
+        documents.check_thresholds(rig)
+    except InputError as error:
+        return {**found, "words": [str(error)]}
     unit = 1.0 if rig.scales is None else rig.scales.unit("force")
     with suppress(InputError, UndecidedError):
         static = _static_friction(replace(aged, delay=Delay(0.0)))
@@ -169,8 +178,9 @@ def _friction(rig: Rig) -> Plain:
     if rig.natural.velocity > 0:
         with suppress(InputError):
             kinetic = float(theory.kinetic_friction(rig.interface, rig.natural.velocity))
-            found["kinetic"] = kinetic * unit
-            found["words"].append(f"F_k = {rig.in_units(kinetic, 'force')}")
+            if math.isfinite(kinetic):
+                found["kinetic"] = kinetic * unit
+                found["words"].append(f"F_k = {rig.in_units(kinetic, 'force')}")
     with suppress(InputError, UndecidedError):
         critical = _critical_stiffness(aged)
         ratio = rig.slider.stiffness / critical if critical > 0 else math.inf
@@ -197,8 +207,9 @@ def _critical_stiffness(interface: Interface) -> float:
 def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
     """The stability map over two parameters, in the rig's units."""
     rig = documents.rig_of(request.get("document"))
+    documents.check_thresholds(rig)
     over = _over(request)
-    found = advise.chart(rig, over, float(request.get("around", 20.0)), 56, watch)
+    found = advise.chart(rig, over, request.get("around", 20.0), 56, watch)
     rate = found["growth_rate"].transpose(over[1], over[0])
     values = rate.to_numpy()
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 1.0
@@ -238,11 +249,16 @@ def _shade(share: Array) -> Array:
 def band(request: Plain, watch: Watch) -> Iterator[Plain]:
     """The bistable band of the map, column by column."""
     rig = documents.rig_of(request.get("document"))
+    documents.check_thresholds(rig)
     over = _over(request)
     across, up = (next(parameter for parameter in PARAMETERS if parameter.name == name) for name in over)
-    (left, right), (low, high) = ((float(edge) for edge in request[key]) for key in ("x", "y"))
+    (left, right), (low, high) = (_ends(request, key) for key in ("x", "y"))
     scale = {name: _unit(rig, name) for name in over}
     setting = rig.natural
+    for parameter, key, ends in ((across, "x", (left, right)), (up, "y", (low, high))):
+        here = parameter.get(setting) * scale[parameter.name]
+        if not here / _FARTHEST <= ends[0] <= ends[1] <= here * _FARTHEST:
+            raise InputError(f"map: {key} = {list(ends)}: must lie within a factor of {_FARTHEST:g} of {here:.4g}")
     # From the middle outwards: the rig stands there.
     places = np.geomspace(left, right, _COLUMNS)
     order = sorted(range(_COLUMNS), key=lambda i: abs(i - _COLUMNS // 2))
@@ -269,6 +285,7 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
     """Verdict, numbers, margins and mitigations."""
     rig = documents.rig_of(request.get("document"))
     documents.check_size(rig)
+    documents.check_thresholds(rig)
     found = advise.predict(rig, progress=watch)
     mitigations = []
     for mitigation, words in zip(found.mitigations, found.mitigation_lines(), strict=True):
@@ -297,9 +314,18 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
 def _over(request: Plain) -> tuple[str, str]:
     over = request.get("over")
     known = [parameter.name for parameter in PARAMETERS]
-    if not isinstance(over, list) or len(over) != 2 or over[0] == over[1] or not set(over) <= set(known):
-        raise InputError(f"map: over = {over!r}: must be two different parameters of {', '.join(known)}")
+    if not isinstance(over, list) or len(over) != 2 or over[0] == over[1] or any(name not in known for name in over):
+        raise InputError(f"map: over = {shown(over)}: must be two different parameters of {', '.join(known)}")
     return (str(over[0]), str(over[1]))
+
+
+def _ends(request: Plain, key: str) -> tuple[float, float]:
+    """Both ends of an axis of the map."""
+    ends = request.get(key)
+    if not isinstance(ends, list) or len(ends) != 2:
+        raise InputError(f"map: {key} = {shown(ends)}: must be the two ends of an axis")
+    low = number(f"map: {key}", ends[0], above=0)
+    return low, number(f"map: {key}", ends[1], above=low)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -314,30 +340,25 @@ def trace(content: bytes, name: str, options: Mapping[str, str], width: int) -> 
     step = None
     if text := options.get("step", "").strip():
         try:
-            step = float(text)
-        except ValueError:
-            raise InputError(f"step = {text!r}: must be a number (s from one row to the next)") from None
-    columns = {
-        key: int(text) if text.isdigit() else text
-        for key in ("force", "time")
-        if (text := options.get(key, "").strip())
-    }
+            step = read_quantity(text, "s", "0.5 ms", bare=True)
+        except InputError as error:
+            raise InputError(f"step = {shown(text)}: {error}") from None
+    columns = {key: text for key in ("force", "time") if (text := options.get(key, "").strip())}
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "trace"
         file.write_bytes(content)
         try:
             data = measure.read_trace(
-                file, force=columns.get("force"), time=None if step else columns.get("time"), step=step
+                file, force=columns.get("force"), time=None if step is not None else columns.get("time"), step=step
             )
         except InputError as error:
             raise InputError(str(error).replace(str(file), name)) from None
-    statistics = measure.event_statistics(measure.events(data))
     return {
         **_trace(data, width),
         "name": name,
         "rows": int(data.attrs["rows"]),
         "note": str(data.attrs.get("note", "")),
-        "statistics": [line.partition(": ")[::2] for line in str(statistics).splitlines()[1:]],
+        "statistics": [list(line) for line in measure.statistics(measure.drops(data))],
     }
 
 
@@ -357,19 +378,19 @@ FORMATS = {
 }
 
 
-def download(document: object, form: str) -> bytes:
+def download(document: object, form: str, watch: Watch) -> bytes:
     """Return the rig as TOML, its run as NetCDF, or a picture of that."""
     rig = documents.rig_of(document)
     if form == "toml":
         return rigs.to_toml(rig).encode()
-    made = _run(rig, lambda _share: None)
+    made = _run(rig, watch)
     made.attrs["rig"] = rigs.to_toml(rig)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / f"run.{form}"
         if form == "nc":
             store.save(made, file)
         else:
-            plot.save(plot.overview(made, events=measure.events(made)), file)
+            plot.save(plot.overview(made), file)
         return file.read_bytes()
 
 

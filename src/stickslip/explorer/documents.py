@@ -5,6 +5,7 @@ What the page shows in a field is what stands in the document; every check is ma
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import tomllib
@@ -13,11 +14,12 @@ from copy import deepcopy
 from typing import Any
 
 from stickslip import model
-from stickslip.errors import InputError
+from stickslip.errors import InputError, number, shown
 from stickslip.io import rig_files as rigs
-from stickslip.io.rig_files import Rig
 from stickslip.model import Contacts, RandomDelay
-from stickslip.model.units import SI, Quantity, Scales, quantity
+from stickslip.model.distributions import Empirical
+from stickslip.model.rig import Rig
+from stickslip.model.units import SI, Quantity, Scales, engineering, quantity
 from stickslip.paper import cases
 from stickslip.paper.cases import PaperCase
 from stickslip.stability import PARAMETERS
@@ -28,10 +30,32 @@ MOST_BREAKS = 2e7
 """Contacts times distance in ``x_s``: about as many breaks; a few seconds of work."""
 MOST_COHORTS = 1e5
 """The same for the master equation: cells times distance."""
+MOST_AGES = 2e5
+"""With ageing thresholds: cells times the times of ageing in a run."""
 AGEING_COSTS = 20.0
 """A contact whose threshold ages takes about this many times the work."""
 MOST_RADIANS = 2e6
 """Angle that the held slider's oscillation turns through in a run."""
+MOST_SAMPLES = 200_000
+"""Of a run; by default there are 50,000 at most, and a screen shows some thousands."""
+MOST_PIECES = 1_000
+"""Of a drive."""
+MOST_BINS = 1_000
+"""Of an empirical distribution of thresholds."""
+DECADES = 15
+"""Powers of ten of a number of the model, in natural units."""
+NARROWEST, WIDEST = 2e-3, 5.0
+"""Bounds on the standard deviation of the thresholds over their mean, and on both in ``x_s``: theory takes its steps by the
+narrowest distribution and goes as far as the widest."""
+
+LARGEST_REQUEST = 1_000_000
+"""Bytes of a message from the page, and of a document."""
+MOST_ITEMS = 100_000
+"""Numbers, texts and tables in a message."""
+DEEPEST = 12
+"""Tables within tables in a message."""
+LONGEST_TEXT = 2_000
+"""Characters of a text in a message."""
 
 QUANTITIES: Mapping[str, Quantity] = {parameter.name: quantity(parameter.unit) for parameter in PARAMETERS}
 """Parameters of the theory of stability, and what they are."""
@@ -43,6 +67,58 @@ _BENCH = Scales(force=768.0, stretching=2e-6, time=5e-3)
 # ---------------------------------------------------------------------------------------------------------------------
 # In
 # ---------------------------------------------------------------------------------------------------------------------
+
+
+def from_json(content: str | bytes) -> object:
+    """Read what a page sends: JSON of bounded size, depth and numbers.
+
+    Raises
+    ------
+    InputError
+        If it is anything else.
+    """
+    if len(content) > LARGEST_REQUEST:
+        raise InputError(f"this message has {len(content) / 1e6:.1f} MB, more than {LARGEST_REQUEST / 1e6:g}")
+    try:
+        found = json.loads(content, parse_int=_integer, parse_constant=_no_constant)
+    except InputError:
+        raise
+    except (ValueError, RecursionError):
+        raise InputError("this message is no JSON, or nested too deep") from None
+    level, count = [found], 0
+    for _ in range(DEEPEST):
+        count += len(level)
+        if count > MOST_ITEMS:
+            raise InputError(f"this message holds more than {MOST_ITEMS} items")
+        inner: list[object] = []
+        for item in level:
+            if isinstance(item, str):
+                _check_text(item)
+            elif isinstance(item, Mapping):
+                inner += [*item, *item.values()]
+            elif isinstance(item, list):
+                inner += item
+        level = inner
+        if not level:
+            return found
+    raise InputError(f"this message is nested more than {DEEPEST} levels deep")
+
+
+def _integer(text: str) -> int:
+    if len(text) > 20:
+        raise InputError(f"{text[:20]}...: a whole number in a message has at most 20 digits")
+    return int(text)
+
+
+def _no_constant(text: str) -> object:
+    raise InputError(f"{text}: a number in a message must be finite")
+
+
+def _check_text(text: str) -> None:
+    if len(text) > LONGEST_TEXT:
+        raise InputError(f"{shown(text)}: a text in a message has at most {LONGEST_TEXT} characters")
+    if re.search(r"[\x00-\x08\x0b-\x1f\x7f\ud800-\udfff]", text):
+        raise InputError(f"{shown(text)}: holds characters that are no text")
 
 
 def rig_of(document: object) -> Rig:
@@ -78,6 +154,22 @@ def check_size(rig: Rig) -> None:
     distance = sum(0.5 * (abs(piece.start) + abs(piece.end)) * piece.duration for piece in pieces)
     ageing = 1.0 if rig.interface.ageing is None else AGEING_COSTS
     elsewhere = "for longer ones use `stickslip simulate`"
+    _check_decades(rig)
+    if len(pieces) > MOST_PIECES:
+        raise InputError(f"drive.pieces: must be at most {MOST_PIECES}, here {len(pieces)}, to stay live; {elsewhere}")
+    for name in ("thresholds", "initial"):
+        distribution = getattr(rig.interface, name)
+        if isinstance(distribution, Empirical) and len(distribution.weights) > MOST_BINS:
+            raise InputError(
+                f"interface.{name}: must have at most {MOST_BINS} bins, here {len(distribution.weights)}, to stay live"
+            )
+    samples = 0.0 if rig.output.interval is None else rig.drive.duration / rig.output.interval
+    if samples > MOST_SAMPLES:
+        raise InputError(
+            f"simulation.interval = {rig.in_units(rig.output.interval or 0.0, 'time')}: must be at least "
+            f"{rig.in_units(rig.drive.duration / MOST_SAMPLES, 'time')} in a run of this length ({MOST_SAMPLES} "
+            f"samples), to stay live; {elsewhere}"
+        )
     if isinstance(rig.method, Contacts):
         most = MOST_BREAKS / (ageing * max(distance, 1.0))
         if rig.method.count > most:
@@ -90,6 +182,15 @@ def check_size(rig: Rig) -> None:
             f"simulation.cells = {rig.method.cells:g}: must be at most {MOST_COHORTS / distance:.3g} over a distance "
             f"of {distance:.4g} x_s, to stay live; {elsewhere}"
         )
+    if isinstance(rig.interface.ageing, model.Langevin):
+        # Thresholds take steps that are short against their time of ageing, at rest as in motion.
+        age = rig.interface.ageing.rate**-2
+        work = rig.method.count / MOST_BREAKS if isinstance(rig.method, Contacts) else rig.method.cells / MOST_AGES
+        if age < (least := work * rig.drive.duration):
+            raise InputError(
+                f"interface.ageing.time = {rig.in_units(age, 'time')}: must be at least {rig.in_units(least, 'time')} "
+                f"in a run of this length, to stay live; {elsewhere}"
+            )
     if rig.slider.mass > 0:
         turns = math.sqrt((rig.slider.stiffness + 1.0) / rig.slider.mass) * rig.drive.duration
         if turns > MOST_RADIANS:
@@ -98,6 +199,40 @@ def check_size(rig: Rig) -> None:
                 f"slider.mass = {rig.in_units(rig.slider.mass, 'mass')}: must be at least "
                 f"{rig.in_units(least, 'mass')} in a run of this length, to stay live; {elsewhere}"
             )
+
+
+def _check_decades(rig: Rig) -> None:
+    """Raise `InputError` if a number is so far from the scales of the interface that arithmetic fails."""
+    interface, slider, ageing = rig.interface, rig.slider, rig.interface.ageing
+    delay, thresholds = interface.delay, interface.thresholds
+    found = {
+        "slider.stiffness": [slider.stiffness],
+        "slider.mass": [slider.mass],
+        "slider.damping": [slider.damping],
+        "drive.velocity": [speed for piece in rig.drive.pieces for speed in (piece.start, piece.end)],
+        "drive.duration": [piece.duration for piece in rig.drive.pieces],
+        "interface.delay": [value for value in vars(delay).values() if isinstance(value, float)],
+        "interface.ageing": [value for value in vars(ageing).values() if isinstance(value, float)] if ageing else [],
+        "interface.thresholds": [thresholds.moment(1), thresholds.standard_deviation()],
+    }
+    for key, values in found.items():
+        for value in values:
+            never = key == "interface.delay" and math.isinf(value)
+            if not (value == 0 or never or 10.0**-DECADES <= abs(value) <= 10.0**DECADES):
+                raise InputError(
+                    f"{key}: is {value:.3g} in natural units; within {DECADES} decades of 1 it can be computed with"
+                )
+
+
+def check_thresholds(rig: Rig) -> None:
+    """Raise `InputError` if theory would keep the page waiting: it resolves the distribution of thresholds."""
+    thresholds = rig.interface.thresholds
+    mean, std = thresholds.moment(1), thresholds.standard_deviation()
+    if not (std >= NARROWEST * mean and mean + std <= WIDEST):  # written so that NaN is refused
+        raise InputError(
+            f"interface.thresholds.std = {std:.4g}: must be at least {NARROWEST:g} of the mean "
+            f"({mean:.4g}), and both together at most {WIDEST:g}, for what theory says of them, to stay live"
+        )
 
 
 _KEY = re.compile(r"\b(?:slider|interface|drive|simulation|units|name|assumed)(?:\.[a-z_0-9]+)+")
@@ -182,9 +317,8 @@ def turned(rig: Rig, values: Mapping[str, Any]) -> Document:
     slider, interface, drive = (_table(document, name) for name in ("slider", "interface", "drive"))
     for name, value in values.items():
         if name not in QUANTITIES:
-            raise InputError(f"{name!r}: is no parameter; there are {', '.join(QUANTITIES)}")
-        if not isinstance(value, (int, float)) or not math.isfinite(value) or value <= 0:
-            raise InputError(f"{name} = {value!r}: must be a number above 0")
+            raise InputError(f"{shown(name)}: is no parameter; there are {', '.join(QUANTITIES)}")
+        value = number(name, value, above=0)
         natural = value if rig.scales is None else rig.scales.natural(value, QUANTITIES[name])
         if name in ("stiffness", "mass", "damping"):
             # A parameter is turned at constant eta, as on the map.
@@ -237,7 +371,7 @@ def in_units(rig: Rig, units: str) -> Document:
     A rig in natural units has no scales; it gets those of the PMMA bench among the examples.
     """
     if units not in ("SI", "natural"):
-        raise InputError(f"units = {units!r}: must be 'SI' or 'natural'")
+        raise InputError(f"units = {shown(units)}: must be 'SI' or 'natural'")
     document = deepcopy(dict(rig.document))
     if (units == "natural") == (rig.scales is None):
         return document
@@ -295,7 +429,7 @@ def _table(document: Document, name: str) -> Document:
 
 def _written(value: float, quantity: Quantity, scales: Scales | None) -> float | str:
     """A natural value as it stands in a document."""
-    return _short(value) if scales is None else rigs.engineering(scales.si(value, quantity), SI[quantity])
+    return _short(value) if scales is None else engineering(scales.si(value, quantity), SI[quantity])
 
 
 def _short(value: float) -> float:

@@ -9,10 +9,11 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import re
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import asynccontextmanager, suppress
 from functools import partial
@@ -20,6 +21,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import uvicorn
 from starlette.applications import Starlette
 from starlette.datastructures import Headers, MutableHeaders
@@ -30,15 +32,13 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from stickslip.errors import InputError, UndecidedError
+from stickslip.errors import InputError, UndecidedError, shown
 from stickslip.explorer import PORT, answers, documents
 from stickslip.io import rig_files as rigs
 
 HOST = "127.0.0.1"
 LONGEST = 60.0
 """Seconds after which a run is given up."""
-LARGEST_REQUEST = 1_000_000
-"""Bytes of a request other than a measured trace."""
 
 _STATIC = Path(__file__).parent / "static"
 _POLICY = (
@@ -71,7 +71,7 @@ def run(rig: Path | None, port: int | None, ready: Callable[[str], None] | None)
         config = uvicorn.Config(
             application(begin, number),
             ws="websockets-sansio",
-            ws_max_size=LARGEST_REQUEST,
+            ws_max_size=16 * documents.LARGEST_REQUEST,  # up to here the answer says what is wrong
             log_level="warning",
             server_header=False,
             timeout_graceful_shutdown=2,
@@ -189,13 +189,11 @@ async def _download(pool: Executor, request: Request) -> Response:
         return _refused(404, InputError(f"{form}: there are {', '.join(answers.FORMATS)}"))
     document: object = None
     try:
-        document = json.loads(await _body(request, LARGEST_REQUEST))
-        loop = asyncio.get_running_loop()
-        content = await loop.run_in_executor(pool, answers.download, document, form)
-    except ValueError as error:  # InputError, JSON, Unicode
+        document = documents.from_json(await _body(request, documents.LARGEST_REQUEST))
+        work = partial(answers.download, document, form, _patience())
+        content = await asyncio.get_running_loop().run_in_executor(pool, work)
+    except _REFUSALS as error:
         return _refused(400, error, document)
-    except (UndecidedError, MemoryError) as error:
-        return _refused(400, error)
     except ClientDisconnect:
         return Response(status_code=400)
     return Response(content, media_type=answers.FORMATS[form])
@@ -209,7 +207,7 @@ async def _trace(pool: Executor, request: Request) -> Response:
         width = min(max(int(asked), 100), 4_000) if asked.isdecimal() and len(asked) < 6 else 1_000
         work = partial(answers.trace, content, name, dict(request.query_params), width)
         found = await asyncio.get_running_loop().run_in_executor(pool, work)
-    except (InputError, UndecidedError, MemoryError) as error:
+    except _REFUSALS as error:
         return _refused(200, error)  # what is wrong with a file is the answer; 400 would be a fault of the page
     except ClientDisconnect:
         return Response(status_code=400)
@@ -219,7 +217,7 @@ async def _trace(pool: Executor, request: Request) -> Response:
 async def _body(request: Request, most: int) -> bytes:
     """Read the body of a request, and no more of it than allowed."""
     announced = request.headers.get("content-length", "")
-    if announced.isdigit() and int(announced) > most:
+    if re.fullmatch("[0-9]{1,18}", announced) and int(announced) > most:
         raise InputError(answers.too_large(int(announced)))
     content = bytearray()
     async for chunk in request.stream():
@@ -229,8 +227,31 @@ async def _body(request: Request, most: int) -> bytes:
     return bytes(content)
 
 
+_REFUSALS = (InputError, UndecidedError, MemoryError, ArithmeticError, np.linalg.LinAlgError)
+"""What a question may end in without a fault of ours: the numbers of a document can be as far apart as they like."""
+
+
 def _refused(status: int, error: Exception, document: object = None) -> Response:
-    return JSONResponse({"errors": documents.complaints(error, document)}, status_code=status)
+    return JSONResponse({"errors": _complaints(error, document)}, status_code=status)
+
+
+def _complaints(error: Exception, document: object = None) -> list[dict[str, str]]:
+    if isinstance(error, MemoryError):
+        return [{"key": "", "message": "not enough memory for this case; take fewer contacts"}]
+    if not isinstance(error, (InputError, UndecidedError)):
+        return [{"key": "", "message": f"cannot be computed, its numbers are too far apart ({type(error).__name__})"}]
+    return documents.complaints(error, document)
+
+
+def _patience() -> answers.Watch:
+    """Watch that gives a run up in the end."""
+    begun = time.monotonic()
+
+    def watch(_share: float) -> None:
+        if time.monotonic() - begun > LONGEST:
+            raise InputError(f"given up after {LONGEST:g} s; take a shorter run, or fewer contacts")
+
+    return watch
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -264,15 +285,16 @@ class _Lane:
 
     def _answer(self, request: answers.Plain, dropped: threading.Event) -> None:
         """Work in a thread, sending what comes out of it."""
-        begun = told = time.monotonic()
+        told = time.monotonic()
+        patience = _patience()
 
         def watch(share: float) -> None:
             nonlocal told
             now = time.monotonic()
             if dropped.is_set():
                 raise _DroppedError
-            if self._kind not in _SLOW and now - begun > LONGEST:
-                raise InputError(f"given up after {LONGEST:g} s; take a shorter run, or fewer contacts")
+            if self._kind not in _SLOW:
+                patience(share)
             if now - told > 0.2:
                 told = now
                 reply({"progress": share})
@@ -288,10 +310,8 @@ class _Lane:
             reply({"done": True})
         except _DroppedError:
             return
-        except (InputError, UndecidedError) as error:
-            reply({"errors": documents.complaints(error, request.get("document"))})
-        except MemoryError:
-            reply({"errors": [{"key": "", "message": "not enough memory for this case; take fewer contacts"}]})
+        except _REFUSALS as error:
+            reply({"errors": _complaints(error, request.get("document"))})
         except Exception as error:  # the page is to stay alive whatever happens
             reply({"errors": [{"key": "", "message": f"this failed: {type(error).__name__}: {error}"}]})
             raise
@@ -316,13 +336,13 @@ async def _session(pools: Mapping[str, Executor], begin: documents.Document, web
     tasks: set[asyncio.Task[None]] = {asyncio.create_task(deliver())}
     send(json.dumps({"kind": "hello", "document": begin, "presets": documents.presets()}))
     try:
-        async for text in websocket.iter_text():
+        while (message := await websocket.receive())["type"] == "websocket.receive":
             try:
-                request = json.loads(text)
-                lane = lanes[request["kind"]]
-            except (ValueError, TypeError, KeyError):
-                send(json.dumps({"kind": "error", "errors": [{"key": "", "message": "this question is not known"}]}))
+                request = _question(message.get("text"), lanes)
+            except InputError as error:
+                send(json.dumps({"kind": "error", "id": None, "errors": [{"key": "", "message": str(error)}]}))
                 continue
+            lane = lanes[request["kind"]]
             if request.get("drop"):
                 lane.drop()
                 continue
@@ -334,6 +354,19 @@ async def _session(pools: Mapping[str, Executor], begin: documents.Document, web
             lane.drop()
         for task in tuple(tasks):
             task.cancel()
+
+
+def _question(text: str | None, kinds: Collection[str]) -> answers.Plain:
+    """Read a question: a table with its kind and its number."""
+    if text is None:
+        raise InputError("this message is binary; questions are JSON text")
+    request = documents.from_json(text)
+    kind, number = (request.get("kind"), request.get("id")) if isinstance(request, dict) else (None, None)
+    if not isinstance(request, dict) or not isinstance(kind, str) or kind not in kinds:
+        raise InputError(f"kind = {shown(kind)}: this question is not known; there are {', '.join(kinds)}")
+    if number is not None and (not isinstance(number, int) or isinstance(number, bool)):
+        raise InputError(f"id = {shown(number)}: must be a whole number")
+    return request
 
 
 def _forget(tasks: set[asyncio.Task[None]], task: asyncio.Task[None]) -> None:

@@ -5,11 +5,13 @@ A result carries, as one JSON string in its attribute ``provenance``, all that i
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import json
 import math
 import os
-import secrets
+import sys
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
@@ -20,9 +22,13 @@ from typing import TYPE_CHECKING, Any
 
 from stickslip import model
 from stickslip.errors import InputError
+from stickslip.io import files
 
 if TYPE_CHECKING:
     import xarray as xr
+
+LARGEST_RUN = 8_000_000_000
+"""Bytes that a run may have, as a file and in memory."""
 
 Plain = Any
 """What JSON can hold: None, bool, int, float, str, list, dict."""
@@ -99,13 +105,13 @@ def read_provenance(data: xr.Dataset) -> dict[str, Any]:
     InputError
         If the Dataset has none, or one that cannot be read.
     """
-    text = data.attrs.get("provenance")
+    text = getattr(data, "attrs", {}).get("provenance")
     if not isinstance(text, str):
         raise InputError("this file has no provenance: it is not a run made by stickslip; analyse it with `measure`")
     try:
         content = json.loads(text)
         content["call"], content["arguments"]
-    except (json.JSONDecodeError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         raise InputError("the provenance in this file is damaged; make the run again") from None
     if not isinstance(content["call"], str) or not isinstance(content["arguments"], dict):
         raise InputError("the provenance in this file is damaged; make the run again")
@@ -115,40 +121,6 @@ def read_provenance(data: xr.Dataset) -> dict[str, Any]:
 def content_hash(value: object) -> str:
     """Return a hash of the content of a case: equal for equal records, whatever the session or the machine."""
     return hashlib.sha256(json.dumps(encode(value), sort_keys=True).encode()).hexdigest()
-
-
-@contextmanager
-def whole_file(path: str | os.PathLike[str], *, example: str) -> Iterator[Path]:
-    """Write a file whole or not at all: what is written to the path given here is moved to its place when complete.
-
-    Parameters
-    ----------
-    path : path
-        Where the file is to be.
-    example : str
-        A name to propose where only a directory is given.
-
-    Raises
-    ------
-    InputError
-        If the place cannot be written.
-    """
-    target = Path(path)
-    if os.path.isdir(target):  # unlike Path.is_dir, it bears names too long for a file
-        raise InputError(f"{target}: is a directory; give the name of a file, such as {target / example}")
-    part = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
-    try:
-        part.touch(exist_ok=False)
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise InputError(f"{target}: cannot be written ({reason}); choose another place") from None
-    try:
-        yield part
-        part.replace(target)
-    except OSError as error:
-        raise InputError(f"{target}: cannot be written ({error.strerror or error}); nothing was left behind") from None
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def save(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
@@ -161,9 +133,9 @@ def save(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     """
     # What has no dimension, or is no number, cannot be compressed.
     numbers = [name for name, values in data.variables.items() if values.ndim > 0 and values.dtype.kind in "fiub"]
-    with whole_file(path, example="run.nc") as part:
-        data.to_netcdf(part, engine="h5netcdf", encoding={name: {"zlib": True, "complevel": 1} for name in numbers})
-    return Path(path)
+    # In memory first: where a disk is full, HDF5 spills its own messages and then crashes.
+    encoding = {name: {"zlib": True, "complevel": 1} for name in numbers}
+    return files.write(path, data.to_netcdf(engine="h5netcdf", encoding=encoding))
 
 
 def load(path: str | os.PathLike[str]) -> xr.Dataset:
@@ -174,28 +146,53 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     InputError
         If there is no such file or it is not NetCDF.
     """
-    import h5py
-    import xarray as xr
-
+    files.size(path, "run", largest=LARGEST_RUN)
     source = Path(path)
     try:
         known = is_netcdf(source)
-    except FileNotFoundError:
-        raise InputError(f"{source}: no such file") from None
-    except IsADirectoryError:
-        raise InputError(f"{source}: is a directory, not a file") from None
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise InputError(f"{source}: cannot be read ({reason})") from None
+    except OSError as error:
+        raise files.unreadable(source, error) from None
     if not known:
         raise InputError(f"{source}: is not a NetCDF file; a run is made with `stickslip simulate RIG -o run.nc`")
+    found = _read_netcdf(source)
+    if isinstance(found, str):
+        raise InputError(f"{source}: cannot be read as NetCDF ({found}); the file may be damaged")
+    return found
+
+
+def _read_netcdf(source: Path) -> xr.Dataset | str:
+    """Read a Dataset, or say why it cannot be; whatever the libraries below print is kept back."""
+    import h5py
+    import xarray as xr
+
+    with _silence():
+        try:
+            h5py.File(source, mode="r").close()  # h5netcdf prints a traceback of its own over a file that is cut short
+            # A time is a number here; its unit may be anything in a damaged file.
+            with xr.open_dataset(source, engine="h5netcdf", decode_times=False) as data:
+                if data.nbytes > LARGEST_RUN:
+                    return f"it unfolds to {data.nbytes / 1e9:.3g} GB, more than {LARGEST_RUN / 1e9:g}"
+                holders: list[Any] = [data, *data.variables.values()]
+                for holder in holders:
+                    for text in (word for item in holder.attrs.items() for word in item if isinstance(word, str)):
+                        text.encode()  # a byte that has changed may stand for no letter
+                return data.load()
+        except Exception as error:  # a damaged file fails in many ways
+            return str(error).splitlines()[0] if str(error) else type(error).__name__
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Keep back warnings, and tracebacks of objects that fail while they are taken down."""
+    before = sys.unraisablehook
+    sys.unraisablehook = lambda _: None
     try:
-        h5py.File(source, mode="r").close()  # h5netcdf prints a traceback of its own over a file that is cut short
-        with xr.open_dataset(source, engine="h5netcdf") as data:
-            return data.load()
-    except Exception as error:  # a damaged file fails in many ways
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"{source}: cannot be read as NetCDF ({reason}); the file may be damaged") from None
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+            gc.collect()
+    finally:
+        sys.unraisablehook = before
 
 
 def is_netcdf(path: str | os.PathLike[str]) -> bool:

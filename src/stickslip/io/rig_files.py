@@ -19,14 +19,28 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from stickslip import model
-from stickslip.errors import InputError
-from stickslip.io.validation import Force, Lag, Length, Mass, Part, Rate, Stiffness, Time, Velocity, read_toml, validate
-from stickslip.model import Contacts, FromRest, FromSliding, MasterEquation, Output, Rig
+from stickslip.errors import InputError, instance, shown
+from stickslip.io.validation import (
+    Force,
+    Lag,
+    Length,
+    Mass,
+    Part,
+    Rate,
+    Stiffness,
+    Time,
+    Velocity,
+    parse_toml,
+    read_toml,
+    validate,
+)
+from stickslip.model import Contacts, FromRest, FromSliding, MasterEquation, Output
 from stickslip.model import distributions as thresholds
 from stickslip.model.drive import Drive, constant, ramp
+from stickslip.model.rig import Rig
 from stickslip.model.units import Quantity, Scales
 
 if TYPE_CHECKING:
@@ -102,6 +116,12 @@ def from_document(document: Mapping[str, Any], place: str = "rig") -> Rig:
         raise InputError(f"{place}: {error}") from None
 
 
+def from_text(text: object, place: str = "rig") -> Rig:
+    """Make a rig of the text that `to_toml` wrote; `place` begins the message of an error."""
+    instance(place, text, str, "the text of a rig file")
+    return from_document(parse_toml(str(text), place, "rig file"), place)
+
+
 def to_toml(rig: Rig) -> str:
     """Return the rig as the text of a file that `read` takes."""
     import tomli_w
@@ -114,10 +134,20 @@ def to_toml(rig: Rig) -> str:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
+def _in_reach(value: float) -> float:
+    if value and not 10.0**-_DECADES <= abs(value) <= 10.0**_DECADES:  # NaN is in no range
+        raise ValueError(f"must be 0, or within {_DECADES} decades of 1")
+    return value
+
+
+_DECADES = 15  # beyond, squares and quotients of doubles overflow in the distributions
+_Relative = Annotated[float, AfterValidator(_in_reach)]
+
+
 class _Gaussian(Part):
     distribution: Literal["gaussian"]
-    mean: float = 1.0
-    std: float
+    mean: _Relative = 1.0
+    std: _Relative
 
     def make(self) -> thresholds.Distribution:
         return thresholds.Gaussian(mean=self.mean, std=self.std)
@@ -125,8 +155,8 @@ class _Gaussian(Part):
 
 class _Uniform(Part):
     distribution: Literal["uniform"]
-    low: float
-    high: float
+    low: _Relative
+    high: _Relative
 
     def make(self) -> thresholds.Distribution:
         return thresholds.Uniform(low=self.low, high=self.high)
@@ -134,7 +164,7 @@ class _Uniform(Part):
 
 class _Exponential(Part):
     distribution: Literal["exponential"]
-    mean: float = 1.0
+    mean: _Relative = 1.0
 
     def make(self) -> thresholds.Distribution:
         return thresholds.Exponential(mean=self.mean)
@@ -142,8 +172,8 @@ class _Exponential(Part):
 
 class _Gamma(Part):
     distribution: Literal["gamma"]
-    mean: float = 1.0
-    std: float
+    mean: _Relative = 1.0
+    std: _Relative
 
     def make(self) -> thresholds.Distribution:
         return thresholds.Gamma(mean=self.mean, std=self.std)
@@ -151,8 +181,8 @@ class _Gamma(Part):
 
 class _LogNormal(Part):
     distribution: Literal["lognormal"]
-    mean: float = 1.0
-    std: float
+    mean: _Relative = 1.0
+    std: _Relative
 
     def make(self) -> thresholds.Distribution:
         return thresholds.LogNormal(mean=self.mean, std=self.std)
@@ -160,8 +190,8 @@ class _LogNormal(Part):
 
 class _Weibull(Part):
     distribution: Literal["weibull"]
-    scale: float = 1.0
-    shape: float
+    scale: _Relative = 1.0
+    shape: _Relative
 
     def make(self) -> thresholds.Distribution:
         return thresholds.Weibull(scale=self.scale, shape=self.shape)
@@ -169,11 +199,11 @@ class _Weibull(Part):
 
 class _Empirical(Part):
     distribution: Literal["empirical"]
-    samples: list[float] | None = None
+    samples: list[_Relative] | None = None
     """Measured values, to be put into a histogram."""
-    edges: list[float] | None = None
+    edges: list[_Relative] | None = None
     """Or the edges of a histogram."""
-    weights: list[float] | None = None
+    weights: list[_Relative] | None = None
     """With ``edges``: the weight of each bin."""
 
     @model_validator(mode="after")
@@ -213,20 +243,20 @@ _AnyDelay = Annotated[
 class _Langevin(Part):
     distribution: Literal["langevin"]
     time: Time
-    newborn: float = 0.0
+    newborn: _Relative = 0.0
     """Threshold of a newborn contact, relative to the mean."""
 
 
 class _ExponentialGrowth(Part):
     distribution: Literal["exponential"]
     time: Time
-    newborn: float = 0.0
+    newborn: _Relative = 0.0
     """Threshold of a newborn contact, relative to the mean."""
 
 
 class _LogarithmicGrowth(Part):
     distribution: Literal["logarithmic"]
-    slope: float
+    slope: _Relative
     time: Time
 
 
@@ -300,16 +330,19 @@ class _Simulation(Part):
     interval: Time | None = None
 
 
+_Words = Annotated[str, Field(max_length=2_000)]
+
+
 class _Document(Part):
-    name: str = "rig"
+    name: Annotated[str, Field(max_length=200)] = "rig"
     units: Literal["SI", "natural"] = "SI"
     """Natural: plain numbers, threshold force, contact stiffness and breaking displacement 1, all per contact."""
     slider: _Slider
     interface: _Interface
     drive: _Drive
     simulation: _Simulation = _Simulation()
-    assumed: dict[str, str] = Field(default_factory=dict)
-    source: str = ""
+    assumed: dict[str, _Words] = Field(default_factory=dict)
+    source: _Words = ""
     """Where the numbers come from."""
 
     def rig(self, document: Mapping[str, Any]) -> Rig:
@@ -355,7 +388,7 @@ class _Document(Part):
         node: Any = document
         for part in key.split("."):
             if not isinstance(node, Mapping) or part not in node:
-                raise InputError(f"assumed.{key!r}: names no key of this file; write it as 'interface.delay'")
+                raise InputError(f"assumed.{shown(key)}: names no key of this file; write it as 'interface.delay'")
             node = node[part]
 
     def _scales(self) -> Scales:

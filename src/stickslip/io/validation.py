@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import sys
 import tomllib
 from collections.abc import Mapping
 from functools import lru_cache
@@ -16,7 +17,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, TypeAdapter, ValidationError, ValidationInfo
 
-from stickslip.errors import InputError
+from stickslip.errors import InputError, extreme, shortened, shown
+from stickslip.io import files
 from stickslip.model.quantities import read_quantity
 
 if TYPE_CHECKING:
@@ -51,27 +53,28 @@ def read_toml(path: Path, kind: str, example: str) -> dict[str, Any]:
     InputError
         If the file is missing, empty, binary or no TOML.
     """
-    if not path.exists():
-        raise InputError(f"{path}: no such file")
-    if path.is_dir():
-        raise InputError(f"{path}: is a directory, not a {kind}")
-    try:
-        content = path.read_bytes() if path.stat().st_size <= LARGEST_FILE else None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    if content is None:
-        raise InputError(f"{path}: larger than {LARGEST_FILE // 1_000_000} MB: this is not a {kind}")
+    content = files.read(path, kind, largest=LARGEST_FILE)
     if not content.strip():
         raise InputError(f"{path}: is empty; see {example} for what a {kind} holds")
     try:
         text = content.decode()
-        if "\0" in text:
-            raise InputError(f"{path}: is a binary file; a {kind} is TOML text")
-        return tomllib.loads(text)
     except UnicodeDecodeError:
-        raise InputError(f"{path}: is a binary file; a {kind} is TOML text") from None
+        text = "\0"
+    if "\0" in text:
+        raise InputError(f"{path}: is a binary file; a {kind} is TOML text")
+    return parse_toml(text, str(path), kind)
+
+
+def parse_toml(text: str, place: str, kind: str) -> dict[str, Any]:
+    """Read TOML text; `place` begins the message of an error, and `kind` is what the text should be."""
+    try:
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: is not valid TOML: {error}") from None
+        raise InputError(f"{place}: is not valid TOML: {shortened(str(error))}") from None
+    except RecursionError:
+        raise InputError(f"{place}: is nested too deep; a {kind} has tables in tables, three levels at most") from None
+    except ValueError:  # Python reads no integer of more than 4300 digits
+        raise InputError(f"{place}: holds a whole number of thousands of digits; no {kind} needs one") from None
 
 
 def validate(kind: type[Document], content: Mapping[str, Any], place: str, *, natural: bool) -> Document:
@@ -96,8 +99,7 @@ def validate(kind: type[Document], content: Mapping[str, Any], place: str, *, na
     try:
         return kind.model_validate(content, context={"natural": natural})
     except ValidationError as error:
-        mistakes = [_one_mistake(item, kind) for item in error.errors()]
-        raise InputError(f"{place}: {'; '.join(dict.fromkeys(mistakes))}") from None
+        raise InputError(f"{place}: {_in_one_line(error, kind)}") from None
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -112,6 +114,8 @@ def quantity(unit: str, example: str, sign: Literal["above 0", "at least 0", ""]
         result = _read(value, natural=bool(info.context and info.context["natural"]))
         if not math.isfinite(result):
             raise ValueError("must be finite")
+        if refusal := extreme(result):
+            raise ValueError(f"{refusal} (in {unit})")
         if (sign == "above 0" and result <= 0) or (sign == "at least 0" and result < 0):
             raise ValueError(f"must be {sign}")
         return result
@@ -119,7 +123,7 @@ def quantity(unit: str, example: str, sign: Literal["above 0", "at least 0", ""]
     def _read(value: object, natural: bool) -> float:
         if isinstance(value, (int, float)) and not isinstance(value, bool):
             if natural:
-                return float(value)
+                return float(value) if abs(value) <= sys.float_info.max else math.inf
             raise ValueError(f"has no unit; write it as a string, such as {example!r}")
         if not isinstance(value, str):
             raise ValueError(f"must be a quantity, such as {example!r}")
@@ -152,9 +156,24 @@ _TAGS = {
 """Names of the alternatives of a union: no keys of a file."""
 
 
+_MOST_TOLD = 320
+"""Characters of mistakes after which the others are only counted."""
+
+
+def _in_one_line(error: ValidationError, document: type[Part]) -> str:
+    """Say what is wrong with a file, mistake after mistake as far as a line reaches."""
+    told: dict[str, None] = {}
+    items = error.errors(include_url=False)
+    for number, item in enumerate(items):
+        told[_one_mistake(item, document)] = None
+        if sum(map(len, told)) > _MOST_TOLD and number + 1 < len(items):
+            return f"{'; '.join(told)}; and {len(items) - number - 1} more"
+    return "; ".join(told)
+
+
 def _one_mistake(item: Any, document: type[Part]) -> str:
     """Say one thing that is wrong with a file: key, value and remedy."""
-    path = [str(part) for part in item["loc"] if part not in _TAGS]
+    path = [shortened(str(part)) for part in item["loc"] if part not in _TAGS]
     kind, value = item["type"], item["input"]
     key = ".".join(path) or "the file"
     if kind == "extra_forbidden":
@@ -167,10 +186,10 @@ def _one_mistake(item: Any, document: type[Part]) -> str:
     if kind in ("union_tag_not_found", "union_tag_invalid"):
         return f"{key}: must name its distribution, such as {{distribution = 'gaussian', std = 0.1}}; known distributions: {_tags(item)}"
     if kind == "literal_error":
-        return f"{key} = {value!r}: must be {item['ctx']['expected']}"
+        return f"{key} = {shown(value)}: must be {item['ctx']['expected']}"
     if kind == "value_error":
-        shown = "" if isinstance(value, dict) else f" = {value!r}"
-        return f"{key}{shown}: {item['ctx']['error']}"
+        found = "" if isinstance(value, dict) else f" = {shown(value)}"
+        return f"{key}{found}: {item['ctx']['error']}"
     words = {
         "float_type": "must be a number",
         "int_type": "must be a whole number",
@@ -181,8 +200,9 @@ def _one_mistake(item: Any, document: type[Part]) -> str:
         "model_attributes_type": f"must be a table, as in [{key}]",
         "greater_than_equal": f"must be at least {item.get('ctx', {}).get('ge')}",
         "less_than": f"must be below {item.get('ctx', {}).get('lt')}",
+        "string_too_long": f"must be at most {item.get('ctx', {}).get('max_length')} characters long",
     }
-    return f"{key} = {value!r}: {words.get(kind, item['msg'].lower())}"
+    return f"{key} = {shown(value)}: {words.get(kind, item['msg'].lower())}"
 
 
 _DISTRIBUTIONS = ("gaussian", "uniform", "exponential", "gamma", "lognormal", "weibull", "empirical")

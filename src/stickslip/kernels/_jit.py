@@ -1,21 +1,81 @@
-"""The one place that knows how our kernels are compiled."""
+"""The one place that knows how our kernels are compiled, and where their machine code is kept."""
 
+import contextlib
+import hashlib
+import os
+import re
+import shutil
+import tempfile
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.misc.appdirs import AppDirs
 
 F = TypeVar("F", bound=Callable[..., object])
-_njit: Any = numba.njit  # its stubs do not know _nrt
+_numba: Any = numba  # its stubs know neither all of its settings nor all options
+_folders: Any = AppDirs  # nor this
+
+_KEPT = 3
+"""Folders of machine code that stay: a switch between two branches, and back, compiles nothing anew."""
+
+
+def _place() -> Path | None:
+    """Return the folder of our machine code, which is named by a hash of all kernel files; none if none can be written.
+
+    numba compares a function with its own file only: its code would outlive a change to what it calls in another file.
+    """
+    here = Path(__file__).parent
+    digest = hashlib.sha256()
+    for file in sorted(here.glob("*.py")):
+        digest.update(file.name.encode() + b"\0" + file.read_bytes())
+    if given := _numba.config.CACHE_DIR:
+        homes = [Path(given)]
+    else:
+        homes = [here / "__pycache__", Path(_folders("numba", appauthor=False).user_cache_dir)]
+    for home in homes:
+        folder = home / f"kernels-{digest.hexdigest()[:16]}"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            os.utime(folder)  # the last use, by which `_sweep` goes
+            tempfile.TemporaryFile(dir=folder).close()
+        except OSError:
+            continue
+        _sweep(home)
+        return folder
+    return None
+
+
+def _sweep(home: Path) -> None:
+    """Remove the machine code of kernels as they once were, but for the folders used last."""
+    folders = [folder for folder in home.glob("kernels-*") if re.fullmatch("kernels-[0-9a-f]{16}", folder.name)]
+    with contextlib.suppress(FileNotFoundError):  # another process sweeps, too
+        folders.sort(key=lambda folder: folder.stat().st_mtime)
+        for old in folders[:-_KEPT]:
+            shutil.rmtree(old, ignore_errors=True)
+
+
+_PLACE = None if _numba.config.DISABLE_JIT else _place()
+
+
+def _compiled(function: F, **options: bool) -> F:
+    """Compile a kernel: without the GIL, numpy's rules for division by zero, machine code in our own folder."""
+    given = _numba.config.CACHE_DIR
+    _numba.config.CACHE_DIR = str(_PLACE or "")
+    try:
+        return cast(F, _numba.njit(nogil=True, error_model="numpy", cache=_PLACE is not None, **options)(function))
+    finally:
+        _numba.config.CACHE_DIR = given
 
 
 def jit(function: F) -> F:
-    """Compile a kernel: without the GIL, cached on disk, numpy's rules for division by zero.
+    """Compile a kernel.
 
     ``parallel=True`` is never used: it aborts under threads and dies under fork; run cases in parallel instead.
     With ``NUMBA_DISABLE_JIT=1`` the plain Python function runs: the readable reference.
     """
-    return cast(F, _njit(nogil=True, cache=True, error_model="numpy")(function))
+    return _compiled(function)
 
 
 def bare(function: F) -> F:
@@ -24,10 +84,9 @@ def bare(function: F) -> F:
     The arrays belong to the caller, who outlives the call. Small functions that hand arrays to one another spend most
     of their time on atomic counts otherwise: the event engine took 1,200 ns an event with them, 340 ns without.
     """
-    return cast(F, _njit(nogil=True, cache=True, error_model="numpy", _nrt=False)(function))
+    return _compiled(function, _nrt=False)
 
 
 def inlined(function: F) -> F:
     """Compile a small `bare` kernel into its callers: a call costs more than its work (340, then 120 ns an event)."""
-    options = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False, "forceinline": True}
-    return cast(F, _njit(**options)(function))
+    return _compiled(function, _nrt=False, forceinline=True)

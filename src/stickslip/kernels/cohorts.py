@@ -1,18 +1,17 @@
 """The master equation, Eqs. (1)-(4), on cohorts, under the motion of a slider, Eq. (11), or a prescribed one.
 
-A cohort is what was born in one step: contacts attached at the same place ``b``, of which ``m J_c(e)``
-survive when their largest stretching so far is ``e``. Nothing moves along a grid of stretchings, so there is
-no numerical diffusion, and the slider may turn round at any time. What breaks goes through the delay, a mean
-over given delay times, and is born again where the slider then is; half of the births of a step at each of
-its ends.
+A cohort is what attached in one step: contacts at the same place ``b``, of which ``m J_c(e)`` survive when their
+largest stretching so far is ``e``. Nothing moves along a grid of stretchings, so there is no numerical diffusion,
+and the slider may turn round at any time. What breaks goes through the delay, a mean over given delay times, and
+re-attaches where the slider then is; half of that in a step at each of its ends.
 
-Between two steps the slider is a damped oscillator on the driving spring and on the contacts, whose force is
-taken linear in its position with the slope that the step itself turns out to have (found in two sweeps over
-the cohorts). The oscillator is solved in closed form: the step is exact where nothing breaks, has no
-stability limit, follows an elastic instability by its true exponential, and is second order.
+Within a step the slider is a damped oscillator on the driving spring and on the contacts (`oscillator`), whose force
+is taken linear in its position with the slope that the step itself turns out to have (found in two sweeps over the
+cohorts): the step is exact where nothing breaks, has no stability limit, follows an elastic instability by its true
+exponential, and is second order.
 
 All controls of the step follow from one number, `cells`: the slider moves at most 1/cells in a step, at most
-``5/cells`` of the contacts break or are born, and two estimates of where it ends agree to ``20/cells**2``.
+``5/cells`` of the contacts break or attach, and two estimates of where it ends agree to ``20/cells**2``.
 
 Natural units: stretchings in ``x_s``, forces and stiffnesses per contact in ``f_s`` and ``k``, any unit of
 time.
@@ -27,6 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import jit
+from .drive import NOWHERE, Quadratic, Stop, drive_at, holds
+from .oscillator import Load, Motion, Slider, Travel, is_rigid, slow_path, travel
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -40,46 +41,27 @@ class Table(NamedTuple):
     spacing: float
 
 
-class Rebirth(NamedTuple):
-    """Delay times until a broken contact is born again, and their weights; none: it never comes back.
+class Delays(NamedTuple):
+    """Times until a broken contact re-attaches, and their weights; none: it never does.
 
-    `memoryless` selects the paper's approximation, Eq. (10): contacts are re-attached at once, and the fraction of
+    `memoryless` selects the paper's approximation, Eq. (10): contacts re-attach at once, and the fraction of
     them that is attached follows the velocity and the breaking rate of the moment. It has no memory of what
     broke when, and oscillates in its own, spurious way; it is exact for the mean force of steady sliding.
     """
 
-    delay: Array
+    time: Array
     weight: Array
-    memoryless: bool
+    memoryless: bool = False
 
 
-class Mechanics(NamedTuple):
-    """Stiffness of the driving spring, mass and damping rate of the slider, Eq. (11), all per contact.
+class _Case(NamedTuple):
+    """All that stays the same in a call: thresholds, delays, slider, drive, and the resolution."""
 
-    `rigid`: the slider moves with the drive, and the three numbers do not matter.
-    """
-
-    stiffness: float
-    mass: float
-    damping: float
-    rigid: bool
-
-
-class Pull(NamedTuple):
-    """The far end of the spring: ``position + velocity u + acceleration u**2 / 2`` a time `u` after `start`."""
-
-    start: float
-    position: float
-    velocity: float
-    acceleration: float
-
-
-class Stop(NamedTuple):
-    """Where to stop early: 0 nowhere; 1 at ``|X - origin| >= value``; 2 at ``F_d >= value``; 3 at ``F_d <= value``."""
-
-    kind: int
-    value: float
-    origin: float
+    table: Table
+    delays: Delays
+    slider: Slider
+    drive: Quadratic
+    cells: float
 
 
 class State(NamedTuple):
@@ -120,15 +102,15 @@ BIRTH, MASS, REACH, ALIVE, TRIAL_REACH, TRIAL_ALIVE = range(6)
 FINISHED, STOPPED, PAUSED, NO_ROOM = range(4)
 
 BREAK_CAP = 5.0
-"""Largest mass that breaks, or is born, in a step, times `cells`: the usual steady rate is 1."""
+"""Largest mass that breaks, or re-attaches, in a step, times `cells`: the usual steady rate is 1."""
 TOLERANCE = 20.0
 """Largest disagreement on where a step ends, times ``cells**2``."""
 PHASE = 0.5
 """Largest phase, in radians, that an oscillation that has not decays turns in a step."""
 ONE_PLACE = 1e-3
-"""Travel, times `cells`, that makes no difference to where something breaks or is born."""
+"""Travel, times `cells`, that makes no difference to where something breaks or attaches."""
 EXTINCT = 1e-12
-"""A cohort of which a smaller share survives is dropped; its rest counts as broken."""
+"""A cohort of which a smaller fraction survives is dropped; its rest counts as broken."""
 
 
 @jit
@@ -146,109 +128,46 @@ def survival(table: Table, x: float) -> float:
     return float(left + u * (rise + (1.0 - u) * ((1.0 - u) * a + u * b)))
 
 
-@jit
-def response(t: float, eta: float, w: float) -> tuple[float, float, float, float, float]:
-    """Solve ``x'' + eta x' + w x = 0`` after a unit perturbation: velocity, position and its three repeated integrals.
-
-    The integrals are the motion under a unit load that is constant, linear and quadratic (``t**2 / 2``) in
-    time. A power series over a short time is doubled until the time is reached: one formula for oscillation,
-    creep and instability (``w < 0``), without their special cases.
-    """
-    doublings = 0
-    size = t * (eta + math.sqrt(abs(w)))
-    while size > 0.5:
-        size *= 0.5
-        t *= 0.5
-        doublings += 1
-    term, before = 1.0, 0.0
-    v = h = h1 = h2 = h3 = 0.0
-    for n in range(1, 16):
-        v += term
-        part = term * t / n
-        h += part
-        part *= t / (n + 1)
-        h1 += part
-        part *= t / (n + 2)
-        h2 += part
-        h3 += part * t / (n + 3)
-        recent = w * t * t * before / (n - 1) if n > 1 else 0.0
-        term, before = -(eta * t * term + recent) / n, term
-    for _ in range(doublings):
-        g = v + eta * h  # position after starting at rest from 1
-        h3 += g * h3 + h * h2 + 0.5 * t * t * h1 + t * h2
-        h2 += g * h2 + h * h1 + t * h1
-        h1 += g * h1 + h * h
-        h, v = g * h + h * v, v * v - w * h * h
-        t *= 2.0
-    return v, h, h1, h2, h3
-
-
 class _Trial(NamedTuple):
-    """Where a step of length `dt` ends; the cohorts' trial rows belong to it."""
+    """What a step of length `dt` comes to; the cohorts' trial rows belong to it."""
 
     dt: float
-    slope: float
-    ramp: float
-    X: float
-    V: float
-    turn: float
+    load: Load
+    motion: Travel
     force: float
     attached: float
     mass_in: float
     broken: float
-    born: float
+    attaching: float
 
 
 @jit
-def _spring(scalar: Array, pull: Pull) -> tuple[float, float]:
-    """Length of the driving spring, and velocity of its far end."""
-    u = scalar[TIME] - pull.start
-    far = pull.position + u * (pull.velocity + 0.5 * u * pull.acceleration)
-    return far - scalar[POSITION], pull.velocity + u * pull.acceleration
+def _here(scalar: Array) -> Motion:
+    """Where the slider is."""
+    return Motion(scalar[TIME], scalar[POSITION], scalar[VELOCITY])
 
 
 @jit
-def _move(t: float, scalar: Array, mechanics: Mechanics, pull: Pull, slope: float, ramp: float) -> tuple[float, float]:
-    """Position and velocity a time `t` on, under a contact force with this slope in X and this one in time."""
-    length, velocity = _spring(scalar, pull)
-    X, V = scalar[POSITION], scalar[VELOCITY]
-    if mechanics.rigid:
-        return X + length + t * (velocity + 0.5 * t * pull.acceleration), velocity + t * pull.acceleration
-    K, M = mechanics.stiffness, mechanics.mass
-    v, h, h1, h2, h3 = response(t, mechanics.damping, (K + slope) / M)
-    constant = (K * length - scalar[CONTACT_FORCE]) / M
-    linear = (K * velocity - ramp) / M
-    quadratic = K * pull.acceleration / M
-    return (
-        X + V * h + constant * h1 + linear * h2 + quadratic * h3,
-        V * v + constant * h + linear * h1 + quadratic * h2,
-    )
+def _is_slow(here: Motion, case: _Case, load: Load) -> bool:
+    """Whether the slider follows its slow path so closely that its oscillation does not matter."""
+    w = (case.slider.stiffness + load.stiffness) / case.slider.mass
+    if w <= 0.0:
+        return False
+    p0, p1, _ = slow_path(case.slider, case.drive, here, load)
+    return bool(max(abs(p0), abs(here.V - p1) / math.sqrt(w)) * case.cells * case.cells < 1.0)
 
 
 @jit
-def _turning_point(X: float, V: float, X1: float, V1: float, dt: float) -> float:
-    """Position where the velocity changes sign within a step (cubic between its ends); `X1` where it does not."""
-    if V * V1 >= 0.0:
-        return X1
-    mean = (X1 - X) / dt
-    a, b = 3.0 * (V + V1) - 6.0 * mean, 6.0 * mean - 4.0 * V - 2.0 * V1
-    root = math.sqrt(max(b * b - 4.0 * a * V, 0.0))
-    # The sign change leaves one root between 0 and 1: this one, in the form that does not cancel.
-    u = -2.0 * V / (b + math.copysign(root, -V))
-    return X + dt * u * (V + u * (b / 2.0 + u * a / 3.0))
-
-
-@jit
-def _sweep(cohort: Array, count: int, table: Table, X: float, turn: float) -> tuple[float, float]:
-    """Take all cohorts to the slider position `X` by way of `turn`: the mass that survives, and its force."""
+def _sweep(cohort: Array, count: int, table: Table, motion: Travel) -> tuple[float, float]:
+    """Take all cohorts along with the slider: the mass that survives, and its force."""
     mass = force = 0.0
     for j in range(count):
-        x = X - cohort[BIRTH, j]
-        reach = max(cohort[REACH, j], abs(x), abs(turn - cohort[BIRTH, j]))
+        x = motion.X - cohort[BIRTH, j]
+        reach = max(cohort[REACH, j], motion.high - cohort[BIRTH, j], cohort[BIRTH, j] - motion.low)
         alive = cohort[ALIVE, j]
         if reach > cohort[REACH, j]:
-            share = survival(table, reach)
-            alive = cohort[MASS, j] * share if share > EXTINCT else 0.0
+            fraction = survival(table, reach)
+            alive = cohort[MASS, j] * fraction if fraction > EXTINCT else 0.0
         cohort[TRIAL_REACH, j] = reach
         cohort[TRIAL_ALIVE, j] = alive
         mass += alive
@@ -257,7 +176,7 @@ def _sweep(cohort: Array, count: int, table: Table, X: float, turn: float) -> tu
 
 
 @jit
-def _grip(cohort: Array, count: int, table: Table, X: float, V: float, rebirth: Rebirth) -> float:
+def _attached_fraction(cohort: Array, count: int, table: Table, X: float, V: float, delays: Delays) -> float:
     """Fraction of contacts that hold at velocity `V` by Eq. (10), with the breaking rate of Eq. (2)."""
     rate = 0.0
     for j in range(count):
@@ -268,31 +187,31 @@ def _grip(cohort: Array, count: int, table: Table, X: float, V: float, rebirth: 
             density = table.density[i] + (place - i) * (table.density[i + 1] - table.density[i])
             rate += cohort[MASS, j] * density
     delay = 0.0
-    for i in range(rebirth.delay.size):
-        delay += rebirth.delay[i] * rebirth.weight[i]
+    for i in range(delays.time.size):
+        delay += delays.time[i] * delays.weight[i]
     return 1.0 / (1.0 + rate * abs(V) * delay)
 
 
 @jit
-def _due(state: State, rebirth: Rebirth, dt: float) -> tuple[float, float]:
-    """Births in the next `dt` of what has already broken, and the fraction of what breaks in it that is born in it."""
-    if rebirth.memoryless:
+def _due(state: State, delays: Delays, dt: float) -> tuple[float, float]:
+    """What has broken and re-attaches in the next `dt`, and the fraction of what breaks in it that does so, too."""
+    if delays.memoryless:
         return 0.0, 1.0
     last = state.used[1] - 1
     t = state.broken[0, last]
-    known = share = 0.0
-    for i in range(rebirth.delay.size):
-        j = _place(state.broken, state.cursor[i], last, t - rebirth.delay[i])
+    known = fraction = 0.0
+    for i in range(delays.time.size):
+        j = _place(state.broken, state.cursor[i], last, t - delays.time[i])
         state.cursor[i] = j
-        before = _between(state.broken, j, t - rebirth.delay[i])
-        end = t - rebirth.delay[i] + dt
+        before = _between(state.broken, j, t - delays.time[i])
+        end = t - delays.time[i] + dt
         if end >= t:
-            known += rebirth.weight[i] * (state.broken[1, last] - before)
-            share += rebirth.weight[i] * (end - t) / dt
+            known += delays.weight[i] * (state.broken[1, last] - before)
+            fraction += delays.weight[i] * (end - t) / dt
         else:
             j = _place(state.broken, j, last, end)
-            known += rebirth.weight[i] * (_between(state.broken, j, end) - before)
-    return known, share
+            known += delays.weight[i] * (_between(state.broken, j, end) - before)
+    return known, fraction
 
 
 @jit
@@ -306,101 +225,91 @@ def _place(broken: Array, j: int, last: int, t: float) -> int:
 @jit
 def _between(broken: Array, j: int, t: float) -> float:
     """Mass broken up to time `t` in interval `j`."""
-    share = (t - broken[0, j]) / (broken[0, j + 1] - broken[0, j])
-    return float(broken[1, j] + share * (broken[1, j + 1] - broken[1, j]))
+    fraction = (t - broken[0, j]) / (broken[0, j + 1] - broken[0, j])
+    return float(broken[1, j] + fraction * (broken[1, j + 1] - broken[1, j]))
 
 
 @jit
-def _arrive(
-    state: State,
-    table: Table,
-    rebirth: Rebirth,
-    mechanics: Mechanics,
-    pull: Pull,
-    due: tuple[float, float],
-    dt: float,
-    slope: float,
-    ramp: float,
-) -> _Trial:
-    """End of a step if the contact force had this slope in X and this one in time."""
-    scalar = state.scalar
-    X, V = scalar[POSITION], scalar[VELOCITY]
-    X1, V1 = _move(dt, scalar, mechanics, pull, slope, ramp)
-    turn = _turning_point(X, V, X1, V1, dt)
-    old, force = _sweep(state.cohort, state.used[0], table, X1, turn)
-    # Half of the births sit at the start of the step, and some of them may already break in it.
-    known, share = due
-    young = survival(table, max(abs(X1 - X), abs(turn - X)))
+def _arrive(state: State, case: _Case, due: tuple[float, float], dt: float, load: Load) -> _Trial:
+    """End of a step under this load."""
+    table, slider, drive, here = case.table, case.slider, case.drive, _here(state.scalar)
+    scalar, X = state.scalar, here.X
+    motion = travel(slider, drive, here, load, dt)
+    if not is_rigid(slider) and _is_slow(here, case, load):
+        # Over a long time an oscillation that does not matter would make a cubic overshoot.
+        p0, p1, p2 = slow_path(slider, drive, here, load)
+        turn = X + p0 - 0.25 * p1 * p1 / p2 if p1 * (p1 + 2.0 * p2 * dt) < 0.0 else X
+        low, high = min(X, motion.X, turn), max(X, motion.X, turn)
+        motion = Travel(motion.X, motion.V, low, high, motion.work, motion.squares)
+    old, force = _sweep(state.cohort, state.used[0], table, motion)
+    # Half of what attaches sits at the start of the step, and some of it may already break in it.
+    known, fraction = due
+    young = survival(table, max(motion.high - X, X - motion.low))
     fragile = 0.5 * (1.0 - young)
-    broken = (scalar[MASS_IN] - old + fragile * known) / (1.0 - fragile * share)
-    born = known + share * broken
-    mass_in = old + 0.5 * born * (1.0 + young)
-    force += 0.5 * born * young * (X1 - X)
-    grip = 1.0
-    if rebirth.memoryless:
-        grip = _grip(state.cohort, state.used[0], table, X1, V1, rebirth)
-    return _Trial(dt, slope, ramp, X1, V1, turn, grip * force, grip * mass_in, mass_in, broken, born)
+    broken = (scalar[MASS_IN] - old + fragile * known) / (1.0 - fragile * fraction)
+    attaching = known + fraction * broken
+    mass_in = old + 0.5 * attaching * (1.0 + young)
+    force += 0.5 * attaching * young * (motion.X - X)
+    held = 1.0
+    if case.delays.memoryless:
+        held = _attached_fraction(state.cohort, state.used[0], table, motion.X, motion.V, case.delays)
+    return _Trial(dt, load, motion, held * force, held * mass_in, mass_in, broken, attaching)
 
 
 @jit
-def _try_step(
-    state: State, table: Table, rebirth: Rebirth, mechanics: Mechanics, pull: Pull, cells: float, dt: float
-) -> tuple[_Trial, float]:
+def _try_step(state: State, case: _Case, dt: float) -> tuple[_Trial, float]:
     """Find the end of a step without taking it, and how much too long it is (above 1)."""
+    slider, delays, cells = case.slider, case.delays, case.cells
     scalar = state.scalar
-    due = _due(state, rebirth, dt)
-    trial = _arrive(state, table, rebirth, mechanics, pull, due, dt, scalar[SLOPE], 0.0)
+    due = _due(state, delays, dt)
+    load = Load(scalar[CONTACT_FORCE], scalar[SLOPE], 0.0, 0.0)
+    trial = _arrive(state, case, due, dt, load)
     disagreement = 0.0
-    if not mechanics.rigid:
-        change, travel = trial.force - scalar[CONTACT_FORCE], trial.X - scalar[POSITION]
-        if trial.turn == trial.X and travel != 0.0 and not rebirth.memoryless:
-            slope, ramp = change / travel, 0.0
+    if not is_rigid(slider):
+        change, distance = trial.force - scalar[CONTACT_FORCE], trial.motion.X - scalar[POSITION]
+        turned = trial.motion.high - trial.motion.low > abs(distance)
+        if distance != 0.0 and not turned and not delays.memoryless:
+            slope, loss = change / distance, 0.0
         else:  # the force is no function of X: what breaks acts as a load that grows in time
             slope = scalar[MASS_IN]
-            ramp = (change - slope * travel) / dt
-        guess = trial
-        trial = _arrive(state, table, rebirth, mechanics, pull, due, dt, slope, ramp)
-        frequency = math.sqrt((mechanics.stiffness + scalar[MASS_IN]) / mechanics.mass)
-        disagreement = max(abs(trial.X - guess.X), abs(trial.V - guess.V) / frequency)
-    path = max(abs(trial.X - scalar[POSITION]), abs(trial.turn - scalar[POSITION]))
-    # What breaks or is born almost in one place need not be resolved: a distribution with all its values at one point
-    # cannot.
-    mass = min(max(trial.broken, trial.born) / BREAK_CAP, path / ONE_PLACE)
+            loss = (slope * distance - change) / dt
+        guess = trial.motion
+        load = Load(scalar[CONTACT_FORCE], slope, loss, 0.0)
+        trial = _arrive(state, case, due, dt, load)
+        frequency = math.sqrt((slider.stiffness + scalar[MASS_IN]) / slider.mass)
+        disagreement = max(abs(trial.motion.X - guess.X), abs(trial.motion.V - guess.V) / frequency)
+    path = max(trial.motion.high - scalar[POSITION], scalar[POSITION] - trial.motion.low)
+    # What breaks or attaches almost in one place need not be resolved: thresholds that are all the same cannot be.
+    mass = min(max(trial.broken, trial.attaching) / BREAK_CAP, path / ONE_PLACE)
     return trial, cells * max(path, mass, math.sqrt(disagreement / TOLERANCE))
 
 
 @jit
-def _longest_step(scalar: Array, mechanics: Mechanics, pull: Pull, cells: float) -> float:
+def _longest_step(scalar: Array, case: _Case) -> float:
     """Resolve the oscillation of the slider on its contacts, unless the slider follows its slow path closely."""
-    K, M, eta = mechanics.stiffness, mechanics.mass, mechanics.damping
-    if mechanics.rigid:
+    slider = case.slider
+    if is_rigid(slider):
         return math.inf
-    fast = (K + scalar[MASS_IN]) / M
-    if 0.25 * eta * eta >= fast:
+    fast = (slider.stiffness + scalar[MASS_IN]) / slider.mass
+    if 0.25 * slider.damping * slider.damping >= fast:
         return math.inf
-    w = (K + scalar[SLOPE]) / M
-    if w > 0.0:
-        length, velocity = _spring(scalar, pull)
-        p2 = 0.5 * K * pull.acceleration / M / w
-        p1 = (K * velocity / M - 2.0 * eta * p2) / w
-        p0 = ((K * length - scalar[CONTACT_FORCE]) / M - eta * p1 - 2.0 * p2) / w
-        if max(abs(p0), abs(scalar[VELOCITY] - p1) / math.sqrt(w)) * cells * cells < 1.0:
-            return math.inf
+    if _is_slow(_here(scalar), case, Load(scalar[CONTACT_FORCE], scalar[SLOPE], 0.0, 0.0)):
+        return math.inf
     return PHASE / math.sqrt(fast)
 
 
 @jit
 def _attach(state: State, table: Table, b: float, alive: float, reach: float, merge: float) -> None:
-    """Add contacts born at `b`: to the youngest cohort if that was born within `merge`, else as a new one."""
+    """Add contacts that attached at `b`: to the youngest cohort if that did within `merge`, else as a new one."""
     cohort = state.cohort
     if alive <= 0.0:
         return
     j = state.used[0] - 1
     if j >= 0 and abs(b - cohort[BIRTH, j]) <= merge and abs(reach - cohort[REACH, j]) <= merge:
         total = alive + cohort[ALIVE, j]
-        share = alive / total
-        b = cohort[BIRTH, j] + share * (b - cohort[BIRTH, j])
-        reach = cohort[REACH, j] + share * (reach - cohort[REACH, j])
+        fraction = alive / total
+        b = cohort[BIRTH, j] + fraction * (b - cohort[BIRTH, j])
+        reach = cohort[REACH, j] + fraction * (reach - cohort[REACH, j])
         alive = total
     else:
         j += 1
@@ -410,10 +319,12 @@ def _attach(state: State, table: Table, b: float, alive: float, reach: float, me
 
 
 @jit
-def _commit(state: State, table: Table, mechanics: Mechanics, pull: Pull, trial: _Trial, cells: float) -> None:
+def _commit(state: State, case: _Case, trial: _Trial) -> None:
     """Make the trial the state."""
+    table, slider, drive, cells = case.table, case.slider, case.drive, case.cells
     scalar, cohort = state.scalar, state.cohort
-    travel = trial.X - scalar[POSITION]
+    motion = trial.motion
+    distance = motion.X - scalar[POSITION]
     kept = 0
     lost = stored = 0.0
     for j in range(state.used[0]):
@@ -421,25 +332,29 @@ def _commit(state: State, table: Table, mechanics: Mechanics, pull: Pull, trial:
         middle = 0.5 * (reach + cohort[REACH, j])
         lost += 0.5 * middle * middle * (cohort[ALIVE, j] - alive)
         if alive > 0.0:
-            stored += 0.5 * (trial.X - cohort[BIRTH, j]) ** 2 * alive
+            stored += 0.5 * (motion.X - cohort[BIRTH, j]) ** 2 * alive
             cohort[BIRTH, kept], cohort[MASS, kept] = cohort[BIRTH, j], cohort[MASS, j]
             cohort[REACH, kept], cohort[ALIVE, kept] = reach, alive
             kept += 1
     state.used[0] = kept
-    half = 0.5 * trial.born
-    reach = max(abs(travel), abs(trial.turn - scalar[POSITION]))
+    half = 0.5 * trial.attaching
+    reach = max(motion.high - scalar[POSITION], scalar[POSITION] - motion.low)
     young = half * survival(table, reach)
     _attach(state, table, scalar[POSITION], young, reach, 0.25 / cells)
-    _attach(state, table, trial.X, half, 0.0, 0.25 / cells)
+    _attach(state, table, motion.X, half, 0.0, 0.25 / cells)
     scalar[LOST] += lost + 0.125 * reach * reach * (half - young)
-    scalar[STORED] = stored + 0.5 * travel * travel * young
-    _account_work(scalar, mechanics, pull, trial)
+    scalar[STORED] = stored + 0.5 * distance * distance * young
+    if is_rigid(slider):
+        scalar[WORK] += 0.5 * (scalar[CONTACT_FORCE] + trial.force) * distance
+    else:
+        scalar[WORK] += motion.work
+        scalar[DAMPED] += slider.mass * slider.damping * motion.squares
     scalar[TIME] += trial.dt
-    scalar[POSITION], scalar[VELOCITY] = trial.X, trial.V
-    scalar[CONTACT_FORCE], scalar[SLOPE] = trial.force, trial.slope
+    scalar[POSITION], scalar[VELOCITY] = motion.X, motion.V
+    scalar[CONTACT_FORCE], scalar[SLOPE] = trial.force, trial.load.stiffness
     scalar[ATTACHED], scalar[MASS_IN] = trial.attached, trial.mass_in
-    scalar[MASS_OUT] += trial.broken - trial.born
-    _measure_spring(scalar, mechanics, pull)
+    scalar[MASS_OUT] += trial.broken - trial.attaching
+    _measure_spring(scalar, slider, drive)
     n = state.used[1]
     state.broken[0, n] = scalar[TIME]
     state.broken[1, n] = state.broken[1, n - 1] + trial.broken
@@ -447,56 +362,36 @@ def _commit(state: State, table: Table, mechanics: Mechanics, pull: Pull, trial:
 
 
 @jit
-def _account_work(scalar: Array, mechanics: Mechanics, pull: Pull, trial: _Trial) -> None:
-    """Work of the drive and of the damping in a step, by quadratures from its two ends (fourth order)."""
-    K, dt = mechanics.stiffness, trial.dt
-    V, V1, mean = scalar[VELOCITY], trial.V, (trial.X - scalar[POSITION]) / dt
-    if mechanics.rigid:
-        scalar[WORK] += 0.5 * (scalar[CONTACT_FORCE] + trial.force) * mean * dt
-        return
-    length, u = _spring(scalar, pull)
-    u1 = u + pull.acceleration * dt
-    length1 = length + (0.5 * (u + u1) - mean) * dt
-    slope, slope1 = ((u - V) * u + length * pull.acceleration, (u1 - V1) * u1 + length1 * pull.acceleration)
-    scalar[WORK] += K * dt * (0.5 * (length * u + length1 * u1) + dt / 12.0 * (slope - slope1))
-    square = (2.0 * (V * V + V1 * V1) - V * V1) / 15.0 + mean * (1.2 * mean - 0.2 * (V + V1))
-    scalar[DAMPED] += mechanics.mass * mechanics.damping * square * dt
-
-
-@jit
-def _measure_spring(scalar: Array, mechanics: Mechanics, pull: Pull) -> None:
+def _measure_spring(scalar: Array, slider: Slider, drive: Quadratic) -> None:
     """Spring force: that of the spring, or what it takes to move the slider rigidly (its inertia left out)."""
-    length, _ = _spring(scalar, pull)
-    scalar[DRIVE_FORCE] = scalar[CONTACT_FORCE] if mechanics.rigid else mechanics.stiffness * length
+    scalar[DRIVE_FORCE] = scalar[CONTACT_FORCE]
+    if not is_rigid(slider):
+        scalar[DRIVE_FORCE] = slider.stiffness * (drive_at(drive, scalar[TIME])[0] - scalar[POSITION])
 
 
 @jit
-def _sample(row: Array, t: float, before: Array, trial: _Trial, after: Array, mechanics: Mechanics, pull: Pull) -> None:
-    """What a step passes at time `t`: the motion in closed form, the rest linear between its ends."""
+def _sample(row: Array, t: float, before: Array, trial: _Trial, after: Array, slider: Slider, drive: Quadratic) -> None:
+    """What a step passes at time `t`: the motion and its energies in closed form, the rest linear between its ends."""
     u = t - before[TIME]
-    share = u / trial.dt
+    fraction = u / trial.dt
     for i in range(COLUMNS):
-        row[i] = before[i] + share * (after[i] - before[i])
+        row[i] = before[i] + fraction * (after[i] - before[i])
     row[TIME] = t
-    row[POSITION], row[VELOCITY] = _move(u, before, mechanics, pull, trial.slope, trial.ramp)
-    # The force bends with the position; what the two sweeps left over is spread evenly.
-    bend = row[POSITION] - before[POSITION] - share * (trial.X - before[POSITION])
-    row[CONTACT_FORCE] += trial.slope * bend
-    _measure_spring(row, mechanics, pull)
-
-
-@jit
-def _holds(row: Array, stop: Stop) -> bool:
-    if stop.kind == 1:
-        return bool(abs(row[POSITION] - stop.origin) >= stop.value)
-    if stop.kind == 2:
-        return bool(row[DRIVE_FORCE] >= stop.value)
-    return bool(stop.kind == 3 and row[DRIVE_FORCE] <= stop.value)
+    motion = travel(slider, drive, _here(before), trial.load, u)
+    row[POSITION], row[VELOCITY] = motion.X, motion.V
+    # The force and what is stored bend with the position; what the two sweeps left over is spread evenly.
+    bend = motion.X - before[POSITION] - fraction * (trial.motion.X - before[POSITION])
+    row[CONTACT_FORCE] += trial.load.stiffness * bend
+    row[STORED] += row[CONTACT_FORCE] * bend
+    if not is_rigid(slider):
+        row[WORK] = before[WORK] + motion.work
+        row[DAMPED] = before[DAMPED] + slider.mass * slider.damping * motion.squares
+    _measure_spring(row, slider, drive)
 
 
 @jit
 def _make_room(state: State) -> bool:
-    """Whether there is room for another step; if need be after forgetting what has been born again."""
+    """Whether there is room for another step; if need be after forgetting what has re-attached."""
     count = state.used[1]
     if count == state.broken.shape[1]:
         first = count - 2
@@ -516,43 +411,33 @@ def _make_room(state: State) -> bool:
 
 @jit
 def _run(
-    state: State,
-    table: Table,
-    rebirth: Rebirth,
-    mechanics: Mechanics,
-    pull: Pull,
-    stop: Stop,
-    until: float,
-    times: Array,
-    rows: Array,
-    cells: float,
-    step: float,
-    max_steps: int,
+    state: State, case: _Case, stop: Stop, until: float, times: Array, rows: Array, step: float, max_steps: int
 ) -> tuple[int, int, int]:
     """Take steps until there is a reason to come back: it, the number of rows filled, and the steps left."""
+    slider, drive = case.slider, case.drive
     scalar = state.scalar
     before = scalar.copy()
     smallest = 1e-12 * max(1.0, abs(until))
     filled = 0
-    _measure_spring(scalar, mechanics, pull)
-    if mechanics.rigid:
-        _, scalar[VELOCITY] = _spring(scalar, pull)
+    _measure_spring(scalar, slider, drive)
+    if is_rigid(slider):
+        scalar[VELOCITY] = drive_at(drive, scalar[TIME])[1]
     while max_steps > 0:
         while filled < times.size and times[filled] <= scalar[TIME] + smallest:
             for i in range(COLUMNS):
                 rows[filled, i] = scalar[i]
             filled += 1
-            if _holds(rows[filled - 1], stop):
+            if holds(stop, rows[filled - 1, POSITION], rows[filled - 1, DRIVE_FORCE]):
                 return STOPPED, filled, max_steps
         left = until - scalar[TIME]
         if left <= smallest:
             return FINISHED, filled, max_steps
         if not _make_room(state):
             return NO_ROOM, filled, max_steps
-        planned = step if step > 0.0 else min(scalar[NEXT_STEP], _longest_step(scalar, mechanics, pull, cells))
+        planned = step if step > 0.0 else min(scalar[NEXT_STEP], _longest_step(scalar, case))
         while True:
             dt = min(planned, left)
-            trial, trouble = _try_step(state, table, rebirth, mechanics, pull, cells, dt)
+            trial, trouble = _try_step(state, case, dt)
             if step > 0.0 or trouble <= 1.0 or dt <= smallest:
                 break
             planned = dt * max(0.9 / trouble, 0.2)
@@ -561,15 +446,15 @@ def _run(
         before[:] = scalar
         max_steps -= 1
         n = filled
-        while stop.kind != 0 and n < times.size and times[n] < scalar[TIME] + dt:
-            _sample(rows[n], times[n], before, trial, before, mechanics, pull)
-            if _holds(rows[n], stop):
-                trial, _ = _try_step(state, table, rebirth, mechanics, pull, cells, times[n] - scalar[TIME])
+        while stop.kind != NOWHERE and n < times.size and times[n] < scalar[TIME] + dt:
+            _sample(rows[n], times[n], before, trial, before, slider, drive)
+            if holds(stop, rows[n, POSITION], rows[n, DRIVE_FORCE]):
+                trial, _ = _try_step(state, case, times[n] - scalar[TIME])
                 break
             n += 1
-        _commit(state, table, mechanics, pull, trial, cells)
+        _commit(state, case, trial)
         while filled < times.size and times[filled] < scalar[TIME] - smallest:
-            _sample(rows[filled], times[filled], before, trial, scalar, mechanics, pull)
+            _sample(rows[filled], times[filled], before, trial, scalar, slider, drive)
             filled += 1
     return PAUSED, filled, 0
 
@@ -618,7 +503,7 @@ def tabulate(survival: Array, density: Array, spacing: float) -> Table:
 
 def initial_state(
     table: Table,
-    rebirth: Rebirth,
+    delays: Delays,
     stretching: Array,
     weight: Array,
     *,
@@ -633,7 +518,7 @@ def initial_state(
     ----------
     table : Table
         The distribution of thresholds.
-    re-attachment : re-attachment
+    delays : Delays
         The delays.
     stretching, weight : ndarray, shape (n_nodes,)
         Initial stretchings, any sign, and the attached fraction of contacts at each. A contact at ``x_0`` has
@@ -642,7 +527,7 @@ def initial_state(
     position, velocity, time : float
         Of the slider, at the start.
     rate : float
-        Mass that broke per unit time before the start; it is born again after its delay. For smooth sliding
+        Mass that broke per unit time before the start; it re-attaches after its delay. For smooth sliding
         ``v / (<x_s> + v <tau_d>)``, with the attached fraction ``<x_s> / (<x_s> + v <tau_d>)``.
 
     Returns
@@ -664,11 +549,11 @@ def initial_state(
     scalar[MASS_OUT] = 1.0 - attached
     scalar[STORED] = 0.5 * np.sum(weight * stretching**2)
     scalar[NEXT_STEP] = math.inf
-    memory = max([1.0, *rebirth.delay])
+    memory = max([1.0, *delays.time])
     broken = np.zeros((2, 1024))
     broken[:, 0] = time - memory, -rate * memory
     broken[0, 1] = time
-    return State(scalar, cohort, broken, np.zeros(rebirth.delay.size, np.int64), np.array([n, 2], np.int64))
+    return State(scalar, cohort, broken, np.zeros(delays.time.size, np.int64), np.array([n, 2], np.int64))
 
 
 def stretchings(state: State) -> tuple[Array, Array]:
@@ -689,14 +574,14 @@ def smooth_sliding(table: Table, cells: float, attached: float = 1.0) -> tuple[A
 def advance(
     state: State,
     table: Table,
-    rebirth: Rebirth,
-    mechanics: Mechanics,
-    pull: Pull,
+    delays: Delays,
+    slider: Slider,
+    drive: Quadratic,
     *,
     until: float,
     times: Array,
     cells: float,
-    stop: Stop = Stop(0, 0.0, 0.0),
+    stop: Stop = Stop(),
     step: float = 0.0,
     max_steps: int = 2**62,
 ) -> Progress:
@@ -708,7 +593,7 @@ def advance(
     ----------
     state : State
         Where to start; it is not changed.
-    table, re-attachment, mechanics, pull
+    table, delays, slider, drive
         The thresholds, the delays, the slider and the drive.
     until : float
         Time to reach exactly: the end of the piece.
@@ -732,12 +617,11 @@ def advance(
     state = State(scalar.copy(), cohort.copy(), broken.copy(), cursor.copy(), used.copy())
     times = np.asarray(times, float)
     rows = np.empty((times.size, COLUMNS))
+    case = _Case(table, delays, slider, drive, cells)
     filled, reason = 0, NO_ROOM
     steps = max_steps
     while reason == NO_ROOM:
-        reason, more, steps = _run(
-            state, table, rebirth, mechanics, pull, stop, until, times[filled:], rows[filled:], cells, step, steps
-        )
+        reason, more, steps = _run(state, case, stop, until, times[filled:], rows[filled:], step, steps)
         filled += more
         if reason == NO_ROOM:
             if state.used[0] + 2 > state.cohort.shape[1]:

@@ -1,7 +1,7 @@
 """The master equation under rigid motion, Eqs. (1)-(4), solved as a renewal process by fast convolution.
 
-When the slider is moved at a given velocity, each contact lives on its own: born at ``x = 0``, it breaks at
-its threshold and is born again, a distance ``s = v tau_d`` further on. With ``m(X)`` the number of breaks per
+When the slider is moved at a given velocity, each contact lives on its own: attached at ``x = 0``, it breaks at
+its threshold and re-attaches, a distance ``s = v tau_d`` further on. With ``m(X)`` the number of breaks per
 contact up to ``X``, the master equation is one Volterra equation of convolution type::
 
     m(X) = m_0(X) + Int_0^X P~(x) m(X - x) dx,     P~(x) = mean over delays of P_c(x - s)
@@ -11,7 +11,7 @@ number of breaks is continuous even where the breaking rate jumps, and that is w
 
 The unknown is taken piecewise linear and each kernel is integrated exactly against it: its weights are the
 second differences of its second antiderivative, which for all kernels needed here is made of
-``excess(x, n)``, the survival function integrated `n` times from above. So jumps of the distribution cost no order: the
+``excess(x, n)``, the survival function integrated `n` times from above. So jumps of the density cost no order: the
 scheme is second order for every distribution of bounded density, and Richardson extrapolation over three grids makes it
 sixth order for smooth ones.
 """
@@ -50,8 +50,8 @@ class Contacts(NamedTuple):
         Stretching beyond which the thresholds of these contacts are known to lie, with ``J_c(reach) > 0``:
         ``|x_0|`` for contacts that could break in either direction, ``max(x_0, 0)`` where Eq. (3) is read to
         the letter, which lets a contact stretched backwards have any threshold.
-    shift, share : ndarray, shape (n_delays,)
-        Distances ``v tau_d >= 0`` travelled before a broken contact is born again, and their weights, of sum
+    shift, fraction : ndarray, shape (n_delays,)
+        Distances ``v tau_d >= 0`` travelled before a broken contact re-attaches, and their weights, of sum
         1. One shift of 0: no delay. Empty: broken contacts never re-attach.
     """
 
@@ -61,10 +61,10 @@ class Contacts(NamedTuple):
     weight: Array
     reach: Array
     shift: Array
-    share: Array
+    fraction: Array
 
 
-class Reborn(NamedTuple):
+class ReAttached(NamedTuple):
     """What all contacts but the initial ones contribute, on the uniform grid ``X = spacing * (0, 1, 2 ...)``.
 
     Attributes
@@ -101,8 +101,8 @@ class Response(NamedTuple):
     stiffness: Array
 
 
-def solve(contacts: Contacts, distance: float, points: int) -> Reborn:
-    """Solve for the contacts that break and are born again while the slider moves from 0 to `distance`.
+def solve(contacts: Contacts, distance: float, points: int) -> ReAttached:
+    """Solve for the contacts that break and re-attach while the slider moves from 0 to `distance`.
 
     Parameters
     ----------
@@ -115,46 +115,46 @@ def solve(contacts: Contacts, distance: float, points: int) -> Reborn:
 
     Returns
     -------
-    Reborn
+    ReAttached
         On ``points + 1`` positions from 0 to `distance`.
     """
     X = np.linspace(0.0, distance, points + 1)
     spacing = distance / points
     first = _initial_breaks(contacts, np.linspace(0.0, distance, 4 * points + 1))
-    coarse, middle, fine = (_solve_once(contacts, first[:: 4 // every], distance)[:, ::every] for every in (1, 2, 4))
+    coarse, middle, fine = (solve_once(contacts, first[:: 4 // every], distance)[:, ::every] for every in (1, 2, 4))
     broken, travelled, rate, force, stiffness = (coarse - 20 * middle + 64 * fine) / 45
     if contacts.shift.size == 1 and contacts.shift[0] == 0:
-        born, stretched = broken, travelled
+        back, stretched = broken, travelled
     else:
         # A delay is no multiple of the spacing: its corner at X = s, shifted earlier, would spoil the extrapolation.
-        born, stretched = np.zeros_like(X), np.zeros_like(X)
-        for shift, share in zip(contacts.shift, contacts.share, strict=True):
+        back, stretched = np.zeros_like(X), np.zeros_like(X)
+        for shift, fraction in zip(contacts.shift, contacts.fraction, strict=True):
             later = shift <= X
-            born[later] += share * _interpolate(broken, (X[later] - shift) / spacing)
-            stretched[later] += share * _interpolate(travelled, (X[later] - shift) / spacing)
+            back[later] += fraction * _interpolate(broken, (X[later] - shift) / spacing)
+            stretched[later] += fraction * _interpolate(travelled, (X[later] - shift) / spacing)
     # What the initial breaks put back at once is left to `observe`, which knows it without interpolating.
-    attached = born - broken + (1.0 - _at_once(contacts)) * first[::4]
-    return Reborn(spacing, np.stack([stretched - force, attached, rate, born - stiffness]))
+    attached = back - broken + (1.0 - _at_once(contacts)) * first[::4]
+    return ReAttached(spacing, np.stack([stretched - force, attached, rate, back - stiffness]))
 
 
-def observe(contacts: Contacts, reborn: Reborn, X: Array) -> Response:
+def observe(contacts: Contacts, re_attached: ReAttached, X: Array) -> Response:
     """Evaluate force, attached fraction, breaking rate and stiffness at any positions.
 
     The part of the initial contacts is closed-form at every `X`; the rest is continuous and interpolated to
-    sixth order. A one-sided limit at a jump of the distribution is the value at the next number on that side
+    sixth order. A one-sided limit at a jump of the density is the value at the next number on that side
     (``numpy.nextafter``).
 
     Parameters
     ----------
     contacts : Contacts
         As given to `solve`.
-    re-attached : Reborn
+    re_attached : ReAttached
         What `solve` returned.
     X : ndarray
         Positions between 0 and the distance of `solve`, in any order.
     """
     initial = _initial(contacts, X)
-    force, attached, rate, stiffness = _interpolate(reborn.values, X / reborn.spacing)
+    force, attached, rate, stiffness = _interpolate(re_attached.values, X / re_attached.spacing)
     return Response(
         initial.force + force,
         1.0 - (1.0 - _at_once(contacts)) * initial.broken + attached,
@@ -172,22 +172,30 @@ class _Initial(NamedTuple):
 
 def _initial(contacts: Contacts, X: Array) -> _Initial:
     """The contacts of the start: those still there, and those that break for the first time."""
-    inside, x, survivors, scale = _survivors(contacts, X)
     known = contacts.reach[:, None]
-    breaking = np.where(x >= known, scale * contacts.density(np.maximum(x, known)), 0.0)
     values = np.zeros((4, X.size))
-    values[:, inside] = [
-        np.sum(term, axis=0) for term in (x * survivors, -survivors, breaking, survivors - x * breaking)
-    ]
+    for block in _blocks(contacts, X):
+        inside, x, survivors, scale = _survivors(contacts, X[block])
+        breaking = np.where(x >= known, scale * contacts.density(np.maximum(x, known)), 0.0)
+        values[:, block][:, inside] = [
+            np.sum(term, axis=0) for term in (x * survivors, -survivors, breaking, survivors - x * breaking)
+        ]
     values[1] += contacts.weight.sum()
     return _Initial(*values)
 
 
 def _initial_breaks(contacts: Contacts, X: Array) -> Array:
     broken = np.full_like(X, contacts.weight.sum())
-    inside, _, survivors, _ = _survivors(contacts, X)
-    broken[inside] -= np.sum(survivors, axis=0)
+    for block in _blocks(contacts, X):
+        inside, _, survivors, _ = _survivors(contacts, X[block])
+        broken[block][inside] -= np.sum(survivors, axis=0)
     return broken
+
+
+def _blocks(contacts: Contacts, X: Array) -> list[slice]:
+    """Parts of the positions for which a table by node of the start and position takes some 10 MB."""
+    size = max(1_000_000 // contacts.stretching.size, 1)
+    return [slice(begin, begin + size) for begin in range(0, X.size, size)]
 
 
 def _survivors(contacts: Contacts, X: Array) -> tuple[Mask, Array, Array, Array]:
@@ -206,11 +214,11 @@ def _end(contacts: Contacts) -> float:
 
 
 def _at_once(contacts: Contacts) -> float:
-    """Fraction of broken contacts that are born again without delay."""
-    return float(contacts.share[contacts.shift == 0].sum())
+    """Fraction of broken contacts that re-attach without delay."""
+    return float(contacts.fraction[contacts.shift == 0].sum())
 
 
-def _solve_once(contacts: Contacts, first: Array, distance: float) -> Array:
+def solve_once(contacts: Contacts, first: Array, distance: float) -> Array:
     """Second-order solution on the uniform grid on which the first breaks ``m_0`` are given.
 
     Rows: breaks ``m``, their integral over X, and the convolutions of the breaks with the kernels of the
@@ -221,10 +229,10 @@ def _solve_once(contacts: Contacts, first: Array, distance: float) -> Array:
     h = distance / (n - 1)
     antiderivatives = np.zeros((4, n + 1))
     end = _end(contacts)
-    for shift, share in zip(contacts.shift, contacts.share, strict=True):
+    for shift, fraction in zip(contacts.shift, contacts.fraction, strict=True):
         later = slice(int(shift // h), None)
         x = np.maximum(h * np.arange(n + 1)[later] - shift, 0.0)
-        antiderivatives[:, later] += share * _antiderivatives(contacts.excess, x, end)
+        antiderivatives[:, later] += fraction * _antiderivatives(contacts.excess, x, end)
     # Second differences; all antiderivatives vanish up to X = 0.
     weights = np.diff(antiderivatives, n=2, axis=1, prepend=0.0) / h
     # On a circle |z| = r < 1 the division of power series is safe, and what wraps around is damped by

@@ -5,25 +5,23 @@ driving spring: a run of the model (which also has `X`, `velocity`, `drive_veloc
 measured on a bench, read with `read_trace` (which has the force only). What is there is used. Units are those
 of the data.
 
-A slip is a fall of the force. Nothing here asks whether the slider is at rest: with contacts that hold, a
+A slip is a drop of the force. Nothing here asks whether the slider is at rest: with contacts that hold, a
 driven slider creeps at ``v K/(K + k N_c)`` between slips, so rest tells nothing about the regime.
 """
 
-from stickslip.measure.ramps import Transitions, amplitude, hysteresis, transitions
+from stickslip.measure.catalogue import drops, statistics
+from stickslip.measure.periods import Cycles, find_cycles
+from stickslip.measure.ramps import transitions
 from stickslip.measure.readings import read_trace
-from stickslip.measure.slips import EventStatistics, Spread, event_statistics, events
 from stickslip.measure.verdict import Regime, regime
 
 __all__ = [
-    "EventStatistics",
+    "Cycles",
     "Regime",
-    "Spread",
-    "Transitions",
-    "amplitude",
-    "event_statistics",
-    "events",
-    "hysteresis",
+    "drops",
+    "find_cycles",
     "read_trace",
     "regime",
+    "statistics",
     "transitions",
 ]

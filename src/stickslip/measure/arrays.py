@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from stickslip.errors import InputError
+from stickslip.errors import LARGEST, InputError, instance
+from stickslip.io.datasets import read_provenance
 
 Array = NDArray[np.float64]
 
@@ -16,9 +18,23 @@ FEWEST_READINGS = 16
 CONSTANT_DRIVE = 0.01  # relative change of the drive's velocity that still counts as constant
 
 
+def check_numbers(place: str, variable: xr.DataArray) -> None:
+    """Raise `InputError` if a variable holds no numbers, or one that is too large to be multiplied."""
+    if variable.dtype.kind not in "fiu":
+        raise InputError(f"{place}: {variable.name} holds values of type {variable.dtype}, no numbers")
+    values = np.asarray(variable.values, dtype=float)
+    largest = float(np.max(np.abs(values), where=np.isfinite(values), initial=0.0))
+    if largest > LARGEST:
+        raise InputError(f"{place}: {variable.name} = {largest:g}: must be at most {LARGEST:g} in size")
+
+
 @dataclass(frozen=True, kw_only=True)
 class Trace:
-    """The arrays of a Dataset, as the functions here need them; forces and motion along the drive's direction."""
+    """The arrays of a Dataset, as the functions here need them; forces and motion along the drive's direction.
+
+    `largest` is the largest force in all of the data: the static friction, where they hold a slip or the first
+    loading. `contacts` is their number in a run of single contacts.
+    """
 
     t: Array
     force: Array
@@ -27,12 +43,20 @@ class Trace:
     drive: Array | None
     attached: Array | None
     sign: float
+    largest: float
+    contacts: int | None = None
+    displacement: Array | None = None
+    time_unit: str = ""
 
     @classmethod
     def of(cls, data: xr.Dataset) -> Trace:
         """Take them from a Dataset; `InputError` if it holds no force, or values that are not finite."""
+        instance("measure: data", data, xr.Dataset, "a Dataset, such as simulate() and read_trace() return")
         if "spring_force" not in data or "time" not in data["spring_force"].dims:
             raise InputError("measure: need a Dataset with the variable F_d along t; read a file with read_trace()")
+        for name in ("time", "spring_force", "displacement", "velocity", "drive_velocity", "attached"):
+            if name in data:
+                check_numbers("measure", data[name])
         t = np.asarray(data["time"].values, dtype=float)
         if t.size < FEWEST_READINGS:
             raise InputError(f"measure: {t.size} samples of F_d are too few to judge; {FEWEST_READINGS} is the least")
@@ -40,7 +64,7 @@ class Trace:
             raise InputError("measure: the times t must be finite and rising")
         arrays = {
             name: np.asarray(data[name].values, dtype=float) if name in data else None
-            for name in ("spring_force", "displacement", "velocity", "drive_velocity", "attached")
+            for name in ("spring_force", "displacement", "velocity", "drive_velocity", "attached", "displacement")
         }
         for name, values in arrays.items():
             if values is None:
@@ -55,8 +79,9 @@ class Trace:
                 )
         drive, force = arrays["drive_velocity"], arrays["spring_force"]
         assert force is not None
-        # A load cell may count pull as negative: then the force alone tells the direction.
-        sign = -1.0 if np.mean(force if drive is None else drive) < 0 else 1.0
+        # A load cell may count pull as negative: then the force alone tells the direction, unless its sign was turned.
+        turned = drive is None and bool(data.attrs.get("flipped"))
+        sign = -1.0 if np.mean(force if drive is None else drive) < 0 and not turned else 1.0
         return cls(
             t=t,
             force=sign * force,
@@ -65,37 +90,49 @@ class Trace:
             drive=None if drive is None else sign * drive,
             attached=arrays["attached"],
             sign=sign,
+            largest=top if (top := float(np.max(sign * force))) > 0 else float(np.max(np.abs(force))),
+            contacts=_contacts(data),
+            displacement=arrays["displacement"],
+            time_unit={"": "", "time": " time units"}.get(unit := str(data["time"].attrs.get("units", "")), f" {unit}"),
         )
 
-    def part(self, begin: float) -> Trace:
-        """What comes from a time on."""
-        inside = self.t >= begin
+    def part(self, begin: float, end: float = math.inf) -> Trace:
+        """What comes from a time on, up to another."""
+        inside = slice(*np.searchsorted(self.t, [begin, end], side="left").tolist())
 
         def cut(values: Array | None) -> Array | None:
             return None if values is None else values[inside]
 
-        return Trace(
+        return replace(
+            self,
             t=self.t[inside],
             force=self.force[inside],
             X=cut(self.X),
             velocity=cut(self.velocity),
             drive=cut(self.drive),
             attached=cut(self.attached),
-            sign=self.sign,
+            displacement=cut(self.displacement),
         )
 
 
-def turns(force: Array, smallest: float) -> tuple[list[int], list[int]]:
-    """Alternating peaks and troughs such that each fall and rise between them is at least `smallest`.
+def _contacts(data: xr.Dataset) -> int | None:
+    """How many contacts a run was made with, as its provenance says; None for other data."""
+    try:
+        count = read_provenance(data)["arguments"]["method"]["count"]
+    except (InputError, KeyError, TypeError):
+        return None
+    return count if isinstance(count, int) and count > 0 else None
 
-    Returns the falls only: index of the peak and index of the trough.
+
+def turns(force: Array, smallest: float, among: NDArray[np.intp] | None = None) -> tuple[list[int], list[int]]:
+    """Alternating peaks and troughs such that each drop and rise between them is at least `smallest`.
+
+    Returns the drops only: index of the peak (of a flat one, its end) and index of the trough. They are sought
+    among all samples, or among the `extremes` left for a smaller drop.
     """
-    change = np.sign(np.diff(force))
-    moving = np.flatnonzero(change)
-    if moving.size == 0:
+    where = extremes(force, smallest, among)
+    if where.size == 0:
         return [], []
-    sign = change[moving]
-    where = np.concatenate([[0], moving[np.flatnonzero(sign[1:] != sign[:-1])] + 1, [moving[-1] + 1]])
     index, value = where.tolist(), force[where].tolist()
     peaks: list[int] = []
     troughs: list[int] = []
@@ -117,3 +154,35 @@ def turns(force: Array, smallest: float) -> tuple[list[int], list[int]]:
     if len(troughs) < len(peaks):
         troughs.append(index[low])
     return peaks, troughs
+
+
+def extremes(force: Array, smallest: float, among: NDArray[np.intp] | None = None) -> NDArray[np.intp]:
+    """Ends and local extremes of a force, without pairs of them that lie within a larger drop or rise.
+
+    Millions of samples of noise leave a few extremes that way, a third of the pairs going at each pass.
+    """
+    where = _all_extremes(force) if among is None else among
+    while where.size > 8:
+        step = np.abs(np.diff(force[where]))
+        inside = (step[1:-1] < smallest) & (step[1:-1] <= step[:-2]) & (step[1:-1] < step[2:])
+        if not inside.any():
+            break
+        keep = np.ones(where.size, dtype=bool)
+        first = (
+            np.flatnonzero(inside) + 1
+        )  # strict on one side: no two neighbours go at once, and the first of equal extremes stays
+        keep[first] = keep[first + 1] = False
+        where = where[keep]
+    return where
+
+
+def _all_extremes(force: Array) -> NDArray[np.intp]:
+    """Ends and local extremes of a force; nothing where it never changes."""
+    moving = np.flatnonzero(force[1:] != force[:-1])
+    if moving.size == 0:
+        return moving
+    rising = force[moving + 1] > force[moving]
+    turn = np.flatnonzero(rising[1:] != rising[:-1])
+    # The end of a flat peak, and the start of a flat trough: the drop between them is what moves.
+    inner = np.where(rising[turn], moving[turn + 1], moving[turn] + 1)
+    return np.concatenate([[0], inner, [moving[-1] + 1]])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
@@ -17,67 +16,8 @@ _LONGEST_TRANSIENT = 25  # windows: 100 x_s, by default
 _SI_UNITS = {"n", "mn", "kn", "un", "µn", "m", "mm", "um", "µm", "nm", "cm"}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Transitions:
-    """Velocities of the drive at which stick-slip starts and ends, on the way up and on the way down.
-
-    Each is None where it was not seen; `notes` says why.
-
-    Attributes
-    ----------
-    v1, v2 : float or None
-        On the way up: the first velocity at which stick-slip sets in, and the last at which it ends after
-        that.
-    v2_down, v1_down : float or None
-        On the way down (``v2'``, ``v1'``): the first at which it sets in again, and the last at which it
-        ends.
-    level : float
-        The criterion: peak to peak of the spring force over `window` of drive travel above this level.
-    window : float
-        Travel of the drive over which the peak to peak is taken.
-    notes : tuple of str
-        What was not seen and why, and what else a reader should know.
-    """
-
-    v1: float | None
-    v2: float | None
-    v2_down: float | None
-    v1_down: float | None
-    level: float
-    window: float
-    notes: tuple[str, ...] = ()
-
-    def __str__(self) -> str:
-        names = {"v1": self.v1, "v2": self.v2, "v2'": self.v2_down, "v1'": self.v1_down}
-        found = ", ".join(f"{name} = {'not seen' if v is None else f'{v:.4g}'}" for name, v in names.items())
-        rule = f"stick-slip where F_d oscillations by more than {self.level:g} over a drive travel of {self.window:g}"
-        return "\n".join([f"{found} ({rule})", *self.notes])
-
-
-def amplitude(run: xr.Dataset, *, window: float = 4.0) -> xr.Dataset:
-    """Return the peak to peak of the spring force over a moving stretch of drive travel.
-
-    Parameters
-    ----------
-    run : Dataset
-        A run, with `F_d` and `drive_velocity`.
-    window : float
-        Travel of the drive over which the peak to peak is taken, in the unit of `X` (``x_s`` for runs of the
-        model); it should hold two cycles or more.
-
-    Returns
-    -------
-    Dataset
-        Along ``travel`` (of the drive, at the middle of the window): `peak_to_peak`, `drive_velocity` there,
-        and the times `begin`, `middle` and `end` of the window.
-
-    Raises
-    ------
-    InputError
-        If the run has no drive velocity, or the drive turns back.
-    UndecidedError
-        If the drive travels less than two windows, or there are too few samples in a window.
-    """
+def _swing(run: xr.Dataset, window: float) -> xr.Dataset:
+    """Peak to peak of the spring force over a moving stretch of drive travel."""
     window = number("window", window, above=0, hint="in the unit of X")
     trace = Trace.of(run)
     if trace.drive is None:
@@ -134,7 +74,7 @@ def amplitude(run: xr.Dataset, *, window: float = 4.0) -> xr.Dataset:
     )
 
 
-def transitions(run: xr.Dataset, *, level: float | None = None, window: float | None = None) -> Transitions:
+def transitions(run: xr.Dataset, *, level: float | None = None, window: float | None = None) -> xr.Dataset:
     """Return the velocities at which stick-slip starts and ends while the drive speeds up and slows down.
 
     Stick-slip is where the spring force oscillates by more than `level`, peak to peak, over a drive travel of
@@ -149,25 +89,39 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
     ----------
     run : Dataset
         A run in which the drive speeds up, or slows down, or first speeds up and then slows down; it may also
-        hold.
+        keep its velocity for a while.
     level : float, optional
         In the unit of `F_d`; by default .4, in ``f_s`` per contact.
     window : float, optional
-        In the unit of `X`; by default 4, in ``x_s``. Both must be given for a run in SI units.
+        In the unit of `X`; by default 4, in ``x_s``; it should hold two cycles or more. Both must be given for
+        a run in SI units.
+
+    Returns
+    -------
+    Dataset
+        `v1`, `v2`: on the way up, the first velocity at which stick-slip sets in, and the last at which it ends
+        after that; `v2_down`, `v1_down` (the paper's ``v2'``, ``v1'``): on the way down, the first at which it
+        sets in again, and the last at which it ends. Each is NaN where it was not seen; the attribute ``notes``
+        says why. Along ``travel`` (of the drive, at the middle of the window): `peak_to_peak`, `drive_velocity`
+        there, and the times `begin`, `middle` and `end` of the window. Along ``velocity``, where the drive
+        goes up and then down: `up` and `down`, the peak to peak on either way, and `difference`, down less up.
+        Attributes ``level``, ``window``, ``notes``.
 
     Raises
     ------
     InputError
-        If the run has no drive velocity, or is in SI units and `level` or `window` is not given.
+        If the run has no drive velocity, or the drive turns back, or the run is in SI units and `level` or
+        `window` is not given.
     UndecidedError
-        If the drive does not change, goes up and down more than once, or travels too short a way.
+        If the drive does not change, goes up and down more than once, or travels less than two windows, or
+        there are too few samples in a window.
     """
     for name, value, of in (("level", level, "spring_force"), ("window", window, "displacement")):
         unit = str(run[of].attrs.get("units", "")) if of in run else ""
         if value is None and unit.strip().lower() in _SI_UNITS:
             raise InputError(f"transitions: {of} is in {unit}: give {name} in that unit (.4 f_s and 4 x_s are usual)")
     level = 0.4 if level is None else number("level", level, above=0, hint="in the unit of F_d")
-    oscillation = amplitude(run, window=4.0 if window is None else window)
+    oscillation = _swing(run, 4.0 if window is None else window)
     top = _turning_time(run)
     on = _settled(np.asarray(oscillation["peak_to_peak"].values > level), _PARTS // 2)
     t, drive = np.asarray(run["time"].values, dtype=float), np.asarray(run["drive_velocity"].values, dtype=float)
@@ -210,71 +164,56 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
             notes.append(f"{' and '.join(missing)} not seen: {why}")
         if here.size > 1:
             notes.append(f"stick-slip sets in {here.size} times on the way {way}: first onset and last end are given")
-    return Transitions(
-        v1=found["v1"],
-        v2=found["v2"],
-        v2_down=found["v2'"],
-        v1_down=found["v1'"],
-        level=level,
-        window=float(oscillation.attrs["window"]),
-        notes=tuple(notes),
+    speed = dict(oscillation["drive_velocity"].attrs)
+    words = {
+        "v1": "stick-slip sets in on the way up",
+        "v2": "stick-slip ends on the way up",
+        "v2_down": "stick-slip sets in on the way down",
+        "v1_down": "stick-slip ends on the way down",
+    }
+    velocities = {}
+    for name, text in words.items():
+        value = found[name.replace("_down", "'")]
+        velocities[name] = ((), np.nan if value is None else value, speed | {"long_name": text})
+    return (
+        oscillation.assign(velocities)
+        .merge(_hysteresis(oscillation, top), combine_attrs="override")
+        .assign_attrs(level=level, window=float(oscillation.attrs["window"]), notes="; ".join(notes))
     )
 
 
-def hysteresis(run: xr.Dataset, *, window: float = 4.0) -> xr.Dataset:
-    """Return the oscillation of the force on the way up and on the way down, against the velocity of the drive.
-
-    Parameters
-    ----------
-    run : Dataset
-        A run in which the drive speeds up and then slows down.
-    window : float
-        As for `amplitude`.
-
-    Returns
-    -------
-    Dataset
-        Along ``drive_velocity`` (the range that both ways share): `up` and `down`, peak to peak of the
-        spring force, and `difference`, down less up.
-
-    Raises
-    ------
-    UndecidedError
-        If the drive does not go up and then down, or both ways share no velocities.
-    """
-    oscillation = amplitude(run, window=window)
-    top = _turning_time(run)
+def _hysteresis(oscillation: xr.Dataset, top: float) -> xr.Dataset:
+    """Peak to peak on the way up and on the way down, against the velocity; nothing where the drive goes one way."""
     middle, speed = np.asarray(oscillation["middle"].values), np.abs(np.asarray(oscillation["drive_velocity"].values))
     force = np.asarray(oscillation["peak_to_peak"].values)
     branches = [(speed[way], force[way]) for way in (middle <= top, middle > top)]
     if any(v.size < 2 for v, _ in branches):
-        raise UndecidedError("hysteresis: the drive must speed up and then slow down; it goes one way only")
+        return xr.Dataset()
     low, high = max(float(v.min()) for v, _ in branches), min(float(v.max()) for v, _ in branches)
     if not low < high:
-        raise UndecidedError("hysteresis: the way up and the way down share no velocities")
+        return xr.Dataset()
     grid = np.linspace(low, high, 201)
     up, down = (np.interp(grid, v[order], f[order]) for v, f in branches for order in [np.argsort(v, kind="stable")])
     unit = oscillation["peak_to_peak"].attrs["units"]
     return xr.Dataset(
         {
             "up": (
-                "drive_velocity",
+                "velocity",
                 up,
-                {"units": unit, "long_name": "oscillation of the force, drive speeding up"},
+                {"units": unit, "long_name": "peak to peak of the force, drive speeding up"},
             ),
             "down": (
-                "drive_velocity",
+                "velocity",
                 down,
-                {"units": unit, "long_name": "oscillation of the force, drive slowing down"},
+                {"units": unit, "long_name": "peak to peak of the force, drive slowing down"},
             ),
             "difference": (
-                "drive_velocity",
+                "velocity",
                 down - up,
-                {"units": unit, "long_name": "oscillation down less oscillation up"},
+                {"units": unit, "long_name": "peak to peak down less up"},
             ),
         },
-        coords={"drive_velocity": ("drive_velocity", grid, dict(oscillation["drive_velocity"].attrs))},
-        attrs={"window": oscillation.attrs["window"]},
+        coords={"velocity": ("velocity", grid, dict(oscillation["drive_velocity"].attrs))},
     )
 
 

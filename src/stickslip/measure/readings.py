@@ -1,14 +1,11 @@
-"""Reading a force trace measured on a bench, from any table in plain text."""
+"""Reading a force trace measured on a bench, as instruments write it."""
 
 from __future__ import annotations
 
-import csv
 import difflib
 import json
-import math
 import os
 import re
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,22 +13,15 @@ from typing import Literal
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from stickslip.errors import InputError, number
 from stickslip.measure.arrays import FEWEST_READINGS, Array
+from stickslip.measure.headings import Heading, Quantity, ratio, simple, unit_named
+from stickslip.measure.tables import Rows, Table, read_cell, short
 
-LARGEST_FILE = 100_000_000  # bytes
 FEW_UNREADABLE = 3  # rows, or ...
-UNREADABLE_SHARE = 0.01  # ... this fraction of them, may be unreadable
-_SAMPLE = 400  # rows looked at to find out how a table is laid out
-
-_COMMENT = re.compile(r"\s*(#|%|//|!)+\s*")
-_NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\W\d_%°][^,;\t]{0,11}|[%°])?")
-_BRACKET = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]\s*$")
-_NO_VALUE = {"nan", "inf", "-inf", "+inf", "na", "n/a", "null", "none", "-", "--", ""}
-_FORCE_WORDS = {"f", "f_d", "fd", "force", "pull", "load", "friction", "friction force", "spring force", "kraft"}
-_TIME_WORDS = {"time", "times", "elapsed", "elapsed time", "seconds", "sec", "zeit"}
+UNREADABLE_FRACTION = 0.01  # ... this fraction of them, may be unreadable
+_NAMES = {"force": "force", "coefficient": "coefficient of friction", "displacement": "displacement", "load": "load"}
 
 
 def read_trace(
@@ -39,26 +29,33 @@ def read_trace(
     *,
     force: str | int | None = None,
     time: str | int | None = None,
+    displacement: str | int | None = None,
+    load: str | int | None = None,
     step: float | None = None,
+    flip: bool = False,
     delimiter: str | None = None,
     decimal: Literal[".", ","] | None = None,
 ) -> xr.Dataset:
-    """Read a measured force trace from a table in plain text.
+    r"""Read a measured force trace from a table: text, .xlsx (with openpyxl) or .tdms (with npTDMS).
 
-    Columns may be parted by tabs, semicolons, commas or blanks; there may be a header, lines of comment
-    (``#``, ``%``, ``//``, ``!``), text before the table, and units in the cells (``0.04 N``). Rows that
-    cannot be read are reported and the force there is interpolated linearly in time, so that the gap stays a
-    gap in time; more than 3 of them, and more than 1 % of the rows, are an error.
+    Columns of a text may be parted by tabs, semicolons, commas or blanks. There may be text before the table, a
+    line of names with units in brackets or a line of units below it, comments (``#``, ``%``, ``//``, ``!``), and
+    units in the cells (``0.04 N``), which are turned to one. Rows that cannot be read are reported, and the force
+    there is interpolated linearly in time, so that the gap stays a gap in time; more than 3 of them, and more
+    than 1 % of the rows, are an error.
 
     Parameters
     ----------
     path : path
         The file; at most 100 MB.
-    force, time : str or int, optional
-        Columns by name or by number, from 1. By default the only column of numbers is the force; among
-        several, those whose names say so.
+    force, time, displacement, load : str or int, optional
+        Columns by name or by number, from 1. By default the columns whose names or units say so; the only
+        column of numbers besides is the force. A column of the coefficient of friction will do for a force. The
+        normal load may be a quantity, too: ``"20 N"``.
     step : float, optional
         Time from one row to the next, in s, where the file has no column of times.
+    flip : bool
+        Change the sign of the force: for a sensor that counts pull as negative, and has an offset.
     delimiter : str, optional
         What parts the columns; found out by default.
     decimal : {".", ","}, optional
@@ -67,344 +64,285 @@ def read_trace(
     Returns
     -------
     Dataset
-        `F_d` along `t`, and `filled`, true where the force was interpolated. Attributes ``source``, ``rows``,
-        ``note`` (what was filled in, in words) and ``unreadable`` (JSON: a list of line numbers and texts).
+        `F_d` along `t`, and `filled`, true where the force was interpolated; `displacement`, `load` and, with a
+        load, `mu`, the force over the load, where the file has them. Units are those of the file; N and s where
+        it says nothing. A coefficient of friction read as `F_d` has the unit 1. Attributes ``source``, ``rows``,
+        ``flipped``,
+        ``note`` (what was filled in and what was assumed, in words) and ``unreadable`` (JSON: a list of line
+        numbers and texts).
 
     Raises
     ------
     InputError
         If there is no such file, or it is no table of numbers, or no such column; if the choice of the
-        columns is not clear; if times do not rise; if too many rows are unreadable, or fewer than 16 are
-        left.
+        columns or a unit is not clear; if times do not rise; if too many rows are unreadable, or fewer than 16
+        are left.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> with open("bench.csv", "w") as file:
+    ...     print("Zeit;Kraft", "ms;mN", *(f"{10 * i};{5 + i % 7},5" for i in range(40)), sep="\n", file=file)
+    >>> trace = ss.read_trace("bench.csv")
+    >>> trace["spring_force"].attrs["units"], trace["t"].attrs["units"], float(trace["spring_force"].max())
+    ('mN', 'ms', 11.5)
     """
     place = str(path)
     if step is not None:
-        step = number("step", step, above=0, hint="s from one row to the next")
+        step = number("step", step, at_least=1e-12, at_most=1e12, hint="s from one row to the next")
         if time is not None:
             raise InputError(f"{place}: both step = {step:g} and time = {time!r} are given; leave one out")
-    table = _Table.of(place, _text(place), delimiter, decimal)
-    time_column, force_column = _columns(place, table, force=force, time=time, step=step)
+    table = Table.read(place, delimiter, decimal)
+    constant = _quantity(load)
+    chosen = _choose(
+        table,
+        force=force,
+        time=time,
+        displacement=displacement,
+        load=None if constant else load,
+        step=step,
+        skip=("load",) if constant else (),
+    )
+    read = table.rows([i for i in (chosen.time, chosen.force, chosen.displacement, chosen.load) if i is not None])
+    return _dataset(table, read, chosen, step=table.step if step is None else step, load=constant, flip=flip)
 
-    forces = table.numbers(force_column)
-    if time_column is not None:
-        times = table.numbers(time_column)
-    else:
+
+@dataclass(frozen=True, kw_only=True)
+class _Columns:
+    """Indices of the columns; None for what the table does not have."""
+
+    force: int
+    time: int | None
+    displacement: int | None
+    load: int | None
+
+
+def _dataset(
+    table: Table, read: Rows, chosen: _Columns, *, step: float | None, load: tuple[float, str] | None, flip: bool
+) -> xr.Dataset:
+    """Check the rows, fill the gaps, and label what was read."""
+    place, forces = table.place, read.values[chosen.force]
+    if chosen.time is None:
         assert step is not None
         times = step * np.arange(forces.size, dtype=float)
+    else:
+        times = read.values[chosen.time]
     readable = np.isfinite(times) & np.isfinite(forces)
-    _check_rows(place, table, readable)
-    _check_times(place, table, times)
-
-    timed = np.isfinite(times)
-    first, last = np.flatnonzero(readable)[[0, -1]]
-    kept = timed & (np.arange(times.size) >= first) & (np.arange(times.size) <= last)
+    bad = np.flatnonzero(~readable)
+    _check_rows(table, read, bad)
+    _check_times(place, read, times)
+    if bad.size:
+        first, last = np.flatnonzero(readable)[[0, -1]]
+        kept = np.isfinite(times) & (np.arange(times.size) >= first) & (np.arange(times.size) <= last)
+    else:
+        kept = slice(None)
     t, good = times[kept], readable[kept]
-    filled = np.interp(t, t[good], forces[kept][good])
-    bad = [(table.lines[i], table.texts[i]) for i in np.flatnonzero(~readable)]
-    force_unit = table.units[force_column] or "N"
-    time_unit = "s" if time_column is None else table.units[time_column] or "s"
+    sign = -1.0 if flip else 1.0
+
+    def filled(values: Array) -> Array:
+        part: Array = values[kept]
+        known = np.isfinite(part)
+        return part if bool(known.all()) else np.interp(t, t[known], part[known])
+
+    coefficient = table.headings[chosen.force].quantity == "coefficient"
+    force_unit = "1" if coefficient else read.units[chosen.force] or "N"
+    time_unit = "s" if chosen.time is None else read.units[chosen.time] or "s"
+    variables = {
+        "spring_force": (
+            "time",
+            sign * filled(forces),
+            {"units": force_unit, "long_name": _NAMES["coefficient" if coefficient else "force"]},
+        ),
+        "filled": ("time", ~good, {"units": "1", "long_name": "row was unreadable; force interpolated"}),
+    }
+    assumed = [] if coefficient or read.units[chosen.force] else ["the file names no unit of the force: N assumed"]
+    if chosen.time is not None and not read.units[chosen.time]:
+        assumed.append("the file names no unit of the time: s assumed")
+    if chosen.displacement is not None:
+        unit = read.units[chosen.displacement]
+        variables["displacement"] = (
+            "time", filled(read.values[chosen.displacement]), {"units": unit, "long_name": "displacement"}
+        )  # fmt: skip
+    if chosen.load is not None:
+        load_unit, loads = read.units[chosen.load] or force_unit, filled(read.values[chosen.load])
+    elif load is not None:
+        load_unit, loads = load[1], np.full(t.size, load[0])
+    else:
+        load_unit, loads = "", np.empty(0)
+    if loads.size:
+        variables["load"] = ("time", loads, {"units": load_unit, "long_name": "normal load"})
+        size = ratio(force_unit, load_unit) if force_unit != load_unit else 1.0
+        if coefficient:
+            pass
+        elif size is None:
+            assumed.append(f"no coefficient of friction: the force is in {force_unit}, the load in {load_unit}")
+        else:
+            mu = np.divide(size * variables["spring_force"][1], loads, out=np.full(t.size, np.nan), where=loads != 0)
+            variables["mu"] = ("time", mu, {"units": "1", "long_name": "coefficient of friction"})
+    unreadable = [(int(read.lines[i]), table.line(int(read.lines[i]))) for i in bad]
     return xr.Dataset(
-        {
-            "spring_force": ("time", filled, {"units": force_unit, "long_name": "spring force"}),
-            "filled": ("time", ~good, {"units": "1", "long_name": "row was unreadable; force interpolated"}),
-        },
+        variables,
         coords={"time": ("time", t, {"units": time_unit, "long_name": "time"})},
         attrs={
             "source": Path(place).name,
-            "rows": int(times.size),
-            "note": _note(bad, times.size),
-            "unreadable": json.dumps([{"line": line, "text": text} for line, text in bad]),
+            "rows": int(forces.size),
+            "flipped": int(flip),
+            "note": "; ".join([*_note(unreadable, forces.size), *assumed]),
+            "unreadable": json.dumps([{"line": line, "text": text} for line, text in unreadable]),
         },
     )
 
 
-def _text(place: str) -> str:
-    """The file as text, or one clear line on why it is none."""
-    path = Path(place)
-    try:
-        if path.is_dir():
-            raise InputError(f"{place}: is a folder; name the file with the force trace")
-        size = path.stat().st_size
-        if size == 0:
-            raise InputError(f"{place}: is empty; it should hold a column of forces")
-        if size > LARGEST_FILE:
-            raise InputError(
-                f"{place}: has {size / 1e6:.0f} MB, more than {LARGEST_FILE / 1e6:.0f}; keep every n-th row, or a part"
-            )
-        raw = path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(f"{place}: no such file; check the name and the folder") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{place}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
-    if raw.startswith((b"\x89HDF", b"CDF")):
-        raise InputError(f"{place}: is a NetCDF or HDF5 file, not a table in text; open it as a run")
-    if raw.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
-        raise InputError(f"{place}: is a spreadsheet or an archive; export the table as CSV")
-    encoding = "utf-16" if raw.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig"
-    try:
-        text = raw.decode(encoding)
-    except UnicodeDecodeError:
-        text = raw.decode("latin-1")  # units such as µ, written by older instruments
-    strange = re.search(r"[\x00-\x08\x0e-\x1f\x7f-\x84\x86-\x9f]", text)
-    if strange:
-        line = text.count("\n", 0, strange.start()) + 1
-        raise InputError(f"{place}: line {line} holds the byte {strange.group()!r}: a binary file; export it as text")
-    if not text.strip():
-        raise InputError(f"{place}: holds blanks only; it should hold a column of forces")
-    return text
+# ---------------------------------------------------------------------------------------------------------------------
+# Which column is what
+# ---------------------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Table:
-    """The rows of a table, from the first with a number in it on."""
+def _choose(
+    table: Table,
+    *,
+    force: str | int | None,
+    time: str | int | None,
+    displacement: str | int | None,
+    load: str | int | None,
+    step: float | None,
+    skip: tuple[str, ...],
+) -> _Columns:
+    """Columns that were asked for, and those that the headings tell."""
+    place = table.place
+    asked = {"force": force, "time": time, "displacement": displacement, "load": load}
+    given = {name: _column(table, name, wanted) for name, wanted in asked.items() if wanted is not None}
 
-    cells: list[list[str]]
-    lines: list[int]
-    texts: list[str]
-    names: list[str]
-    units: list[str]
-    numeric: list[int]
-    comma: bool
+    def only(*quantities: Quantity) -> int | None:
+        taken = given.values()
+        named = [i for i in table.numeric if table.headings[i].quantity in quantities and i not in taken]
+        return named[0] if len(named) == 1 else None
 
-    @classmethod
-    def of(cls, place: str, text: str, delimiter: str | None, decimal: str | None) -> _Table:
-        rows: list[tuple[int, str]] = []
-        remarks: list[tuple[int, str]] = []
-        for line, content in enumerate(text.splitlines(), start=1):
-            if content.strip():
-                (remarks if _COMMENT.match(content) else rows).append((line, content))
-        if not rows:
-            raise InputError(f"{place}: holds comments only; it should hold a column of forces")
-        sample = [content for _, content in rows[:: max(1, len(rows) // _SAMPLE)]]
-        parting, comma = _layout(place, sample, delimiter, decimal)
-        cells = _split([content for _, content in rows], parting)
-
-        width = Counter(len(row) for row in cells[:: max(1, len(rows) // _SAMPLE)]).most_common(1)[0][0]
-        numeric = [i for i in range(width) if _mostly_numbers(cells, i, comma)]
-        if not numeric:
-            raise InputError(
-                f"{place}: line {rows[0][0]}, {_short(rows[0][1])!r}: found no column of numbers in {len(rows)} rows; "
-                "it should hold a column of forces"
-            )
-        start = next(i for i, row in enumerate(cells) if any(_value(row, j, comma) is not None for j in numeric))
-        heads = [(line, _split([_COMMENT.sub("", content, count=1)], parting)[0]) for line, content in remarks]
-        heads += [(line, row) for (line, _), row in zip(rows[:start], cells[:start], strict=True)]
-        first = rows[start][0]
-        names, units = _header(sorted(head for head in heads if head[0] < first), width, numeric)
-        for i in numeric:
-            units[i] = units[i] or _unit(cells[start:], i, comma)
-        return cls(
-            cells=cells[start:],
-            lines=[line for line, _ in rows[start:]],
-            texts=[content.strip() for _, content in rows[start:]],
-            names=names,
-            units=units,
-            numeric=numeric,
-            comma=comma,
-        )
-
-    def numbers(self, column: int) -> Array:
-        """The column's numbers, NaN where a cell holds none."""
-        values = (_value(row, column, self.comma) for row in self.cells)
-        return np.array([math.nan if value is None else value for value in values])
-
-    def listed(self) -> str:
-        shown = [f"{i + 1}" + (f" {self.names[i]!r}" if self.names[i] else "") for i in self.numeric[:12]]
-        return ", ".join(shown) + (" ..." if len(self.numeric) > 12 else "")
-
-
-def _layout(place: str, sample: list[str], delimiter: str | None, decimal: str | None) -> tuple[str | None, bool]:
-    """What parts the columns (None for blanks), and whether the decimal sign is a comma."""
-    if decimal not in (None, ".", ","):
-        raise InputError(f"decimal = {decimal!r}: must be '.' or ','")
-    if delimiter is not None:
-        if len(delimiter) != 1 or delimiter in ".\"'\r\n" or delimiter == decimal:
-            raise InputError(f"delimiter = {delimiter!r}: must be one character, such as ';', and no decimal sign")
-        parting = None if delimiter == " " else delimiter
-        return parting, delimiter != "," and (decimal == "," or (decimal is None and _decimal_commas(sample)))
-
-    def consistent(mark: str | None) -> bool:
-        widths = Counter(len(row) for row in _split(sample, mark))
-        width, count = widths.most_common(1)[0]
-        return width > 1 and count >= 0.8 * len(sample)
-
-    found: str | None = None
-    for mark in ("\t", ";"):
-        if consistent(mark):
-            found = mark
-            break
-    else:
-        joined = "\n".join(sample)
-        if decimal != "," and consistent(","):
-            whole = re.findall(r"^\s*[-+]?\d+,(\d+)\s*(?:[^\W\d].*)?$", joined, re.MULTILINE)
-            alone = len(whole) >= 0.8 * len(sample)  # every row reads 12,34: two columns, or one with decimal commas
-            if alone and decimal is None and ("." not in joined):
-                if any(re.fullmatch(r"0\d+", part) for part in whole):
-                    return None, True  # 0,04: no one writes a whole number with a leading zero
-                raise InputError(
-                    f"{place}: rows such as {_short(sample[-1])!r} may hold two columns or one decimal comma; say "
-                    "decimal=',' or delimiter=','"
-                )
-            blanks = consistent(None) and ", " not in joined and "." not in joined and _decimal_commas(sample)
-            if not blanks:
-                return ",", False
-    return found, decimal == "," or (decimal is None and _decimal_commas(sample))
-
-
-def _decimal_commas(sample: list[str]) -> bool:
-    joined = "\n".join(sample)
-    return bool(re.search(r"\d,\d", joined)) and not re.search(r"\d\.\d", joined)
-
-
-def _split(contents: Sequence[str], mark: str | None) -> list[list[str]]:
-    if mark is None:
-        return [content.split() for content in contents]
-    if '"' in "".join(contents[:50]):
-        return [next(csv.reader([content], delimiter=mark), [""]) for content in contents]
-    return [content.rstrip(mark if mark != "," else "").split(mark) for content in contents]
-
-
-def _value(row: list[str], column: int, comma: bool) -> float | None:
-    """The number in a cell, a unit after it left out; None if there is none, or it is not finite."""
-    if column >= len(row):
-        return None
-    cell = row[column].strip().replace("\N{MINUS SIGN}", "-")
-    if comma:
-        cell = cell.replace(",", ".")
-    match = _NUMBER.fullmatch(cell)
-    if match is None:
-        return None
-    value = float(match[1])
-    return value if math.isfinite(value) else None
-
-
-def _mostly_numbers(cells: list[list[str]], column: int, comma: bool) -> bool:
-    """Whether most cells of a column hold numbers, cells that say "no value" left aside."""
-    rows = cells[:: max(1, len(cells) // _SAMPLE)] if len(cells) > 20 else cells
-    filled = [row for row in rows if column < len(row) and row[column].strip().lower() not in _NO_VALUE]
-    count = sum(_value(row, column, comma) is not None for row in filled)
-    return count > 0 and (count >= 0.5 * len(filled) or count >= len(filled) - 3)
-
-
-def _header(heads: list[tuple[int, list[str]]], width: int, numeric: list[int]) -> tuple[list[str], list[str]]:
-    """Names and units of the columns, from the last line before the table that has as many cells."""
-    names, units = [""] * width, [""] * width
-    for _, cells in reversed(heads):
-        cells = [cell.strip().strip('"') for cell in cells]
-        if len(cells) == width or (width > 1 and len(cells) == len(numeric) > 1):
-            columns = range(width) if len(cells) == width else numeric
-        elif width == 1 or len(numeric) == 1:
-            columns, cells = numeric[:1], [" ".join(cells)]
-        else:
-            continue
-        for i, cell in zip(columns, cells, strict=True):
-            bracket = _BRACKET.search(cell)
-            names[i] = cell[: bracket.start()] if bracket and bracket.start() else cell
-            units[i] = bracket[1] if bracket and bracket.start() else ""
-        break
-    return names, units
-
-
-def _unit(cells: list[list[str]], column: int, comma: bool) -> str:
-    """Unit that stands in the cells of a column, if it is one of force or time."""
-    for row in cells[:20]:
-        if column < len(row):
-            match = _NUMBER.fullmatch(row[column].strip().replace(",", ".") if comma else row[column].strip())
-            if match and match[2] and match[2].strip() in {"N", "mN", "kN", "µN", "uN", "s", "ms", "gf", "kgf", "lbf"}:
-                return match[2].strip()
-    return ""
-
-
-def _columns(
-    place: str, table: _Table, *, force: str | int | None, time: str | int | None, step: float | None
-) -> tuple[int | None, int]:
-    """Indices of the columns of time (None where a step is given) and force."""
-    chosen = None if force is None else _column(place, table, "force", force)
-    clock = None if time is None else _column(place, table, "time", time)
-    if clock is None:
-        named = [i for i in table.numeric if table.names[i].lower() in _TIME_WORDS and i != chosen]
-        clock = named[0] if len(named) == 1 else None
-    if chosen is None:
-        rest = [i for i in table.numeric if i != clock]
-        named = [i for i in rest if table.names[i].lower() in _FORCE_WORDS]
-        if len(rest) == 1 or len(named) == 1:
-            chosen = rest[0] if len(rest) == 1 else named[0]
-        elif not rest:
-            chosen, clock = clock, None
-        else:
-            raise InputError(f"{place}: which column is the force? Say force=; there are {table.listed()}")
-    assert chosen is not None
-    if chosen == clock:
-        raise InputError(f"{place}: column {chosen + 1} cannot be both time and force; there are {table.listed()}")
-    if step is None and clock is None:
+    if "time" not in given and (clock := only("time")) is not None:
+        given["time"] = clock
+    if "force" not in given:
+        given["force"] = _force_column(table, given, only("force"), only("coefficient"))
+    for name in ("displacement", "load"):
+        if name not in given and name not in skip and (found := only(name)) is not None:
+            given[name] = found
+    twice = [(a, b) for a in given for b in given if a < b and given[a] == given[b]]
+    if twice:
+        a, b = sorted(twice[0], reverse=True)
+        raise InputError(f"{place}: column {given[a] + 1} cannot be both {a} and {b}; there are {table.listed()}")
+    if step is None and table.step is None and "time" not in given:
         raise InputError(
-            f"{place}: has no column of times that is named so: give step= (s from one row to the next) or time= "
-            f"(a column); there are {table.listed()}"
+            f"{place}: has no column of times that is named so; give the seconds from one row to the next (--step on "
+            f"the command line, step= in Python) or name the column (--time, time=); there are {table.listed()}"
         )
-    return (None if step is not None else clock), chosen
+    return _Columns(
+        force=given["force"],
+        time=None if step is not None else given.get("time"),
+        displacement=given.get("displacement"),
+        load=given.get("load"),
+    )
 
 
-def _column(place: str, table: _Table, what: str, wanted: str | int) -> int:
+def _force_column(table: Table, given: dict[str, int], named: int | None, coefficient: int | None) -> int:
+    """The column of the force: named so, or the only one that may be."""
+    if named is not None:
+        return named
+    forces = [i for i in table.numeric if table.headings[i].quantity == "force" and i not in given.values()]
+    if coefficient is not None and not forces:
+        return coefficient
+    rest = [i for i in table.numeric if i not in given.values()]
+    if len(rest) == 1 and _may_be_force(table.headings[rest[0]]):
+        return rest[0]
+    if not rest and len(table.numeric) == 1 and "time" in given:
+        return given.pop("time")
+    raise InputError(
+        f"{table.place}: which column is the force? Name it (--force on the command line, force= in Python); there "
+        f"are {table.listed()}"
+    )
+
+
+def _may_be_force(heading: Heading) -> bool:
+    unit = unit_named(heading.unit) if heading.unit else None
+    plain = unit is None or unit[0] in ("force", "stress", "signal", "number", "percentage")
+    return heading.quantity in ("force", "load", "coefficient", "") and plain
+
+
+def _column(table: Table, what: str, wanted: str | int) -> int:
     """Index of a column given by name or number."""
+    place = table.place
     if isinstance(wanted, str):
-        simple = _BRACKET.sub("", wanted).strip().lower()
-        same = [i for i, name in enumerate(table.names) if name and name.lower() == simple]
+        names = [simple(heading.name) for heading in table.headings]
+        plain = {simple(wanted), simple(Heading.read(wanted).name)}
+        same = [i for i, name in enumerate(names) if name and name in plain]
         if len(same) > 1:
             raise InputError(f"{place}: {what} = {wanted!r}: {len(same)} columns have this name; give the number")
         if same:
             index = same[0]
-        elif wanted.strip().isdecimal():
-            return _column(place, table, what, int(wanted))
+        elif re.fullmatch(r"\s*[0-9]{1,6}\s*", wanted):
+            return _column(table, what, int(wanted))
         else:
-            near = difflib.get_close_matches(simple, [name.lower() for name in table.names if name], n=1, cutoff=0.5)
-            hint = f"did you mean {near[0]!r}? " if near else ""
-            raise InputError(f"{place}: {what} = {wanted!r}: no such column; {hint}there are {table.listed()}")
+            near = difflib.get_close_matches(simple(wanted), [name for name in names if name], n=1, cutoff=0.5)
+            hint = f"did you mean {table.headings[names.index(near[0])].name!r}? " if near else ""
+            raise InputError(f"{place}: {what} = {short(wanted)!r}: no such column; {hint}there are {table.listed()}")
     else:
         index = int(wanted) - 1
-        if isinstance(wanted, bool) or not 0 <= index < len(table.names):
+        if isinstance(wanted, bool) or not 0 <= index < len(table.headings):
             raise InputError(
-                f"{place}: {what} = {wanted!r}: no such column; counted from 1, there are {table.listed()}"
+                f"{place}: {what} = {short(str(wanted))}: no such column; counted from 1, there are {table.listed()}"
             )
     if index not in table.numeric:
         raise InputError(
-            f"{place}: {what} = {wanted!r}: line {table.lines[0]} holds no number in column {index + 1}; columns of "
-            f"numbers are {table.listed()}"
+            f"{place}: {what} = {wanted!r}: holds no number in column {index + 1}; columns of numbers are "
+            f"{table.listed()}"
         )
     return index
 
 
-def _check_rows(place: str, table: _Table, readable: NDArray[np.bool_]) -> None:
-    bad = np.flatnonzero(~readable)
-    if bad.size > max(FEW_UNREADABLE, UNREADABLE_SHARE * readable.size):
+def _quantity(load: str | int | None) -> tuple[float, str] | None:
+    """The load, where it is given as a quantity and not as a column."""
+    if not isinstance(load, str):
+        return None
+    value, unit = read_cell(load, comma=False)
+    if value is None or not unit:
+        return None
+    known = unit_named(unit)
+    if known is None or known[0] not in ("force", "stress") or value <= 0:
+        raise InputError(f"load = {short(load)!r}: must be a force above 0 such as '20 N', or a column")
+    return value, unit
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Rows
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def _check_rows(table: Table, read: Rows, bad: np.ndarray[tuple[int, ...], np.dtype[np.intp]]) -> None:
+    if bad.size > max(FEW_UNREADABLE, UNREADABLE_FRACTION * read.lines.size):
+        line = int(read.lines[bad[0]])
         raise InputError(
-            f"{place}: {bad.size} of {readable.size} rows cannot be read, first line {table.lines[bad[0]]}: "
-            f"{_short(table.texts[bad[0]])!r}; each row needs a finite number; choose the columns, or mend the file"
+            f"{table.place}: {bad.size} of {read.lines.size} rows cannot be read, first line {line}: "
+            f"{short(table.line(line))!r}; each row needs a finite number; choose the columns, or mend the file"
         )
-    if readable.sum() < FEWEST_READINGS:
+    if read.lines.size - bad.size < FEWEST_READINGS:
         raise InputError(
-            f"{place}: {int(readable.sum())} readings are too few to judge; at least {FEWEST_READINGS} are needed"
+            f"{table.place}: {read.lines.size - bad.size} readings are too few to judge; at least {FEWEST_READINGS} "
+            "are needed"
         )
 
 
-def _check_times(place: str, table: _Table, times: Array) -> None:
-    known = np.flatnonzero(np.isfinite(times))
-    back = np.flatnonzero(np.diff(times[known]) <= 0)
+def _check_times(place: str, read: Rows, times: Array) -> None:
+    known = np.flatnonzero(np.isfinite(times)) if not np.isfinite(times).all() else None
+    back = np.flatnonzero(np.diff(times if known is None else times[known]) <= 0)
     if back.size:
-        before, after = known[back[0]], known[back[0] + 1]
+        before, after = (back[0], back[0] + 1) if known is None else (known[back[0]], known[back[0] + 1])
         raise InputError(
-            f"{place}: line {table.lines[after]}: time {times[after]:g} does not come after {times[before]:g}; times "
-            "must rise: sort the rows, or give step= instead"
+            f"{place}: line {read.lines[after]}: time {times[after]:g} does not come after {times[before]:g}; times "
+            "must rise: sort the rows, or give the step (--step on the command line, step= in Python) instead"
         )
 
 
-def _note(bad: list[tuple[int, str]], rows: int) -> str:
+def _note(bad: Sequence[tuple[int, str]], rows: int) -> list[str]:
     if not bad:
-        return ""
-    shown = "; ".join(f"line {line}: {_short(text)!r}" for line, text in bad[:5])
+        return []
+    shown = "; ".join(f"line {line}: {short(text)!r}" for line, text in bad[:5])
     more = f"; and {len(bad) - 5} more" if len(bad) > 5 else ""
-    return f"{len(bad)} of {rows} rows could not be read; the force there is interpolated in time ({shown}{more})"
-
-
-def _short(text: str) -> str:
-    text = text.strip()
-    return text if len(text) <= 40 else text[:37] + "..."
+    return [f"{len(bad)} of {rows} rows could not be read; the force there is interpolated in time ({shown}{more})"]

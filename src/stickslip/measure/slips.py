@@ -1,4 +1,4 @@
-"""Slips: the falls of a force that stand out, and their statistics."""
+"""Slips: the drops of a force that stand out."""
 
 from __future__ import annotations
 
@@ -6,175 +6,131 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
-from stickslip.errors import InputError, number
-from stickslip.measure.arrays import Array, Trace, turns
+from stickslip.measure.arrays import Array, Trace, extremes, turns
+from stickslip.measure.periods import FEWEST_CYCLES, Cycles, find_cycles
 
 # Numbers that decide.
-SMALLEST_SHARE_OF_DROP = 0.1  # a fall below this fraction of the typical fall is not a slip of its own
-LARGEST_REBOUND = 0.8  # ringing decays: a rebound comes back by less than this fraction of the fall before it
-RINGING_SPEED = 3.0  # a rebound faster than this many times the usual loading is ringing (force only)
-FALL_SHARE_OF_SLIPS = 0.35  # falls that take more of the time than this, and have no beat, are noise
-FEWEST_CYCLES = 4  # complete falls needed to speak of a beat
-REGULAR_PERIOD, REGULAR_DROP = 0.15, 0.25  # relative standard deviations below which cycles have a beat
-EDGE = 0.05  # a slip starts and ends within this fraction of its drop from the peak and from the trough
-
-
-@dataclass(frozen=True, kw_only=True)
-class Spread:
-    """Mean and sample standard deviation of a quantity over the events, in the unit of the quantity."""
-
-    mean: float
-    std: float
-
-    @property
-    def variation(self) -> float:
-        """Coefficient of variation: spread over mean."""
-        return self.std / abs(self.mean) if self.mean else math.nan
-
-    def __str__(self) -> str:
-        return f"{self.mean:.4g} ± {self.std:.2g}"
-
-
-@dataclass(frozen=True, kw_only=True)
-class EventStatistics:
-    """Statistics of a catalogue of slips.
-
-    Attributes
-    ----------
-    count : int
-        Number of slips.
-    drop, force_before, force_after : Standard deviation
-        Fall of the force in a slip, and the force at its peak and at its trough; NaN without events.
-    duration, recurrence : Standard deviation
-        Time a slip takes, and time from the start of one to the start of the next.
-    loading_rate : Standard deviation
-        Rise of the force per time between slips.
-    slip, peak_velocity : Standard deviation or None
-        Slip length and largest slider velocity; None where the data hold the force only.
-    """
-
-    count: int
-    drop: Spread
-    force_before: Spread
-    force_after: Spread
-    duration: Spread
-    recurrence: Spread
-    loading_rate: Spread
-    slip: Spread | None = None
-    peak_velocity: Spread | None = None
-
-    def __str__(self) -> str:
-        lines = [f"{self.count} events"]
-        for name in (
-            "drop", "force_before", "force_after", "duration", "recurrence", "loading_rate", "slip", "peak_velocity"
-        ):  # fmt: skip
-            value: Spread | None = getattr(self, name)
-            if value is not None and math.isfinite(value.mean):
-                lines.append(f"{name.replace('_', ' ')}: {value} (variation {value.variation:.2f})")
-        return "\n".join(lines)
-
-
-def events(data: xr.Dataset, *, minimum_drop: float | None = None) -> xr.Dataset:
-    """Return one row per slip, a slip being a fall of the spring force that stands out.
-
-    Peaks and troughs alternate such that every fall and every rise between them is at least `minimum_drop`.
-    Falls that belong to the ringing after a slip are joined to it: the slider turned back before them (or,
-    where only the force is known, the force came back more than 3 times faster than it usually rises) by less
-    than .8 of the fall. A fall cut off by the start or the end of the data is left out and counted in the
-    attribute ``cut``.
-
-    Parameters
-    ----------
-    data : Dataset
-        A run or a measured trace.
-    minimum_drop : float, optional
-        Smallest fall that counts, in the unit of `F_d`. By default the larger of (a) the fall that the noise
-        from sample to sample could show by chance in so many samples, and (b) a tenth of the typical fall
-        (the median, weighted by the squares of the falls). By default, too, falls without a beat that take as
-        long as the rises are taken for noise of the contacts, and none is returned; the attribute
-        ``criterion`` says so.
-
-    Returns
-    -------
-    Dataset
-        Along ``event``: `start` and `end` (the times at which the force leaves its peak and reaches its
-        trough, to 5 % of the drop), `force_before`, `force_after`, `drop`, `duration`, `recurrence` (since
-        the previous start; NaN for the first), and, where the data hold them, `slip` (distance between start
-        and end) and `peak_velocity`. Attributes ``minimum_drop``, ``noise``, ``criterion``, ``cut``.
-
-    Raises
-    ------
-    InputError
-        If the data hold no force, or values that are not finite.
-    """
-    trace = Trace.of(data)
-    if minimum_drop is None:
-        found = find_slips(trace)
-    else:
-        smallest = number("minimum_drop", minimum_drop, above=0, hint="in the unit of F_d")
-        found = _joined(trace, smallest, "falls of at least the minimum_drop given", noise=_noise(trace.force))
-    return _table(data, trace, found)
-
-
-def event_statistics(catalogue: xr.Dataset) -> EventStatistics:
-    """Return the statistics of a catalogue made by `events`."""
-    if "drop" not in catalogue or "recurrence" not in catalogue:
-        raise InputError("event_statistics: this Dataset is no catalogue of events; make one with events(data)")
-
-    def std(name: str) -> Spread:
-        return std_of(np.asarray(catalogue[name].values, dtype=float))
-
-    start, end, before, after = (
-        np.asarray(catalogue[name].values, dtype=float) for name in ("start", "end", "force_before", "force_after")
-    )
-    return EventStatistics(
-        count=int(catalogue.sizes["event"]),
-        drop=std("drop"),
-        force_before=std("force_before"),
-        force_after=std("force_after"),
-        duration=std("duration"),
-        recurrence=std("recurrence"),
-        loading_rate=std_of((before[1:] - after[:-1]) / (start[1:] - end[:-1])),
-        slip=std("slip") if "slip" in catalogue else None,
-        peak_velocity=std("peak_velocity") if "peak_velocity" in catalogue else None,
-    )
+SMALLEST_PART_OF_DROP = 0.1  # a drop below this part of the typical drop is no slip of its own
+SLIP_VELOCITY = 3.5  # a slip is faster than this many times the drive, where the velocity is known
+LARGEST_REBOUND = 0.98  # ringing decays: a free slider comes back by exp(-pi zeta/sqrt(1 - zeta^2)) of the drop
+WITHIN_A_CYCLE = 0.6  # of a period: what follows a slip later than this is no ringing of it
+RINGING_SPEED = 3.0  # a rebound faster than this many times the usual loading is ringing (force only) ...
+SOON = (1.5, 2.0, 0.5)  # ... or this much faster, within so many slip durations, and less than this part of the drop
+SLIP_PHASE_OF_SLIPS = 0.35  # drops that take more of the time than this, and are not periodic, are noise
+REGULAR_PERIOD, REGULAR_DROP = 0.15, 0.25  # coefficients of variation below which drops are regular
+FEWEST_IN_A_DROP = 4  # samples, for the velocity of a slip to be seen
+EDGE = 0.05  # a slip starts and ends within this part of its drop from the peak and from the trough
+CONTACT_NOISE = 0.5  # standard deviation of the force of N contacts over static friction, times sqrt(N): at most that
+NO_MORE_THAN_NOISE, MORE_THAN_NOISE = 2.0, 3.0  # times that: below the one noise, above the other motion
+COHERENT = 0.97  # autocorrelation at one period that even amplified noise does not reach
+CLEAR = 3.0  # drops this many times what noise may show need no smoothing
+_FOR_NOISE = 500_000  # samples from which noise is read
+CORRECTED = 0.005  # noise over drop above which peaks and troughs are taken from lines through their neighbours
 
 
 @dataclass(frozen=True, kw_only=True)
 class Slips:
-    """Indices of the peak and the trough of each slip, and how they were found."""
+    """Samples of the peak and the trough of each slip, and how they were found."""
 
     peak: NDArray[np.intp]
     trough: NDArray[np.intp]
+    start: NDArray[np.intp]
+    end: NDArray[np.intp]
+    times: Array  # of the peaks
+    before: Array
+    after: Array
     smallest: float
     noise: float
     criterion: str
+    cycles: Cycles
     cut: int = 0
-    dismissed: int = 0  # falls taken for noise of the contacts
+    dismissed: str = ""  # why drops that were found are no slips
 
-    def drops(self, trace: Trace) -> Array:
-        """Fall of the force in each slip."""
-        return np.asarray(trace.force[self.peak] - trace.force[self.trough])
+    @property
+    def size(self) -> int:
+        """Number of slips."""
+        return int(self.peak.size)
 
-    def fall_share(self, trace: Trace) -> float:
-        """Time in falls over the time from the first peak to the last."""
-        if self.peak.size < 2:
+    @property
+    def drops(self) -> Array:
+        """Drop of the force in each slip."""
+        return self.before - self.after
+
+    @property
+    def regular(self) -> bool:
+        """Whether the drops come at even times and are about equal, a steady growth or decay left aside."""
+        if self.size < FEWEST_CYCLES or bool(np.any(self.drops <= 0)):
+            return False
+        at, size = self.times, np.log(self.drops)
+        rest = size - np.polyval(np.polyfit(at - at[0], size, 1), at - at[0])
+        return mean_and_std(np.diff(at))[2] < REGULAR_PERIOD and float(rest.std()) < REGULAR_DROP
+
+    @property
+    def periodic(self) -> bool:
+        """Whether the force repeats itself, by its autocorrelation or drop by drop."""
+        return self.cycles.periodic or self.regular
+
+    def slip_phase(self, trace: Trace) -> float:
+        """Time in slips over the time from the first peak to the last."""
+        if self.size < 2:
             return math.nan
-        fall = trace.t[self.trough[:-1]] - trace.t[self.peak[:-1]]
-        return float(fall.sum() / (trace.t[self.peak[-1]] - trace.t[self.peak[0]]))
+        slipping = trace.t[self.trough[:-1]] - trace.t[self.peak[:-1]]
+        return float(slipping.sum() / (trace.t[self.peak[-1]] - trace.t[self.peak[0]]))
+
+    def none(self, why: str) -> Slips:
+        """Return a list without slips, that says why."""
+        return replace(self.only(np.zeros(self.size, dtype=bool)), cut=0, dismissed=why, criterion=f"no slips: {why}")
+
+    def only(self, keep: NDArray[np.bool_]) -> Slips:
+        """Return some of the slips."""
+        of_each = ("peak", "trough", "start", "end", "times", "before", "after")
+        return replace(self, **{name: getattr(self, name)[keep] for name in of_each})
 
 
-def _noise(force: Array) -> float:
-    """Standard deviation of white noise on a smooth trace, from second differences; slips do not disturb it."""
-    bend = np.abs(np.diff(force, 2))
-    return float(np.median(bend) / 0.6745 / math.sqrt(6.0))
+def mean_and_std(values: Array) -> tuple[float, float, float]:
+    """Mean, sample standard deviation and coefficient of variation of the values that are known."""
+    kept = values[np.isfinite(values)]
+    mean = float(kept.mean()) if kept.size else math.nan
+    std = float(kept.std(ddof=1)) if kept.size > 1 else math.nan
+    return mean, std, std / abs(mean) if mean else math.nan
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Noise
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def white_noise(force: Array) -> float:
+    """Standard deviation of white noise on a trace, from second differences.
+
+    Slips spoil some of them; where they are many, those beyond twice the noise are left out, again and again.
+    """
+    every = max(1, force.size // _FOR_NOISE)
+    bend = np.abs(force[:-2:every] - 2.0 * force[1:-1:every] + force[2::every])
+    first = noise = float(np.median(bend)) / 0.6745
+    for _ in range(4):
+        kept = bend[bend <= 2.0 * noise]
+        if kept.size < 0.5 * bend.size:
+            break
+        noise = max(float(np.median(kept)) / 0.6396, 0.5 * first)  # 0.6396: median of a half-normal cut at 2
+    return noise / math.sqrt(6.0)
+
+
+def contact_noise(trace: Trace) -> float:
+    """Fluctuation of the force over that which so many independent contacts make; infinite where that is not known."""
+    if not trace.contacts:
+        return math.inf
+    at = trace.t - trace.t.mean()
+    rest = trace.force - trace.force.mean()
+    rest = rest - at * (at @ rest) / (at @ at)
+    return float(rest.std()) / (CONTACT_NOISE * abs(trace.largest) / math.sqrt(trace.contacts))
 
 
 def _quantum(force: Array) -> float:
     """Step in which a trace was recorded, or 0 if its values lie on no coarse grid."""
+    force = force[:: max(1, force.size // 50_000)]
     values = np.unique(force)
     if values.size < 2 or values.size > force.size // 2:
         return 0.0
@@ -189,80 +145,141 @@ def _weighted_median(values: Array, weights: Array) -> float:
     return float(values[order][np.searchsorted(total, 0.5 * total[-1])])
 
 
-def _chance_fall(force: Array, noise: float) -> float:
-    """Fall that noise alone may show somewhere among so many samples, with a tenth to spare."""
-    return 2.2 * math.sqrt(2.0 * math.log(force.size)) * noise
+def _chance_drop(size: float, within: float, noise: float) -> float:
+    """Drop that noise alone may show between two of so many samples, one `within` so many of the other.
+
+    The tenth on top is to spare.
+    """
+    return 1.1 * noise * math.sqrt(4.0 * math.log(max(0.5 * size * within, 2.0)))
 
 
-def find_slips(trace: Trace) -> Slips:
-    """Slips by a threshold that comes from the data: above noise, and not small beside the typical fall."""
-    force = trace.force
-    noise = _noise(force)
+def _smoothed(force: Array, noise: float, among: NDArray[np.intp]) -> tuple[Array, float]:
+    """A force smoothed as far as its cycles allow, and the drop that its noise may show by chance.
+
+    A running median keeps the edges of the drops; it cuts a drop by its length over that of the cycle.
+    """
+    chance = _chance_drop(force.size, force.size, noise)
+    peaks, troughs = turns(force, 0.7 * chance, among)
+    drops = force[peaks] - force[troughs]
+    if drops.size < FEWEST_CYCLES or _weighted_median(drops, drops**2) > CLEAR * chance:
+        return force, chance
+    cycle = force.size / drops.size
+    width = min(int(cycle / 6.0) // 2 * 2 + 1, 15)
+    if width < 3:
+        return force, _chance_drop(force.size, cycle, noise)
+    from scipy.ndimage import median_filter
+
+    left = noise * math.sqrt(0.5 * math.pi / width)
+    return median_filter(force, width, mode="nearest"), _chance_drop(force.size / width, cycle / width, left)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Slips
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
+    """Slips by a threshold that comes from the data: above noise, and not small beside the typical drop."""
+    noise, cycles = white_noise(trace.force), find_cycles(trace.t, trace.force)
+    if minimum_drop is not None:
+        found = _joined(trace, trace.force, minimum_drop, "drops of at least the minimum_drop given", noise, cycles)
+        return found.only(found.drops >= minimum_drop)
+    force, chance = trace.force, _chance_drop(trace.t.size, trace.t.size, noise)
+    among = extremes(force, 0.5 * chance)
+    if trace.velocity is None:
+        force, chance = _smoothed(force, noise, among)
+        among = among if force is trace.force else extremes(force, 0.5 * chance)
     rounding = 1e-7 * float(np.max(np.abs(force)))
-    by_chance = max(_chance_fall(force, noise), 2.5 * _quantum(force), rounding, 1e-300)
-    peaks, troughs = turns(force, by_chance)
-    falls = force[peaks] - force[troughs]
-    if falls.size == 0:
-        none = np.empty(0, dtype=np.intp)
-        criterion = f"no fall exceeds what the noise ({noise:.2g}) could show by chance ({by_chance:.3g})"
-        return Slips(peak=none, trough=none, smallest=by_chance, noise=noise, criterion=criterion)
-    smallest = max(by_chance, SMALLEST_SHARE_OF_DROP * _weighted_median(falls, falls**2))
+    by_chance = max(chance, 2.5 * _quantum(trace.force), rounding, 1e-300)
+    peaks, troughs = turns(force, by_chance, among)
+    drops = force[peaks] - force[troughs]
+    if drops.size == 0:
+        criterion = f"no drop exceeds what the noise ({noise:.2g}) could show by chance ({by_chance:.3g})"
+        return replace(_joined(trace, force, math.inf, criterion, noise, cycles, among), smallest=by_chance)
+    smallest = max(by_chance, SMALLEST_PART_OF_DROP * _weighted_median(drops, drops**2))
+    smoothing = "" if force is trace.force else ", smoothed"
     criterion = (
-        f"falls of at least {smallest:.3g}: {SMALLEST_SHARE_OF_DROP:g} of the typical fall, and above "
-        f"{by_chance:.2g}, which the noise ({noise:.2g}) could show by chance"
+        f"drops of at least {smallest:.3g}: {SMALLEST_PART_OF_DROP:g} of the typical drop, and above "
+        f"{by_chance:.2g}, which the noise ({noise:.2g}{smoothing}) could show by chance"
     )
-    found = _joined(trace, smallest, criterion, noise=noise)
-    share = _typical_share(trace, found)
-    if share <= FALL_SHARE_OF_SLIPS or has_beat(trace, found):
+    found = _fast(trace, _joined(trace, force, smallest, criterion, noise, cycles, among))
+    excess = contact_noise(trace)
+    if excess <= NO_MORE_THAN_NOISE and cycles.correlation < COHERENT:
+        return found.none(f"{found.size} {criterion}, but no more than {trace.contacts} contacts make as noise")
+    phase = _typical_phase(trace, found)
+    known = trace.contacts is not None and excess >= MORE_THAN_NOISE
+    if phase <= SLIP_PHASE_OF_SLIPS or found.periodic or known:
         return found
-    return replace(
-        found,
-        peak=found.peak[:0],
-        trough=found.trough[:0],
-        dismissed=found.peak.size,
-        criterion=f"no slips: {found.peak.size} {criterion}, but without a beat, and falling takes {100 * share:.0f} % "
-        "of the time: noise of the contacts",
+    return found.none(
+        f"{found.size} {criterion}, but without a period, and they take {100 * phase:.0f} % of the time: noise of "
+        "the contacts"
     )
 
 
-def _typical_share(trace: Trace, found: Slips) -> float:
-    """Time of a fall over that of the fall and the rise before it: median, weighted by the squares of the falls."""
-    if found.peak.size == 0:
+def _typical_phase(trace: Trace, found: Slips) -> float:
+    """Time of a drop over that of the drop and the rise before it: median, weighted by the squares of the drops."""
+    if found.size == 0:
         return 0.0
-    fall = trace.t[found.trough] - trace.t[found.peak]
+    drop = trace.t[found.trough] - trace.t[found.peak]
     rise = trace.t[found.peak] - np.append(trace.t[0], trace.t[found.trough[:-1]])
-    return _weighted_median(fall / (fall + rise), found.drops(trace) ** 2)
+    return _weighted_median(drop / (drop + rise), found.drops**2)
 
 
-def has_beat(trace: Trace, found: Slips) -> bool:
-    """Whether the falls come at even times and are about equal, a steady growth or decay left aside."""
-    if found.peak.size < FEWEST_CYCLES:
-        return False
-    at, size = trace.t[found.peak], np.log(found.drops(trace))
-    rest = size - np.polyval(np.polyfit(at - at[0], size, 1), at - at[0])  # a beat may grow or die away
-    return std_of(np.diff(at)).variation < REGULAR_PERIOD and float(rest.std()) < REGULAR_DROP
+def speeds(trace: Trace, found: Slips) -> Array | None:
+    """Largest velocity of the slider in each slip over that of the drive; None where either is not known."""
+    if trace.velocity is None or trace.drive is None or not found.size:
+        return None
+    drive = np.maximum(np.abs(trace.drive[found.peak]), 1e-300)
+    fastest = [trace.velocity[i : j + 1].max() for i, j in zip(found.peak, found.trough, strict=True)]
+    return np.asarray(fastest, dtype=float) / drive
 
 
-def _joined(trace: Trace, smallest: float, criterion: str, *, noise: float) -> Slips:
-    """Falls of at least `smallest`, those of the ringing joined to their slip, those cut off at the ends left out."""
-    t, force = trace.t, trace.force
-    peaks, troughs = turns(force, smallest)
-    rates = np.diff(force) / np.diff(t)
-    rising = rates[rates > 0]
-    usual = float(np.median(rising)) if rising.size else math.inf
-    joined: list[list[int]] = []  # peak, trough, trough of the fall last joined
+def _fast(trace: Trace, found: Slips) -> Slips:
+    """Leave out slow drops beside fast ones: a slip is what is faster than 3.5 times the drive, where that is known."""
+    speed = speeds(trace, found)
+    if speed is None or float(np.median(found.trough - found.peak)) < FEWEST_IN_A_DROP:
+        return found
+    fast = speed >= SLIP_VELOCITY
+    if fast.all() or not fast.any():
+        return found
+    return replace(found.only(fast), criterion=f"{found.criterion}, faster than {SLIP_VELOCITY:g} times the drive")
+
+
+def _joined(
+    trace: Trace,
+    force: Array,
+    smallest: float,
+    criterion: str,
+    noise: float,
+    cycles: Cycles,
+    among: NDArray[np.intp] | None = None,
+) -> Slips:
+    """Drops of at least `smallest`, those of the ringing joined to their slip, those cut off at the ends left out."""
+    t = trace.t
+    peaks, troughs = turns(force, smallest, among)
+    usual, longest = math.inf, math.inf
+    if trace.X is None and peaks:
+        took = t[peaks[1:]] - t[troughs[:-1]]
+        usual = _weighted_median((force[peaks[1:]] - force[troughs[:-1]]) / took, took) if took.size else math.inf
+    if cycles.periodic:
+        longest = WITHIN_A_CYCLE * cycles.period
+    joined: list[list[int]] = []  # peak, trough, trough of the drop last joined
     for peak, trough in zip(peaks, troughs, strict=True):
         if joined:
             first, lowest, last = joined[-1]
-            rebound = force[peak] - force[last]
-            if rebound < LARGEST_REBOUND * (force[first] - force[lowest]):
+            rebound, drop = force[peak] - force[last], force[first] - force[lowest]
+            if rebound < LARGEST_REBOUND * drop and t[peak] - t[first] < longest:
                 if trace.X is not None:
                     # Ringing throws the slider back; loading moves the drive on. After a slip that overshot, one rise
                     # holds both: it is ringing only if the slider gave way by more than the drive took up.
                     speed = 0.0 if trace.drive is None else abs(float(trace.drive[peak]))
                     back = trace.X[last] - trace.X[peak] >= speed * (t[peak] - t[last])
                 else:
-                    back = rebound > RINGING_SPEED * usual * (t[peak] - t[last])
+                    loaded, took = usual * (t[peak] - t[last]), t[peak] - t[last]
+                    faster, soon, less = SOON
+                    back = rebound > RINGING_SPEED * loaded or (
+                        rebound > faster * loaded and took <= soon * (t[lowest] - t[first]) and rebound < less * drop
+                    )
                 if back:
                     if force[trough] < force[lowest]:
                         joined[-1][1] = trough
@@ -270,70 +287,65 @@ def _joined(trace: Trace, smallest: float, criterion: str, *, noise: float) -> S
                     continue
         joined.append([peak, trough, trough])
     whole = [pair for pair in joined if pair[0] > 0 and pair[1] < force.size - 1]
+    peak_at = np.array([pair[0] for pair in whole], dtype=np.intp)
+    trough_at = np.array([pair[1] for pair in whole], dtype=np.intp)
+    start, end = _edges(force, peak_at, trough_at, noise if force is trace.force else 0.5 * noise)
+    before, after = trace.force[peak_at], trace.force[trough_at]
+    if trace.velocity is None and whole and noise > CORRECTED * float(np.median(before - after)):
+        levels, most = _levels(trace, start, end), 3.0 * noise  # an extreme of noise lies no further off
+        before, after = (np.clip(new, old - most, old + most) for new, old in zip(levels, (before, after), strict=True))
     return Slips(
-        peak=np.array([pair[0] for pair in whole], dtype=np.intp),
-        trough=np.array([pair[1] for pair in whole], dtype=np.intp),
+        peak=peak_at,
+        trough=trough_at,
+        start=start,
+        end=end,
+        times=t[peak_at],
+        before=before,
+        after=after,
         smallest=smallest,
         noise=noise,
         criterion=criterion,
+        cycles=cycles,
         cut=len(joined) - len(whole),
     )
 
 
-def std_of(values: Array) -> Spread:
-    """Mean and standard deviation of the values that are known."""
-    kept = values[np.isfinite(values)]
-    if kept.size == 0:
-        return Spread(mean=math.nan, std=math.nan)
-    return Spread(mean=float(kept.mean()), std=float(kept.std(ddof=1)) if kept.size > 1 else math.nan)
-
-
-def _edges(trace: Trace, found: Slips) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Last sample near each peak and first sample near its trough, to a fraction of the drop."""
-    start, end = found.peak.copy(), found.trough.copy()
-    for i, (peak, trough) in enumerate(zip(found.peak, found.trough, strict=True)):
-        fall = trace.force[peak : trough + 1]
-        margin = EDGE * (fall[0] - fall[-1])
-        end[i] = peak + int(np.argmax(fall <= fall[-1] + margin))
-        start[i] = peak + int(np.flatnonzero(fall[: end[i] - peak] >= fall[0] - margin)[-1])
+def _edges(
+    force: Array, peaks: NDArray[np.intp], troughs: NDArray[np.intp], noise: float
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Last sample near each peak and first sample near its trough, to a part of the drop, or within the noise."""
+    start, end = peaks.copy(), troughs.copy()
+    for i, (peak, trough) in enumerate(zip(peaks, troughs, strict=True)):
+        slip = force[peak : trough + 1]
+        drop = float(slip[0] - slip[-1])
+        margin = min(max(EDGE * drop, 2.5 * noise), 0.4 * drop)
+        end[i] = peak + int(np.argmax(slip <= slip[-1] + margin))
+        start[i] = peak + int(np.flatnonzero(slip[: end[i] - peak] >= slip[0] - margin)[-1])
     return start, end
 
 
-def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
-    start, end = _edges(trace, found)
-    time_unit = str(data["time"].attrs.get("units", ""))
-    force_unit = str(data["spring_force"].attrs.get("units", ""))
-    before, after = trace.force[found.peak], trace.force[found.trough]
-    columns: dict[str, tuple[Array, str, str]] = {
-        "start": (trace.t[start], time_unit, "time at which the slip starts"),
-        "end": (trace.t[end], time_unit, "time at which the slip ends"),
-        "force_before": (trace.sign * before, force_unit, "spring force before the slip (peak)"),
-        "force_after": (trace.sign * after, force_unit, "spring force after the slip (trough)"),
-        "drop": (before - after, force_unit, "fall of the spring force in the slip"),
-        "duration": (trace.t[end] - trace.t[start], time_unit, "duration of the slip"),
-        "recurrence": (
-            np.diff(trace.t[start], prepend=math.nan) if start.size else np.empty(0),
-            time_unit,
-            "time since the start of the slip before",
-        ),
-    }
-    if trace.X is not None:
-        unit = str(data["displacement"].attrs.get("units", ""))
-        columns["slip"] = (trace.X[end] - trace.X[start], unit, "distance slipped")
-    if trace.velocity is not None:
-        unit = str(data["velocity"].attrs.get("units", ""))
-        peaks = [float(trace.velocity[i : j + 1].max()) for i, j in zip(found.peak, found.trough, strict=True)]
-        columns["peak_velocity"] = (np.array(peaks, dtype=float), unit, "largest slider velocity in the slip")
-    return xr.Dataset(
-        {
-            name: ("event", np.asarray(values), {"units": unit, "long_name": words})
-            for name, (values, unit, words) in columns.items()
-        },
-        coords={"event": ("event", np.arange(start.size), {"long_name": "number of the slip"})},
-        attrs={
-            "minimum_drop": found.smallest,
-            "noise": found.noise,
-            "criterion": found.criterion,
-            "cut": found.cut,
-        },
-    )
+def _levels(trace: Trace, start: NDArray[np.intp], end: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Force before and after each slip, from lines through the loading beside it.
+
+    The largest of many noisy samples lies above the force, and the smallest below it: their difference overstates a
+    drop by up to three standard deviations of the noise. A line does not.
+    """
+    before, after = np.empty(start.size), np.empty(start.size)
+    edges = [0, *end.tolist()], [*start.tolist(), trace.t.size - 1]
+    for i in range(start.size):
+        before[i] = _line(trace, max(edges[0][i] + 1, 0), int(start[i]), at_end=True)
+        after[i] = _line(trace, int(end[i]), edges[1][i + 1], at_end=False)
+    return before, after
+
+
+def _line(trace: Trace, begin: int, end: int, *, at_end: bool) -> float:
+    """Value of a straight line through a third of a stretch of samples, at its end or at its beginning."""
+    many = min(max((end - begin + 1) // 3, 3), 50)
+    begin, end = (max(begin, end - many + 1), end) if at_end else (begin, min(end, begin + many - 1))
+    force = trace.force[begin : end + 1]
+    if force.size < 3:
+        return float(force.mean()) if force.size else float(trace.force[end if at_end else begin])
+    at = trace.t[begin : end + 1] - trace.t[end if at_end else begin]
+    middle = float(at.mean())
+    slope = float((at - middle) @ force) / float((at - middle) @ (at - middle))
+    return float(force.mean()) - slope * middle

@@ -2,29 +2,45 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from stickslip.errors import InputError, number
 from stickslip.measure.arrays import CONSTANT_DRIVE, FEWEST_READINGS, Array, Trace
-from stickslip.measure.slips import FEWEST_CYCLES, Slips, find_slips, has_beat, std_of
+from stickslip.measure.bench import about_the_sensor, find_strokes, is_mirrored
+from stickslip.measure.periods import FEWEST_CYCLES
+from stickslip.measure.slips import (
+    FEWEST_IN_A_DROP,
+    MORE_THAN_NOISE,
+    SLIP_VELOCITY,
+    Slips,
+    contact_noise,
+    find_slips,
+    mean_and_std,
+    speeds,
+)
 
 Kind = Literal["smooth sliding", "stick-slip", "sustained oscillation", "undecided"]
 
 # Numbers that decide. Each sits in a gap between the classes it parts, at N from 100 to 10 000: tests/test_measure.py.
-LATE_SHARE = 0.4  # the last part of a run, in which its regime is judged
-SLIP_VELOCITY = 3.5  # stick-slip: the slider peaks at this many times the drive's velocity or more ...
-SLIP_SHARE = 0.25  # ... or, where only the force is known, falls take this fraction of the time or less
+LATE_PART = 0.4  # the last part of a run, in which its regime is judged
+SLIP_PHASE = 0.25  # where only the force is known: slips take this part of the time or less
 LONG_TRANSIENT = 50  # cycles: 40 to 100 x_s, in the model
 STEADY = 0.05  # change of ln(drop) from the first half of the window to the second, beyond three standard errors
-FEWEST_IN_A_FALL = 4  # samples, for the velocity of a slip to be seen
-TINY = 0.02  # an oscillation below this fraction of the mean force is smooth sliding
-SMALL = 0.10  # ... and one that shrinks, below this
-MOST_NOISE = 0.6  # irregular fluctuation below this fraction of the mean force is contact noise
+TINY = 0.02  # an oscillation below this part of static friction is smooth sliding
+SMALL = 0.10  # ... and one that decays, below this
+MOST_NOISE = 0.6  # irregular fluctuation below this part of static friction may be noise ...
+NORMAL = 2.4  # ... if it is as peaked as noise: fourth moment over the squared variance, 3 for noise, 1.5 for a sine
+MOST_STROKES = 0.75  # part of the strokes that must agree
+STUCK, STICKS = 0.05, 0.1  # a slider slower than this many times the drive sticks; part of the time for which it must
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,32 +50,37 @@ class Regime:
     Attributes
     ----------
     kind : {"smooth sliding", "stick-slip", "sustained oscillation", "undecided"}
-        *Stick-slip*: slow loading and fast sustained slips; in a typical cycle the slider reaches at least
-        3.5 times the velocity of the drive (where only the force is known: the force falls for at most a
-        quarter of the time). The slips may be irregular; `period_variation` says how much. *Small
-        oscillation*: a sustained, regular cycle in which the slider stays slower than that. *Smooth sliding*:
-        no oscillation, or noise of the contacts without a beat, or an oscillation below 2 % of the mean
-        force, or one that shrinks and is below 10 %. *Undecided*: the evidence does not suffice, for the
-        reason given.
+        *Stick-slip*: slow loading and fast slips that persist; in a typical cycle the slider reaches at least
+        3.5 times the velocity of the drive (where only the force is known: slips take at most a quarter of the
+        time). The slips may be irregular; `period_variation` says how much. *Sustained oscillation*: a cycle
+        that persists, in which the slider stays slower than that; the reason says whether it sticks. *Smooth
+        sliding*: no oscillation, or noise of the contacts, or an oscillation below 2 % of static friction, or
+        one that decays and is below 10 %. *Undecided*: the evidence does not suffice, for the reason given,
+        which says what would decide it.
     reason : str
         Why, in plain words.
     window : tuple of float
-        Start and end of the stretch judged, in the unit of `t`.
+        Start and end of the stretch that was evaluated, in the unit of `t`.
     peak_to_peak, mean_force : float
-        Of the spring force in the window.
+        Of the force of the driving spring in the window.
+    static_friction : float
+        Largest force in all of the data: what amplitudes are compared with.
     trend : float
         Ratio of the drops in the second half of the window to those in the first, from a straight line
-        through their logarithms (of the standard deviation of the force where there are too few cycles); 1 is steady.
+        through their logarithms (of the standard deviation of the force where there are too few cycles); 1 is
+        steady.
     trend_error : float
         Standard error of ``ln(trend)``; NaN where it is not known.
     cycles : int
-        Complete falls of the force in the window.
+        Complete cycles in the window; of a force that is not periodic, complete drops.
     period, period_variation : float
-        Mean time from one fall to the next, and its coefficient of variation; NaN with too few cycles.
+        Mean time of a cycle, and its coefficient of variation; NaN with too few cycles.
+    correlation : float
+        Autocorrelation of the force at one period: 1 for what repeats, near 0 for noise.
     drop, drop_variation : float
-        Mean fall, and its coefficient of variation.
-    fall_share : float
-        Fraction of the time in which the force falls: .5 for a sine, near 0 for a sawtooth.
+        Mean force drop, and its coefficient of variation.
+    slip_phase : float
+        Fraction of the time in which the force drops: .5 for a sine, near 0 for a sawtooth.
     noise : float
         Standard deviation of the noise from sample to sample, in the unit of the force.
     drive_velocity : float or None
@@ -68,10 +89,15 @@ class Regime:
         Largest slider velocity in a typical (median) cycle, over the drive's velocity.
     largest_velocity : float or None
         Largest slider velocity in the window, over the drive's velocity.
+    stuck : float or None
+        Fraction of the time in which the slider is slower than a twentieth of the drive.
     attached_swing : float or None
         Largest less smallest fraction of attached contacts.
-    time_unit, force_unit : str
-        Units of the times and the forces above; empty where the data do not say.
+    quantity, time_unit, force_unit : str
+        What the force is ("force" or "coefficient of friction"), and the units of the times and forces above;
+        empty where the data do not say.
+    notes : tuple of str
+        What a reader should know of the data: a saturated or mirrored sensor, strokes that go to and fro.
     """
 
     kind: Kind
@@ -79,44 +105,48 @@ class Regime:
     window: tuple[float, float]
     peak_to_peak: float
     mean_force: float
+    static_friction: float
     trend: float
     trend_error: float
     cycles: int
     period: float
     period_variation: float
+    correlation: float
     drop: float
     drop_variation: float
-    fall_share: float
+    slip_phase: float
     noise: float
     drive_velocity: float | None = None
     peak_velocity: float | None = None
     largest_velocity: float | None = None
+    stuck: float | None = None
     attached_swing: float | None = None
+    quantity: str = "force"
     time_unit: str = ""
     force_unit: str = ""
+    notes: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         begin, end = self.window
         time = {"": "", "time": " time units"}.get(self.time_unit, f" {self.time_unit}")
-        force = f" {self.force_unit}".rstrip()
+        force = {"": "", "1": ""}.get(self.force_unit, f" {self.force_unit}")
         lines = [
             f"{self.kind}: {self.reason}",
-            f"judged at t = {begin:.4g} to {end:.4g}{time}; force {self.mean_force:.4g}{force} on average, "
-            f"peak to peak {self.peak_to_peak:.3g}{force}, noise {self.noise:.2g}{force}",
+            f"evaluated over t = {begin:.4g} to {end:.4g}{time}; {self.quantity} {self.mean_force:.4g}{force} on "
+            f"average, peak to peak {self.peak_to_peak:.3g}{force}, noise {self.noise:.2g}{force}",
         ]
         if self.cycles:
-            line = f"{self.cycles} cycles, drop {self.drop:.3g}{force} (variation {self.drop_variation:.2g})"
+            line = f"{self.cycles} cycles, drop {self.drop:.3g}{force} (CV {self.drop_variation:.2g})"
             if math.isfinite(self.period):
-                line += (
-                    f", period {self.period:.4g}{time} (variation {self.period_variation:.2g}), "
-                    f"force falling {100 * self.fall_share:.0f} % of the time"
-                )
+                line += f", period {self.period:.4g}{time} (CV {self.period_variation:.2g})"
+            if math.isfinite(self.slip_phase):
+                line += f", slip phase: {100 * self.slip_phase:.0f} % of the cycle"
             lines.append(line)
         if math.isfinite(self.trend):
             lines.append(f"second half of the window over the first: {self.trend:.3g}")
         if self.largest_velocity is not None:
             lines.append(f"largest velocity {self.largest_velocity:.3g} times the drive's")
-        return "\n".join(lines)
+        return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
 
 
 def regime(data: xr.Dataset, *, after: float | None = None) -> Regime:
@@ -132,8 +162,9 @@ def regime(data: xr.Dataset, *, after: float | None = None) -> Regime:
         A run or a measured trace.
     after : float, optional
         Judge what comes after this time, in the unit of `t`. By default the last 40 % of the last stretch of
-        constant driving, or the last 80 % if the last 40 % hold fewer than five falls; for a trace of the
-        force alone, everything after the first loading.
+        constant driving, or the last 80 % if the last 40 % hold fewer than five drops; for a trace of the
+        force alone, everything after the first loading. The strokes of a test that goes to and fro are judged
+        apart.
 
     Returns
     -------
@@ -145,42 +176,70 @@ def regime(data: xr.Dataset, *, after: float | None = None) -> Regime:
     InputError
         If the data hold no force, or values that are not finite, or nothing lies after `after`.
     """
-    seen = _over_the_window(Trace.of(data), after)
+    trace = Trace.of(data)
+    seen = over_the_window(trace, after)
     unit = {name: str(data[name].attrs.get("units", "")) for name in ("time", "spring_force")}
-    return replace(seen, time_unit=unit["time"], force_unit=unit["spring_force"])
+    quantity = (
+        "coefficient of friction" if "coefficient" in str(data["spring_force"].attrs.get("long_name", "")) else "force"
+    )
+    return replace(seen, time_unit=unit["time"], force_unit=unit["spring_force"], quantity=quantity)
 
 
-def _over_the_window(trace: Trace, after: float | None) -> Regime:
-    """Choose the window, and judge it."""
+def over_the_window(trace: Trace, after: float | None) -> Regime:
+    """Choose the window, and judge it; of a test that goes to and fro, its strokes."""
     if after is not None:
-        begin = number("after", after, hint="a time, in the unit of t")
-        if np.count_nonzero(trace.t >= begin) < FEWEST_READINGS:
-            raise InputError(
-                f"after = {begin:g}: fewer than {FEWEST_READINGS} samples lie after it; the data end at "
-                f"t = {trace.t[-1]:g}"
-            )
-        return _judge(trace.part(begin))
+        trace = since(trace, after)
+    if trace.drive is None:
+        strokes = find_strokes(trace)
+        seen = _of_strokes(strokes) if strokes else _judge(trace if after is not None else _loaded(trace))
+        return replace(seen, notes=(*seen.notes, *about_the_sensor(trace.force)))
+    if after is not None:
+        return _judge(trace)
     steady = _constant_drive(trace)
     if steady is None:
         return _judge(trace)
-    if trace.drive is None:
-        loaded = trace.part(_first_loading(trace))
-        return _judge(loaded if loaded.t.size >= FEWEST_READINGS else trace)
     begin, end = trace.t[steady], trace.t[-1]
-    late = trace.part(end - LATE_SHARE * (end - begin))
-    if late.t.size < FEWEST_READINGS or find_slips(late).peak.size <= FEWEST_CYCLES:
-        longer = trace.part(end - 2 * LATE_SHARE * (end - begin))
-        if late.t.size < FEWEST_READINGS or 0 < find_slips(late).peak.size < find_slips(longer).peak.size:
+    late = trace.part(end - LATE_PART * (end - begin))
+    if late.t.size < FEWEST_READINGS or find_slips(late).size <= FEWEST_CYCLES:
+        longer = trace.part(end - 2 * LATE_PART * (end - begin))
+        if late.t.size < FEWEST_READINGS or 0 < find_slips(late).size < find_slips(longer).size:
             late = longer
     return _with_caution(_judge(late), end - begin)
 
 
-def _with_caution(result: Regime, lasted: float) -> Regime:
+def since(trace: Trace, after: float) -> Trace:
+    """What comes after a time; `InputError` if that is next to nothing."""
+    begin = number("after", after, hint="a time, in the unit of t")
+    late = trace.part(begin)
+    if late.t.size < FEWEST_READINGS:
+        raise InputError(
+            f"after = {begin:g}: fewer than {FEWEST_READINGS} samples lie after it; the data end at t = {trace.t[-1]:g}"
+        )
+    return late
+
+
+def _of_strokes(strokes: list[Trace]) -> Regime:
+    """Judge each stroke by itself, and sum up."""
+    seen = [_judge(stroke) for stroke in strokes]
+    count = Counter(each.kind for each in seen)
+    decided = [kind for kind, _ in count.most_common() if kind != "undecided"]
+    usual: Kind = decided[0] if decided else "undecided"
+    typical = next(each for each in seen if each.kind == usual)
+    told = ", ".join(f"{many} {kind}" for kind, many in count.most_common())
+    reason = f"a test that goes to and fro, {len(seen)} strokes judged apart ({told}); {typical.reason}"
+    kind: Kind = typical.kind
+    if count[kind] < MOST_STROKES * len(seen):
+        kind, reason = "undecided", f"{reason}; judge a part of the strokes"
+    whole = (strokes[0].t[0], strokes[-1].t[-1])
+    return replace(typical, kind=kind, reason=reason, window=(float(whole[0]), float(whole[1])))
+
+
+def _with_caution(result: Regime, elapsed: float) -> Regime:
     """Say so where an oscillation has had less time than a transient can take."""
-    if result.kind not in ("stick-slip", "sustained oscillation") or lasted >= LONG_TRANSIENT * result.period:
+    if result.kind not in ("stick-slip", "sustained oscillation") or not elapsed < LONG_TRANSIENT * result.period:
         return result
     caution = (
-        f"the drive had lasted {lasted / result.period:.0f} cycles; a transient can last {LONG_TRANSIENT} and more"
+        f"the drive had lasted {elapsed / result.period:.0f} cycles; a transient can last {LONG_TRANSIENT} and more"
     )
     return replace(result, reason=f"{result.reason} ({caution})")
 
@@ -195,58 +254,72 @@ def _constant_drive(trace: Trace) -> int | None:
     return first if trace.t.size - first >= max(FEWEST_READINGS, 0.05 * trace.t.size) else None
 
 
-def _first_loading(trace: Trace) -> float:
-    """Time at which the force first reaches its usual level."""
+def _loaded(trace: Trace) -> Trace:
+    """What comes once the force has first reached its usual level."""
     usual = float(np.median(trace.force[trace.force.size // 2 :]))
-    return float(trace.t[int(np.argmax(trace.force >= usual))])
+    loaded = trace.part(float(trace.t[int(np.argmax(trace.force >= usual))]))
+    return loaded if loaded.t.size >= FEWEST_READINGS else trace
 
 
 def _judge(trace: Trace) -> Regime:
     """Weigh the evidence in a window."""
     t, force = trace.t, trace.force
     found = find_slips(trace)
-    drops = found.drops(trace)
-    periods = std_of(np.diff(t[found.peak]))
-    drop = std_of(drops)
-    trend, trend_error = _trend(trace, found, drops)
+    cycles = found.cycles
+    drop, _, drop_variation = mean_and_std(found.drops)
+    size, at = found.drops, found.times
+    count, (period, _, variation) = found.size, mean_and_std(np.diff(found.times))
+    if cycles.periodic and found.size:
+        count, period, variation = cycles.count, cycles.period, cycles.variation
+        if found.size != count:  # some cycles have several drops: their sizes tell no trend
+            size, at = _of_each_cycle(force, cycles.begins, np.ptp), cycles.times[:-1]
+    trend, trend_error = _trend(trace, at, size)
     drive = None if trace.drive is None else float(trace.drive.mean())
-    peak_velocity = largest = None
+    peak_velocity = largest = stuck = None
     if trace.velocity is not None and drive:
-        largest = float(trace.velocity.max()) / drive
-        peak_velocity = largest
-        if found.peak.size:
-            fastest = [trace.velocity[i : j + 1].max() for i, j in zip(found.peak, found.trough, strict=True)]
-            peak_velocity = float(np.median(fastest)) / drive
+        peak_velocity = largest = float(trace.velocity.max()) / drive
+        stuck = float(np.mean(np.abs(trace.velocity) < STUCK * abs(drive)))
+        fastest = speeds(trace, found)
+        if cycles.periodic:
+            peak_velocity = float(np.median(_of_each_cycle(trace.velocity, cycles.begins, np.max))) / drive
+        elif fastest is not None:
+            peak_velocity = float(np.median(fastest))
     evidence = Regime(
         kind="undecided",
         reason="",
         window=(float(t[0]), float(t[-1])),
         peak_to_peak=float(np.ptp(force)),
         mean_force=trace.sign * float(force.mean()),
+        static_friction=abs(trace.largest),
         trend=trend,
         trend_error=trend_error,
-        cycles=int(found.peak.size),
-        period=periods.mean,
-        period_variation=periods.variation,
-        drop=drop.mean,
-        drop_variation=drop.variation,
-        fall_share=found.fall_share(trace),
+        cycles=count,
+        period=period,
+        period_variation=variation,
+        correlation=cycles.correlation,
+        drop=drop,
+        drop_variation=drop_variation,
+        slip_phase=found.slip_phase(trace),
         noise=found.noise,
         drive_velocity=None if drive is None else trace.sign * drive,
         peak_velocity=peak_velocity,
         largest_velocity=largest,
+        stuck=stuck,
         attached_swing=None if trace.attached is None else float(np.ptp(trace.attached)),
     )
     kind, reason = _verdict(trace, found, evidence)
     return replace(evidence, kind=kind, reason=reason)
 
 
-def _trend(trace: Trace, found: Slips, drops: Array) -> tuple[float, float]:
+def _of_each_cycle(values: Array, begins: NDArray[np.intp], measure: Callable[[Array], float]) -> Array:
+    return np.array([measure(values[i : j + 1]) for i, j in itertools.pairwise(begins.tolist())], dtype=float)
+
+
+def _trend(trace: Trace, times: Array, drops: Array) -> tuple[float, float]:
     """Drops in the second half of the window over those in the first, and the standard error of its logarithm."""
     span = trace.t[-1] - trace.t[0]
-    if drops.size >= FEWEST_CYCLES:
-        at = trace.t[found.peak]
-        at = (at - at.mean()) / span
+    if drops.size >= FEWEST_CYCLES and bool(np.all(drops > 0)):
+        at = (times - times.mean()) / span
         size = np.log(drops)
         slope = float(at @ size / (at @ at))
         rest = size - size.mean() - slope * at
@@ -255,9 +328,14 @@ def _trend(trace: Trace, found: Slips, drops: Array) -> tuple[float, float]:
         memory = min(max(float(rest[1:] @ rest[:-1]) / power, 0.0), 0.9) if power > 0 else 0.0
         error = math.sqrt(power / (drops.size - 2) / float(at @ at) * (1 + memory) / (1 - memory))
         return math.exp(0.5 * slope), 0.5 * error
+    return _halves(trace), math.nan
+
+
+def _halves(trace: Trace) -> float:
+    """Standard deviation of the force in the second half of the window over that in the first."""
     half = trace.force.size // 2
     first, second = float(trace.force[:half].std()), float(trace.force[half:].std())
-    return (second / first if first > 0 else math.nan), math.nan
+    return second / first if first > 0 else math.nan
 
 
 def _verdict(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]:
@@ -265,54 +343,97 @@ def _verdict(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]:
     objection = _about_the_drive(trace)
     if objection:
         return "undecided", objection
-    if found.peak.size == 0:
-        return _without_falls(trace, found, seen)
-    mean = abs(seen.mean_force)
-    # Samples that step over a slip miss its velocity; the fraction of the time that falls take is then a safer witness.
-    coarse = float(np.median(found.trough - found.peak)) < FEWEST_IN_A_FALL
+    if trace.drive is None and is_mirrored(trace, found):
+        return "undecided", (
+            "the force jumps up and goes down slowly, as that of a sensor with its sign turned; flip it (--flip on the "
+            "command line, flip=True in read_trace)"
+        )
+    if found.size == 0:
+        return _without_drops(trace, found, seen)
+    oscillation = f"{100 * seen.peak_to_peak / seen.static_friction:.3g} % of static friction"
+    # Samples that step over a slip miss its velocity; the time that drops take is then a safer witness.
+    coarse = float(np.median(found.trough - found.peak)) < FEWEST_IN_A_DROP
     if seen.peak_velocity is not None and (seen.peak_velocity >= SLIP_VELOCITY or not coarse):
         slips = seen.peak_velocity >= SLIP_VELOCITY
         how = f"the slider reaches {seen.peak_velocity:.3g} times the velocity of the drive in a typical cycle"
     else:
-        slips = seen.fall_share <= SLIP_SHARE
-        how = f"the force falls for {100 * seen.fall_share:.0f} % of the time"
-    relative = f"{100 * seen.peak_to_peak / mean:.3g} % of the mean force" if mean else "of a mean force of 0"
-    if found.peak.size < FEWEST_CYCLES:
-        if not slips and seen.peak_to_peak < TINY * mean:
-            return "smooth sliding", f"the force oscillates by {relative}"
-        few = f"{found.peak.size} complete fall{'s' if found.peak.size > 1 else ''} of the force"
-        return "undecided", f"too short: {few} in the window; a verdict needs {FEWEST_CYCLES}"
-    beat = has_beat(trace, found)
+        slips = seen.slip_phase <= SLIP_PHASE
+        how = f"slip phase: {100 * seen.slip_phase:.0f} % of the cycle"
+    if seen.cycles < FEWEST_CYCLES:
+        return _too_few(trace, found, seen, slips, oscillation)
     change, allowed = math.log(seen.trend), STEADY + 3.0 * seen.trend_error
-    if beat:  # regular cycles tell their trend at once; a large error is no leave to drift
+    if found.periodic:  # regular cycles tell their trend at once; a large error is no leave to drift
         allowed = min(allowed, 2.0 * STEADY)
     if change < -allowed:
-        second = float(np.ptp(trace.force[trace.force.size // 2 :]))
-        shrinks = f"the oscillation shrinks, by a factor {seen.trend:.2g} from one half of the window to the other"
-        if not slips and second < SMALL * mean:
-            return (
-                "smooth sliding",
-                f"{shrinks}, and is down to {100 * second / mean:.3g} % of the mean force",
-            )
-        return "undecided", f"{shrinks}; a longer run would tell whether it decays"
-    if slips and (beat or seen.fall_share <= SLIP_SHARE):
-        manner = "regular" if beat else "irregular"
+        return _decaying(trace, seen, slips)
+    if slips and (found.periodic or seen.slip_phase <= SLIP_PHASE):
+        manner = "periodic" if found.periodic else "irregular"
         growth = "; the slips still grow" if change > allowed else ""
-        return "stick-slip", f"{manner} sustained slips: {how}{growth}"
+        return "stick-slip", f"{manner} slips that persist: {how}{growth}"
     if change > allowed:
-        return (
-            "undecided",
-            f"the oscillation still grows, by a factor {seen.trend:.2g} between the halves of the window",
+        span = trace.t[-1] - trace.t[0]
+        return "undecided", (
+            f"the oscillation still grows, by a factor {seen.trend:.2g} between the halves of the window; about "
+            f"{_time(2.0 * span, trace)} more would tell"
         )
-    if seen.peak_to_peak < TINY * mean:
-        return "smooth sliding", f"the force oscillates by {relative}"
+    if seen.peak_to_peak < TINY * seen.static_friction:
+        return "smooth sliding", f"the force oscillates by {oscillation}, peak to peak"
     if coarse:
-        return "undecided", f"falls of {relative} last fewer than {FEWEST_IN_A_FALL} samples: record more often"
-    if beat:
-        return "sustained oscillation", f"a sustained regular cycle of {relative}, without fast slips: {how}"
-    if seen.peak_to_peak < MOST_NOISE * mean:
-        return "smooth sliding", f"the force wavers by {relative}, without a beat and without fast slips"
-    return "undecided", f"irregular oscillations of {relative} that are neither slips nor small: {how}"
+        return "undecided", f"drops of {oscillation} last fewer than {FEWEST_IN_A_DROP} samples: record more often"
+    if not found.periodic and _halves(trace) < 1.0 - 3.0 * STEADY:
+        return _decaying(trace, replace(seen, trend=_halves(trace)), slips)
+    if found.periodic or contact_noise(trace) < math.inf:
+        manner = "periodic" if found.periodic else "irregular"
+        return "sustained oscillation", f"{manner}, {oscillation}, peak to peak; {_whether_it_sticks(seen)}: {how}"
+    if seen.peak_to_peak < MOST_NOISE * seen.static_friction and _is_normal(trace.force):
+        return "smooth sliding", f"the force fluctuates by {oscillation}, without a period, as noise does"
+    return "undecided", (
+        f"irregular oscillation of {oscillation} that is neither slips nor small: {how}; about "
+        f"{_time(4.0 * (trace.t[-1] - trace.t[0]), trace)} more, or the velocity of the slider, would tell"
+    )
+
+
+def _whether_it_sticks(seen: Regime) -> str:
+    if seen.stuck is None:
+        return "whether the slider sticks, the force alone does not tell"
+    if seen.stuck < STICKS:
+        return "the slider never sticks"
+    return f"the slider sticks for {100 * seen.stuck:.0f} % of the time"
+
+
+def _too_few(trace: Trace, found: Slips, seen: Regime, slips: bool, oscillation: str) -> tuple[Kind, str]:
+    """Verdict on fewer cycles than make one."""
+    if not slips and seen.peak_to_peak < TINY * seen.static_friction:
+        return "smooth sliding", f"the force oscillates by {oscillation}, peak to peak"
+    span = float(trace.t[-1] - trace.t[0])
+    each = seen.period if math.isfinite(seen.period) else span / max(found.size, 1)
+    few = f"{seen.cycles} complete drop{'s' if seen.cycles > 1 else ''} of the force"
+    return "undecided", (
+        f"too short: {few} in the window; a verdict needs {FEWEST_CYCLES}: about "
+        f"{_time(max((FEWEST_CYCLES + 1) * each - span, each), trace)} more"
+    )
+
+
+def _decaying(trace: Trace, seen: Regime, slips: bool) -> tuple[Kind, str]:
+    """Verdict on an oscillation that shrinks."""
+    second = float(np.ptp(trace.force[trace.force.size // 2 :]))
+    shrinks = f"the oscillation decays, by a factor {seen.trend:.2g} from one half of the window to the other"
+    part = second / seen.static_friction
+    if not slips and part < SMALL:
+        return "smooth sliding", f"{shrinks}, and is down to {100 * part:.3g} % of static friction"
+    halves = math.log(SMALL / max(part, 1.1 * SMALL)) / math.log(seen.trend)
+    more = 0.5 * max(halves, 1.0) * float(trace.t[-1] - trace.t[0])
+    return "undecided", f"{shrinks}; about {_time(more, trace)} more would tell whether it persists"
+
+
+def _time(value: float, trace: Trace) -> str:
+    return f"{value:.2g}{trace.time_unit}"
+
+
+def _is_normal(force: Array) -> bool:
+    """Whether a force is distributed as noise is, and not as an oscillation."""
+    rest = force - force.mean()
+    return float(np.mean(rest**4)) >= NORMAL * float(np.mean(rest**2)) ** 2
 
 
 def _about_the_drive(trace: Trace) -> str:
@@ -330,38 +451,53 @@ def _about_the_drive(trace: Trace) -> str:
     return ""
 
 
-def _without_falls(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]:
-    """Verdict where no fall of the force stands out."""
-    mean, oscillation = abs(seen.mean_force), seen.peak_to_peak
+def _without_drops(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]:
+    """Verdict where no drop of the force stands out."""
+    friction, oscillation = seen.static_friction, seen.peak_to_peak
+    span = float(trace.t[-1] - trace.t[0])
     if oscillation == 0.0 and trace.drive is None:
         return "undecided", "the force never changes: is the sensor connected?"
-    if oscillation < TINY * mean:
-        return "smooth sliding", f"the force oscillates by {100 * oscillation / mean:.3g} % of its mean"
+    part = f"{100 * oscillation / friction:.3g} % of static friction" if friction else "a force of 0"
+    if oscillation < TINY * friction:
+        return "smooth sliding", f"the force fluctuates by {part}"
+    excess = contact_noise(trace)
     if found.dismissed:
-        relative = (
-            f"the force wavers by {100 * oscillation / mean:.3g} % of its mean, without a beat and without fast slips"
-        )
-        if oscillation > MOST_NOISE * mean:
-            return "undecided", f"{relative}: too much for noise, and no stick-slip"
+        relative = f"the force fluctuates by {part}, without a period"
         second = float(np.ptp(trace.force[trace.force.size // 2 :]))
-        if seen.trend > 3 or (seen.trend < 1 / 3 and second > SMALL * mean):
-            return "undecided", f"{relative}, and changes by a factor {seen.trend:.2g} between the halves of the window"
+        if excess < MORE_THAN_NOISE:
+            if seen.trend > 3 or (seen.trend < 1 / 3 and second > SMALL * friction):
+                return "undecided", (
+                    f"{relative}, and changes by a factor {seen.trend:.2g} between the halves of the window; about "
+                    f"{_time(2.0 * span, trace)} more would tell"
+                )
+            return "smooth sliding", f"{relative}, as the noise of {trace.contacts} contacts does"
+        if oscillation > MOST_NOISE * friction or not _is_normal(trace.force):
+            return "undecided", (
+                f"{relative}: too much for noise, and no slips that stand out; about {_time(4.0 * span, trace)} more "
+                "would tell"
+            )
+        if seen.trend > 3 or (seen.trend < 1 / 3 and second > SMALL * friction):
+            return "undecided", (
+                f"{relative}, and changes by a factor {seen.trend:.2g} between the halves of the window; about "
+                f"{_time(2.0 * span, trace)} more would tell"
+            )
         return "smooth sliding", f"{relative}: noise of the contacts"
-    slope = np.polyfit(trace.t, trace.force, 1)[0]
-    drift = float(slope * (trace.t[-1] - trace.t[0]))
+    slope = np.polyfit(trace.t - trace.t[0], trace.force, 1)[0]
+    drift = float(slope * span)
     if abs(drift) > 0.5 * oscillation and abs(drift) > 2.0 * found.smallest:
+        return "undecided", (
+            f"the force {'rises' if drift > 0 else 'falls'} by {abs(drift):.3g} and shows no complete slip; about "
+            f"{_time(4.0 * span, trace)} more would tell"
+        )
+    if oscillation > 2.0 * found.smallest and oscillation > SMALL * friction:
+        return "undecided", (
+            "too short: the force oscillates, but shows no complete drop in the window; about "
+            f"{_time(4.0 * span, trace)} more would tell"
+        )
+    if oscillation > MOST_NOISE * friction:
         return (
             "undecided",
-            f"the force {'rises' if drift > 0 else 'falls'} by {abs(drift):.3g} and shows no complete slip",
+            f"noise of {oscillation:.3g} about a mean force of {abs(seen.mean_force):.3g} hides what there is: record more "
+            "often",
         )
-    if oscillation > 2.0 * found.smallest and oscillation > SMALL * mean:
-        return "undecided", "too short: the force oscillates, but shows no complete fall in the window"
-    if oscillation > MOST_NOISE * mean:
-        return (
-            "undecided",
-            f"noise of {oscillation:.3g} about a mean force of {mean:.3g} hides what there is: record more often",
-        )
-    return (
-        "smooth sliding",
-        f"the force shows noise only, {100 * oscillation / mean:.3g} % of its mean",
-    )
+    return "smooth sliding", f"the force shows noise only, {part}"

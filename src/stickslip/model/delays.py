@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
-from stickslip.errors import InputError, number
+from stickslip.errors import InputError, number, shown
 from stickslip.model.distributions import Gaussian
 
 Array = NDArray[np.float64]
@@ -99,9 +99,11 @@ class RandomDelay(DelayModel):
     def __post_init__(self) -> None:
         object.__setattr__(self, "mean", number("RandomDelay.mean", self.mean, at_least=0))
         object.__setattr__(self, "std", number("RandomDelay.std", self.std, above=0))
+        if self.std < 1e-9 * self.mean:
+            raise InputError(f"RandomDelay.std = {self.std:g}: too small beside {self.mean:g}; use Delay instead")
         if self.negative not in get_args(NegativeDelay):
             allowed = ", ".join(get_args(NegativeDelay))
-            raise InputError(f"RandomDelay.negative = {self.negative!r}: must be one of {allowed}")
+            raise InputError(f"RandomDelay.negative = {shown(self.negative)}: must be one of {allowed}")
 
     def with_mean(self, value: float) -> RandomDelay:
         """Return the delays scaled to another mean, the standard deviation in proportion."""

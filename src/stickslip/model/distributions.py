@@ -22,13 +22,23 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
-from stickslip.errors import InputError, instance, number, whole
+from stickslip.errors import InputError, instance, number, numbers, sequence, whole
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 NEGLIGIBLE = 1e-16
 """Probability below which the tail of a distribution is left out of a table (double precision of a probability)."""
+
+LARGEST_STRETCHING = 1e12
+"""In ``x_s``: beyond any distribution of contacts."""
+
+
+def _stretching(place: str, value: object, *, above: float | None = None, at_least: float | None = None) -> float:
+    """Check a stretching; the twentieth power of the largest is still a number."""
+    if above is None and at_least is None:
+        at_least = -LARGEST_STRETCHING
+    return number(place, value, above=above, at_least=at_least, at_most=LARGEST_STRETCHING, hint="in x_s")
 
 
 @runtime_checkable
@@ -128,8 +138,8 @@ class Gaussian(Distribution):
     lower: float = -math.inf
 
     def __post_init__(self) -> None:
-        _set(self, "mean", number("Gaussian.mean", self.mean))
-        _set(self, "std", number("Gaussian.std", self.std, at_least=0))
+        _set(self, "mean", _stretching("Gaussian.mean", self.mean))
+        _set(self, "std", _stretching("Gaussian.std", self.std, at_least=0))
         _set(self, "lower", number("Gaussian.lower", self.lower, infinite=True))
         if self._beyond_lower() < 1e-6:
             raise InputError(
@@ -241,8 +251,8 @@ class Uniform(Distribution):
     high: float
 
     def __post_init__(self) -> None:
-        _set(self, "low", number("Uniform.low", self.low))
-        _set(self, "high", number("Uniform.high", self.high, above=self.low))
+        _set(self, "low", _stretching("Uniform.low", self.low))
+        _set(self, "high", _stretching("Uniform.high", self.high, above=self.low))
 
     @property
     def own_std(self) -> float:
@@ -296,7 +306,7 @@ class Exponential(Distribution):
     mean: float
 
     def __post_init__(self) -> None:
-        _set(self, "mean", number("Exponential.mean", self.mean, above=0))
+        _set(self, "mean", _stretching("Exponential.mean", self.mean, above=0))
 
     def density(self, x: ArrayLike) -> Array:
         """Probability density at `x`."""
@@ -341,8 +351,8 @@ class Gamma(Distribution):
     std: float
 
     def __post_init__(self) -> None:
-        _set(self, "mean", number("Gamma.mean", self.mean, above=0))
-        _set(self, "std", number("Gamma.std", self.std, above=0))
+        _set(self, "mean", _stretching("Gamma.mean", self.mean, above=0))
+        _set(self, "std", _stretching("Gamma.std", self.std, above=0))
 
     @property
     def shape(self) -> float:
@@ -407,8 +417,8 @@ class LogNormal(Distribution):
     std: float
 
     def __post_init__(self) -> None:
-        _set(self, "mean", number("LogNormal.mean", self.mean, above=0))
-        _set(self, "std", number("LogNormal.std", self.std, above=0))
+        _set(self, "mean", _stretching("LogNormal.mean", self.mean, above=0))
+        _set(self, "std", _stretching("LogNormal.std", self.std, above=0))
 
     @property
     def log_spread(self) -> float:
@@ -481,7 +491,7 @@ class Weibull(Distribution):
     shape: float
 
     def __post_init__(self) -> None:
-        _set(self, "scale", number("Weibull.scale", self.scale, above=0))
+        _set(self, "scale", _stretching("Weibull.scale", self.scale, above=0))
         _set(self, "shape", number("Weibull.shape", self.shape, at_least=0.1))
 
     def density(self, x: ArrayLike) -> Array:
@@ -547,8 +557,11 @@ class Empirical(Distribution):
     weights: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        edges = tuple(number(f"Empirical.edges[{i}]", e) for i, e in enumerate(self.edges))
-        weights = [number(f"Empirical.weights[{i}]", w, at_least=0) for i, w in enumerate(self.weights)]
+        edges, weights = (
+            sequence(f"Empirical.{name}", getattr(self, name), "a list of numbers") for name in ("edges", "weights")
+        )
+        edges = tuple(_stretching(f"Empirical.edges[{i}]", edge) for i, edge in enumerate(edges))
+        weights = tuple(number(f"Empirical.weights[{i}]", weight, at_least=0) for i, weight in enumerate(weights))
         if len(edges) != len(weights) + 1 or len(weights) == 0:
             raise InputError(
                 f"Empirical: {len(edges)} edges and {len(weights)} weights: must be one edge more than weights"
@@ -579,11 +592,8 @@ class Empirical(Distribution):
         InputError
             If there are fewer than two different values, or one is not finite.
         """
-        try:
-            values = np.ravel(np.asarray(samples, dtype=float))
-        except (TypeError, ValueError):
-            values = np.empty(0)
-        if values.size == 0 or not np.all(np.isfinite(values)) or np.ptp(values) == 0:
+        values = np.ravel(numbers("Empirical.from_samples", samples))
+        if np.ptp(values) == 0:
             raise InputError("Empirical.from_samples: needs at least two different values, all finite")
         if bins is not None:
             bins = whole("Empirical.from_samples: bins", bins, at_least=1, at_most=10_000_000)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from stickslip.errors import number, whole
+from stickslip.errors import instance, number, sequence, whole
 
 if TYPE_CHECKING:
     from stickslip.model.units import Scales
@@ -31,7 +31,7 @@ class Contacts:
         # 1e8 contacts take some 15 GB.
         count = whole("Contacts.count", self.count, at_least=1, at_most=100_000_000, hint="number of contacts N")
         object.__setattr__(self, "count", count)
-        object.__setattr__(self, "seed", whole("Contacts.seed", self.seed, at_least=0))
+        object.__setattr__(self, "seed", whole("Contacts.seed", self.seed, at_least=0, at_most=2**128))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +56,7 @@ class MasterEquation:
     def __post_init__(self) -> None:
         cells = whole("MasterEquation.cells", self.cells, at_least=10, at_most=100_000, hint="cohorts per x_s")
         object.__setattr__(self, "cells", cells)
+        instance("MasterEquation.memoryless", self.memoryless, bool, "True or False")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +106,8 @@ class Output:
     def __post_init__(self) -> None:
         if self.interval is not None:
             object.__setattr__(self, "interval", number("Output.interval", self.interval, above=0))
-        times = tuple(number(f"Output.snapshots[{i}]", t, at_least=0) for i, t in enumerate(self.snapshots))
+        looks = sequence("Output.snapshots", self.snapshots, "times, such as (1.0, 2.5)")
+        times = tuple(number(f"Output.snapshots[{i}]", t, at_least=0) for i, t in enumerate(looks))
         object.__setattr__(self, "snapshots", tuple(sorted(times)))
         object.__setattr__(self, "bins", whole("Output.bins", self.bins, at_least=1, at_most=100_000))
 

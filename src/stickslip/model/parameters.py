@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from stickslip.errors import InputError, number
+from stickslip.errors import InputError, number, sequence, shown
 from stickslip.model.drive import constant
 
 if TYPE_CHECKING:
@@ -125,14 +125,15 @@ def parameter_named(parameter: Parameter | str, place: str = "parameter") -> Par
     for known in PARAMETERS:
         if known.name == parameter:
             return known
-    raise InputError(f"{place} = {parameter!r}: must be one of {', '.join(p.name for p in PARAMETERS)}, or a Parameter")
+    raise InputError(
+        f"{place} = {shown(parameter)}: must be one of {', '.join(p.name for p in PARAMETERS)}, or a Parameter"
+    )
 
 
 def check_range(parameter: Parameter, between: tuple[float, float]) -> tuple[float, float]:
     """Return the range of a parameter, in its natural unit, or raise `InputError`."""
-    try:
-        low, high = between
-    except (TypeError, ValueError):
-        raise InputError(f"between = {between!r}: must be two values of {parameter.name}, low and high") from None
-    low = number("between[0]", low, above=0, hint=parameter.unit)
-    return low, number("between[1]", high, above=low, hint=parameter.unit)
+    ends = sequence("between", between, "two values, such as (0.1, 10)")
+    if len(ends) != 2:
+        raise InputError(f"between = {shown(between)}: must be two values, such as (0.1, 10)")
+    low = number("between[0]", ends[0], above=0, hint=parameter.unit)
+    return low, number("between[1]", ends[1], above=low, hint=parameter.unit)

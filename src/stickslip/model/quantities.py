@@ -1,37 +1,202 @@
-"""Quantities in text: a number and a unit, ``"4 MN/m"``."""
+"""Quantities in text: one number and a unit, ``"4 MN/m"``, by one strict grammar.
+
+A unit library sees the names of single units only, never the user's text.
+"""
 
 from __future__ import annotations
 
+import re
+import sys
+from collections import Counter
+from fractions import Fraction
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
+
+from stickslip.errors import InputError
 
 if TYPE_CHECKING:
     import pint
 
+LONGEST_QUANTITY = 64
+"""Characters of a quantity; longer texts are refused unread."""
+
+_BLANKS = "[ \u00a0\u202f]*"  # typesetting puts the narrow ones between a number and its unit
+_NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]{1,3})?"
+_NAME = "[A-Za-zµμÅ\u212b]+"
+_POWER = rf"{_NAME}(?:(?:\^|\*\*)-?[1-9]|⁻?[¹²³])?"
+_PRODUCT = f"{_POWER}(?: *[*·⋅] *{_POWER})*"
+_GROUP = rf"\( *{_PRODUCT} *\)"
+# One "/" at most, and one factor after it unless there are parentheses: "N/m*s" would be read in two ways.
+_UNIT = f"(?:{_PRODUCT}|{_GROUP})(?: */ *(?:{_POWER}|{_GROUP}))?|1? */ *(?:{_POWER}|{_GROUP})"
+_QUANTITY = re.compile(f"{_BLANKS}({_NUMBER}){_BLANKS}({_UNIT})?{_BLANKS}")
+_PLAIN_NUMBER = re.compile(f" *({_NUMBER}) *")
+_FACTOR = re.compile(rf"({_NAME})(?:(?:\^|\*\*)(-?[1-9])|(⁻?[¹²³]))?")
+_RAISED = str.maketrans("⁻¹²³", "-123")
+
+_PREFIXED = ("m", "g", "s", "N", "Pa", "J", "bar", "t", "yr", "dyn")
+"""Units that take a prefix, by their symbols; their names and plurals are known as well."""
+_UNPREFIXED = (
+    *("min", "h", "d", "week", "angstrom", "micron", "in", "thou", "ft", "yd", "mi", "mph", "kph"),
+    *("lb", "slug", "gf", "kgf", "lbf", "kip", "erg", "atm", "psi"),
+)
+_UNCLEAR = {
+    **dict.fromkeys(("ton", "tons"), "differs between countries; write 't' for 1000 kg"),
+    **dict.fromkeys(("pound", "pounds"), "is a mass or a force; write 'lb' or 'lbf'"),
+    **dict.fromkeys(("mil", "mils"), "has several meanings; write 'thou' for 1/1000 inch"),
+    "kt": "may be knots or kilotonnes; write 'm/s' or 'Gg'",
+    "Hz": "counts cycles, and may mean 2 pi times as much; write '1/s'",
+}
+"""Units that mean different things to different people."""
+
+
+def read_quantity(text: str, unit: str, example: str, *, bare: bool = False) -> float:
+    """Read a quantity such as ``"4 MN/m"``: one number with a decimal point, then its unit; nothing else.
+
+    A unit is made of the names of units, ``*`` or ``·``, one ``/``, and whole exponents: ``N*s/m``, ``N s`` never;
+    ``m^2``, ``m**2``, ``m²``; ``1/(m*s)``, ``s^-1``. Names may be symbols or words; SI units take prefixes.
+
+    Parameters
+    ----------
+    text : str
+        At most 64 characters.
+    unit : str
+        Unit in which the value is returned.
+    example : str
+        A quantity of this kind, for the message of an error.
+    bare : bool
+        Whether a number without a unit is taken, too, as one in `unit`: where the place itself names the unit.
+
+    Returns
+    -------
+    float
+        The double nearest to the exact value.
+
+    Raises
+    ------
+    InputError
+        If the text is anything else, or its value is no finite number of full precision; the message does not name
+        the place.
+
+    Examples
+    --------
+    >>> read_quantity("2 um", "m", "2 um")
+    2e-06
+    >>> read_quantity("1,2 kg", "kg", "75.6 g")
+    Traceback (most recent call last):
+    stickslip.errors.InputError: write '1.2 kg': decimal point, not comma
+    """
+    if len(text) > LONGEST_QUANTITY:
+        raise InputError(f"is longer than {LONGEST_QUANTITY} characters; write it as in {example!r}")
+    found = _QUANTITY.fullmatch(text)
+    if found is None:
+        remedy = _remedy(text, _QUANTITY)
+        raise InputError(remedy or f"cannot be read as a quantity, one number and its unit; write it as in {example!r}")
+    if found[2] is None:
+        if bare:
+            return _nearest(Fraction(found[1]))
+        raise InputError(f"has no unit; write it as in {example!r}")
+    size, dimensions = _size_of(found[2])
+    wanted, kind = _size_of(unit)
+    if dimensions != kind:
+        raise InputError(f"is not in a unit of {unit!r}; write it as in {example!r}")
+    return _nearest(Fraction(found[1]) * size / wanted)
+
+
+def read_number(text: str) -> float:
+    """Read a plain number with a decimal point, as it stands on a command line or in a link.
+
+    Raises
+    ------
+    InputError
+        If the text is anything else, or the number is not finite; the message does not name the place.
+    """
+    found = _PLAIN_NUMBER.fullmatch(text) if len(text) <= LONGEST_QUANTITY else None
+    if found is None:
+        raise InputError(_remedy(text, _PLAIN_NUMBER) or "must be a number, such as 0.5")
+    return _nearest(Fraction(found[1]))
+
+
+def _nearest(value: Fraction) -> float:
+    try:
+        result = float(value)
+    except OverflowError:
+        raise InputError("must be finite") from None
+    if value and abs(result) < sys.float_info.min:
+        raise InputError(f"is nearer to 0 than any number the computer keeps whole ({sys.float_info.min:.1e})")
+    return result
+
+
+@lru_cache(maxsize=256)
+def _size_of(unit: str) -> tuple[Fraction, dict[str, int]]:
+    """Size of a unit in pint's base units, exactly, and the exponents of these."""
+    size, dimensions = Fraction(1), Counter[str]()
+    above, _, below = unit.partition("/")
+    for side, sign in ((above, 1), (below, -1)):
+        for name, power, raised in _FACTOR.findall(side):
+            exponent = sign * int(power or raised.translate(_RAISED) or 1)
+            factor, parts = _named(name)
+            size *= factor**exponent
+            dimensions.update({base: exponent * count for base, count in parts.items()})
+    return size, {base: count for base, count in dimensions.items() if count}
+
+
+@lru_cache(maxsize=256)
+def _named(name: str) -> tuple[Fraction, dict[str, int]]:
+    """Size and dimensions of one unit; pint is shown its name and no more."""
+    registry, prefixed, unprefixed = _units()
+    if name in _UNCLEAR:
+        raise InputError(f"the unit {name!r} {_UNCLEAR[name]}")
+    # Several readings: "ft" could be a femtotonne. Without a prefix comes first.
+    prefix, known, _ = min(registry.parse_unit_name(name), key=lambda way: way[0] != "", default=("", "", ""))
+    if known not in (prefixed if prefix else prefixed | unprefixed):
+        raise InputError(f"{name!r} is no unit known here; capitals matter, as in MN and mN")
+    size, base = cast("tuple[Fraction, Any]", registry.get_root_units(prefix + known))
+    return Fraction(size), {str(unit): int(power) for unit, power in base._units.items()}
+
 
 @lru_cache(maxsize=1)
-def _registry() -> pint.UnitRegistry[Any]:
+def _units() -> tuple[pint.UnitRegistry[Any], frozenset[str], frozenset[str]]:
+    """Registry of pint, with exact sizes, and its names of the units that are taken with and without a prefix."""
     import pint
 
-    return pint.UnitRegistry()
+    registry: pint.UnitRegistry[Any] = pint.UnitRegistry(non_int_type=Fraction)
+    prefixed, unprefixed = (
+        frozenset(registry.parse_unit_name(symbol)[0][1] for symbol in symbols) for symbols in (_PREFIXED, _UNPREFIXED)
+    )
+    return registry, prefixed, unprefixed
 
 
-def read_quantity(text: str, unit: str, example: str) -> float:
-    """Return a quantity in the unit asked for, or raise `ValueError` with the remedy."""
-    import pint
-    from pint.errors import PintError
+_SLIPS = (
+    (re.compile("[\u2212\u2010-\u2014]"), "-", "the minus sign is the '-' of the keyboard"),
+    (re.compile(r"(?<=\d),(?=\d{3}(?:,\d{3})*\.)"), "", "no separators of thousands"),
+    (re.compile(r"(?<=\d)\.(?=\d{3}(?:\.\d{3})*,)"), "", "no separators of thousands"),
+    (re.compile(r"(?<=\d)[ \u00a0\u2009\u202f'’_](?=\d{3}(?!\d))"), "", "no blanks or marks inside a number"),
+    (re.compile(r"(?<=\d),(?=\d)"), ".", "decimal point, not comma"),
+    (re.compile(r"(?<=[A-Za-zµμÅ])(?<![\d. ][eE])(-?[1-9])"), r"^\1", "'^' before an exponent"),
+    (re.compile(r"(?<=[A-Za-zµμÅ¹²³]) +(?=[A-Za-zµμÅ])"), "*", "'*' between units"),
+)
+"""Ways of writing that are plain enough to say what would be right."""
 
-    try:
-        found: Any = _registry().Quantity(text)
-        if found.dimensionless and unit:
-            raise ValueError(f"has no unit; write it as in {example!r}")
-        result = float(found.to(unit).magnitude)
-    except pint.DimensionalityError:
-        raise ValueError(f"is not in a unit of {unit!r}; write it as in {example!r}") from None
-    except (PintError, AttributeError, TypeError, ValueError, ArithmeticError, AssertionError, SyntaxError) as error:
-        if "unit" in str(error) and "write" in str(error):
-            raise
-        raise ValueError(f"cannot be read as a quantity; write it as in {example!r}") from None
-    except Exception:  # pint lets errors of the tokenizer through
-        raise ValueError(f"cannot be read as a quantity; write it as in {example!r}") from None
-    return result
+
+def _remedy(text: str, grammar: re.Pattern[str]) -> str:
+    """Say how to write what can only have meant one thing; empty if nothing can be told."""
+    if re.match(r" *[-+]?(nan|inf)", text, re.IGNORECASE):
+        return "must be finite"
+    if len(text) > LONGEST_QUANTITY:
+        return ""
+    if re.match(r" *[-+]?[1-9]\d{0,2},\d{3}(?!\d|,|\.)", text):
+        ways = [text.replace(",", mark).strip() for mark in (".", "")]
+        if all(map(grammar.fullmatch, ways)):
+            return f"write {ways[0]!r} or {ways[1]!r}: decimal point, not comma, and no separators of thousands"
+    if re.search(r"/.*[/*·⋅]", text) and "(" not in text and "**" not in text:
+        return "may be read in two ways; after '/' put one unit, or parentheses, as in '3 N/(m*s)'"
+    reasons = []
+    for slip, right, reason in _SLIPS:
+        text, count = slip.subn(right, text)
+        if count:
+            reasons.append(reason)
+        if found := grammar.fullmatch(text):
+            if grammar is _QUANTITY and found[2]:
+                _size_of(found[2])  # what is said to be right must be
+            return f"write {text.strip()!r}: {', '.join(dict.fromkeys(reasons))}"
+    return ""

@@ -141,7 +141,7 @@ def in_si(data: xr.Dataset, scales: Scales) -> xr.Dataset:
     for name in map(str, [*data.data_vars, *data.coords]):
         variable = data[name]
         known = si_unit(str(variable.attrs.get("units")), scales)
-        if known is None:
+        if known is None or variable.dtype.kind not in "fiu":
             continue
         size, unit = known
         title = str(variable.attrs.get("long_name", name)).replace(", per contact", "").replace(" per contact", "")

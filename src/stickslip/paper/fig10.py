@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from stickslip import plot
 from stickslip.measure import transitions
-from stickslip.model import Contacts, FromSliding, Interface, Langevin, Output, Rig, constant
+from stickslip.model import Contacts, FromSliding, Interface, Langevin, Output, constant
 from stickslip.model.drive import ramp
+from stickslip.model.rig import Rig
 from stickslip.paper.cases import FIG10
 from stickslip.paper.figure import Claim, Figure, Progress, between, near, portions, verdict
 from stickslip.simulation import simulate
@@ -47,7 +48,7 @@ def _ramped(rate: float, seed: int, progress: Progress, *, quick: bool) -> tuple
         Rig(_aged(rate), FIG10.slider, drive), method=method, output=output, start=FromSliding(), progress=progress
     )
     seen = transitions(run, level=_LEVEL)
-    return tuple(np.nan if v is None else v / unit for v in (seen.v1, seen.v2))  # type: ignore[return-value]
+    return float(seen["v1"]) / unit, float(seen["v2"]) / unit
 
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:

@@ -2,9 +2,9 @@
 
 The paper does not define ``K_eff(v)``. Here all contacts are newborn at the start, the slider is pulled rigidly at a
 constant velocity, and ``K_eff`` is the steepest fall of the force, ``max(-dF/dX)``. Lives at constant velocity are
-alike, so the force follows from a renewal equation (`stickslip.kernels.ageing.pull_newborns`), and N contacts in small
-exact steps check it. A slope taken over a finite way is smaller, by its square: over .065 x_s the values are 3.21, 2.22
-and .91 (at v = .1, .3, .5), which another study of the model found.
+alike, so the force follows from a renewal equation (`stickslip.kernels.langevin_steady.pull_newborns`), and N contacts
+in small exact steps check it. A slope taken over a finite distance is smaller, by its square: over .065 x_s the values
+are 3.21, 2.22 and .91 (at v = .1, .3, .5), which another study of the model found.
 """
 
 from __future__ import annotations
@@ -16,15 +16,21 @@ from numpy.typing import NDArray
 from scipy import optimize
 
 from stickslip import plot
-from stickslip.kernels.ageing import advance_contacts, pull_newborns
+from stickslip.kernels.drive import Quadratic
+from stickslip.kernels.langevin_contacts import Contacts as Sampled
+from stickslip.kernels.langevin_contacts import advance_contacts
+from stickslip.kernels.langevin_steady import pull_newborns
+from stickslip.kernels.oscillator import RIGID
+from stickslip.kernels.stepping import Course
 from stickslip.measure import transitions
-from stickslip.model import Contacts, FromSliding, Output, Rig, constant
+from stickslip.model import Contacts, FromSliding, Output, constant
 from stickslip.model.drive import ramp
+from stickslip.model.rig import Rig
 from stickslip.paper.cases import FIG11
 from stickslip.paper.figure import Claim, Figure, Progress, at_most, between, near, portions, verdict
 from stickslip.simulation import LABELS, simulate
 from stickslip.stability import critical
-from stickslip.theory import gaussian_ageing
+from stickslip.theory import ageing_constants
 
 Array = NDArray[np.float64]
 
@@ -41,27 +47,17 @@ _LEVEL = 0.6
 
 def _pulled(velocity: float) -> tuple[Array, Array]:
     """Force of contacts that are all newborn at ``X = 0``, on positions of a slider of constant velocity."""
-    ageing, distribution = gaussian_ageing(FIG11.interface)
     points = round(_DISTANCE / _SPACING)
-    return pull_newborns(velocity, ageing.rate, distribution.std, distribution.mean, _DISTANCE, points, 320)
+    return pull_newborns(velocity, ageing_constants(FIG11.interface), _DISTANCE, points, 320)
 
 
 def _pulled_contacts(velocity: float, count: int, positions: Array) -> Array:
     """Return the same from so many contacts."""
-    ageing, distribution = gaussian_ageing(FIG11.interface)
-    contacts = np.zeros(count), np.zeros(count), np.full(count, -np.inf)
-    samples = advance_contacts(
-        np.zeros(4),
-        *contacts,
-        np.array([[0.0, 0.0, velocity, 0.0]]),
-        np.array([np.inf, 1.0, 0.0]),
-        np.array([ageing.rate, distribution.mean, distribution.std, ageing.newborn]),
-        np.zeros(1),
-        positions / velocity,
-        0.02,
-        np.inf,
-        np.random.default_rng(11),
-    )
+    ageing = ageing_constants(FIG11.interface)
+    contacts = Sampled(np.zeros(count), np.zeros(count), np.full(count, -np.inf))
+    drive = Quadratic(0.0, 0.0, velocity, 0.0)
+    course = Course(drive, RIGID, positions / velocity, 0.02 / ageing.rate**2, np.inf)
+    samples = advance_contacts(np.zeros(4), contacts, course, ageing, np.zeros(1), np.random.default_rng(11))
     return np.asarray(samples[:, 3])
 
 
@@ -119,8 +115,8 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
                 {"units": "k", "long_name": f"effective stiffness per contact, over {_WAY:g} x_s"},
             ),
             "crossing": ((), crossing, {**speed, "long_name": "velocity at which K_eff = K"}),
-            "v1_ramp": ((), np.nan if seen.v1 is None else seen.v1, {**speed, "long_name": "onset on the ramp"}),
-            "v2_ramp": ((), np.nan if seen.v2 is None else seen.v2, {**speed, "long_name": "end on the ramp"}),
+            "v1_ramp": ((), float(seen["v1"]), {**speed, "long_name": "onset on the ramp"}),
+            "v2_ramp": ((), float(seen["v2"]), {**speed, "long_name": "end on the ramp"}),
             "unstable": (
                 "end",
                 np.array(linear[:2]),

@@ -14,9 +14,10 @@ import xarray as xr
 
 from stickslip import plot
 from stickslip.measure import regime
-from stickslip.model import Delay, FromRest, FromSliding, Interface, MasterEquation, Rig, Start
+from stickslip.model import Delay, FromRest, FromSliding, Interface, MasterEquation, Start
 from stickslip.model.distributions import Gaussian, SteadyState
 from stickslip.model.drive import constant
+from stickslip.model.rig import Rig
 from stickslip.paper.cases import FIG3, FIG4
 from stickslip.paper.figure import (
     Claim,

@@ -17,9 +17,10 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from stickslip import plot
-from stickslip.measure import regime
-from stickslip.model import Contacts, Delay, MasterEquation, Method, Output, Rig
+from stickslip.measure import find_cycles, regime
+from stickslip.model import Contacts, Delay, MasterEquation, Method, Output
 from stickslip.model.drive import constant
+from stickslip.model.rig import Rig
 from stickslip.paper.cases import FIG4
 from stickslip.paper.figure import Claim, Figure, Measured, Progress, at_least, at_most, near, portions, verdict
 from stickslip.simulation import LABELS, simulate
@@ -139,22 +140,12 @@ def _weigh(run: xr.Dataset) -> tuple[str, dict[str, float]]:
 
 
 def _period(run: xr.Dataset) -> tuple[float, float]:
-    """Mean and coefficient of variation of the period after the transient, from falls through the mean force.
-
-    Interpolated between samples, which would limit it otherwise. NaN where nothing stands out.
-    """
+    """Mean and coefficient of variation of the period after the transient; NaN where nothing stands out."""
     late = run.sel(time=slice(_BEGIN, None))
-    t, force = late["time"].to_numpy(), late["spring_force"].to_numpy()
-    if np.ptp(force) < 0.3:
+    cycles = find_cycles(late["time"].to_numpy(), late["spring_force"].to_numpy())
+    if float(np.ptp(late["spring_force"])) < 0.3 or not cycles.periodic:
         return np.nan, np.nan
-    level = 0.5 * (force.max() + force.min())
-    i = np.flatnonzero((force[:-1] >= level) & (force[1:] < level))
-    falls = t[i] + (force[i] - level) / (force[i] - force[i + 1]) * (t[i + 1] - t[i])
-    # Ringing may cross the level again within a slip.
-    periods = np.diff(falls[np.append(True, np.diff(falls) > 0.5)])
-    if periods.size < 4:
-        return np.nan, np.nan
-    return float(periods.mean()), float(periods.std(ddof=1) / periods.mean())
+    return cycles.period, cycles.variation
 
 
 def _claims(data: xr.Dataset) -> tuple[Claim, ...]:

@@ -13,8 +13,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from stickslip import plot
-from stickslip.model import Contacts, MasterEquation, Method, Output, Rig, Slider
+from stickslip.model import Contacts, MasterEquation, Method, Output, Slider
 from stickslip.model.drive import constant
+from stickslip.model.rig import Rig
 from stickslip.paper.cases import FIG5
 from stickslip.paper.fig2 import first_instability
 from stickslip.paper.figure import Claim, Figure, Measured, Progress, at_most, between, near, portions, verdict

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from stickslip import plot
 from stickslip.cycles import sustained_onset
-from stickslip.model import Rig, Slider, constant
+from stickslip.model import Slider, constant
+from stickslip.model.rig import Rig
 from stickslip.paper.cases import FIG4, FIG6
 from stickslip.paper.figure import (
     Claim,

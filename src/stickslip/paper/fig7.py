@@ -9,7 +9,6 @@ standard deviation, and on what is done with negative draws.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import replace
 
 import matplotlib.figure
@@ -21,9 +20,10 @@ from numpy.typing import NDArray
 
 from stickslip import plot
 from stickslip.cycles import bistable_range, cycle_branch, is_sustained, sustained
-from stickslip.measure import hysteresis, transitions
-from stickslip.model import Contacts, Interface, NegativeDelay, Output, RandomDelay, Rig, constant
+from stickslip.measure import transitions
+from stickslip.model import Contacts, Interface, NegativeDelay, Output, RandomDelay, constant
 from stickslip.model.drive import ramp
+from stickslip.model.rig import Rig
 from stickslip.paper.cases import FIG7
 from stickslip.paper.figure import (
     Claim,
@@ -87,7 +87,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     count = 4_000 if quick else FIG7.contacts
     runs = [_sweep(FIG7.interface, _FAST, Contacts(count, seed=seed), next(parts)) for seed in seeds]
     found = [transitions(run) for run in runs]
-    loop = hysteresis(runs[0])
+    seen = {name: np.array([float(each[name]) for each in found]) for name in ("v1", "v1_down")}
     sweeps = [runs[0]] + [_sweep(_random(case), _TOP, Contacts(count, seed=1), next(parts)) for case in _SWEPT]
 
     (band,) = bistable_range(Rig(FIG7.interface, FIG7.slider, constant(1.0)), "velocity", between=(0.3, _FAST))
@@ -131,13 +131,17 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         {
             "spring_force": (("sweep", "time"), np.array([run["spring_force"] for run in sweeps]), force),
             "drive_velocity": (("sweep", "time"), np.array([run["drive_velocity"] for run in sweeps]), speed),
-            "v1_ramp": ("seed", _known(f.v1 for f in found), velocity("v1, on the way up a ramp")),
-            "v1_down_ramp": ("seed", _known(f.v1_down for f in found), velocity("v1', on the way down a ramp")),
+            "v1_ramp": ("seed", seen["v1"], velocity("v1, on the way up a ramp")),
+            "v1_down_ramp": (
+                "seed",
+                seen["v1_down"],
+                velocity("v1', on the way down a ramp"),
+            ),
             "v1_linear": ((), band.high.value, velocity("v1: smooth sliding loses stability (linear)")),
             "v1_down_fold": ((), band.low.value, velocity("v1': stick-slip decays at its fold (nonlinear)")),
             "cycle": ("v_cycle", branch["amplitude"].to_numpy(), oscillations),
-            "up": ("v_ramp", loop["up"].to_numpy(), oscillations),
-            "down": ("v_ramp", loop["down"].to_numpy(), oscillations),
+            "up": ("v_ramp", found[0]["up"].to_numpy(), oscillations),
+            "down": ("v_ramp", found[0]["down"].to_numpy(), oscillations),
             "lasting": (
                 ("case", "end"),
                 lasting,
@@ -151,7 +155,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
             "sweep": ("sweep", ["fixed", *map(_name, _SWEPT)], {"long_name": "delays of the ramp"}),
             "seed": ("seed", np.array(seeds), {"units": "1", "long_name": "seed"}),
             "v_cycle": ("v_cycle", branch["velocity"].to_numpy(), speed),
-            "v_ramp": ("v_ramp", loop["drive_velocity"].to_numpy(), speed),
+            "v_ramp": ("v_ramp", found[0]["velocity"].to_numpy(), speed),
             "case": (
                 "case",
                 list(map(_name, cases)),
@@ -162,10 +166,6 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         },
         attrs={"count": count},
     )
-
-
-def _known(values: Iterable[float | None]) -> Array:
-    return np.array([np.nan if value is None else value for value in values])
 
 
 def _claims(data: xr.Dataset) -> tuple[Claim, ...]:

@@ -16,14 +16,16 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from stickslip import plot
-from stickslip.model import Contacts, FromRest, FromSliding, Langevin, MasterEquation, Method, Output, Rig, Start
+from stickslip.measure import find_cycles
+from stickslip.model import Contacts, FromRest, FromSliding, Langevin, MasterEquation, Method, Output, Start
 from stickslip.model.distributions import Gaussian
 from stickslip.model.drive import constant
+from stickslip.model.rig import Rig
 from stickslip.paper.cases import FIG8
 from stickslip.paper.figure import Claim, Figure, Progress, at_most, between, near, portions, verdict
 from stickslip.simulation import LABELS, simulate
 from stickslip.stability import AGEING, critical
-from stickslip.theory import gaussian_ageing
+from stickslip.theory import ageing_constants
 
 Array = NDArray[np.float64]
 
@@ -57,7 +59,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
                     progress=next(parts),
                 )
                 force[i, j, k, : run.sizes["time"]] = run["spring_force"]
-    times = critical(FIG8, AGEING, between=(0.2, 3.0))
+    times = critical(Rig(FIG8.interface, FIG8.slider, constant(FIG8.velocity)), AGEING, between=(0.2, 3.0))
     edges = [edge.value**-0.5 for edge in times.edges]
     distribution, seen = _at_rest()
     late = np.where(t >= 0.5 * min(duration.values()), force, np.nan)
@@ -101,20 +103,19 @@ def _thresholds() -> Array:
 
 def _at_rest(count: int = 100_000) -> tuple[Array, Array]:
     """Distribution of thresholds, Eq. (17), and that of newborn contacts that have aged at rest for ten ``1/rate^2``."""
-    from stickslip.kernels.ageing import advance_contacts
+    from stickslip.kernels.drive import Quadratic
+    from stickslip.kernels.langevin_contacts import Contacts, advance_contacts
+    from stickslip.kernels.oscillator import RIGID
+    from stickslip.kernels.stepping import Course
 
-    ageing, distribution = gaussian_ageing(FIG8.interface)
-    f, attach = np.zeros(count), np.full(count, -math.inf)
-    x = np.zeros(count)
-    rest = np.zeros((1, 4))
-    parameters = np.array([ageing.rate, distribution.mean, distribution.std, 0.0])
-    end = np.array([10.0 / ageing.rate**2])
-    rng = np.random.default_rng(13)
-    slider = np.array([math.inf, 1.0, 0.0])
-    advance_contacts(np.zeros(4), x, f, attach, rest, slider, parameters, np.zeros(1), end, 0.1, math.inf, rng)
-    counts, edges = np.histogram(f, _BINS, (0.5, 1.5))
+    ageing = ageing_constants(FIG8.interface)._replace(newborn=0.0)
+    contacts = Contacts(np.zeros(count), np.zeros(count), np.full(count, -math.inf))
+    time = 1.0 / ageing.rate**2
+    course = Course(Quadratic(0.0, 0.0, 0.0, 0.0), RIGID, np.array([10.0 * time]), 0.1 * time, math.inf)
+    advance_contacts(np.zeros(4), contacts, course, ageing, np.zeros(1), np.random.default_rng(13))
+    counts, edges = np.histogram(contacts.threshold, _BINS, (0.5, 1.5))
     middle = 0.5 * (edges[1:] + edges[:-1])
-    exact = Gaussian(mean=distribution.mean, std=distribution.std).density(middle)
+    exact = Gaussian(mean=ageing.mean, std=ageing.std).density(middle)
     return exact, np.asarray(counts / np.diff(edges) / count)
 
 
@@ -170,7 +171,7 @@ def _window(data: xr.Dataset) -> Claim:
             between(f"{what} 2, relaxed, {solver}", seen(2.0, "relaxed"), 1.17, 1.26, "f_s"),
             at_most(f"{what} 2, from smooth sliding, {solver}", seen(2.0, "smooth"), 0.12, "f_s"),
         ]
-        periods.append(_period(run))
+        periods.append(find_cycles(run["time"].to_numpy(), run.to_numpy()).period)
         if 0.9 in data["rate"]:
             measured.append(between(f"{what} 0.9, relaxed, {solver}", seen(0.9, "relaxed"), 0.36, 0.46, "f_s"))
     measured += [
@@ -194,20 +195,6 @@ def _window(data: xr.Dataset) -> Claim:
         measured=tuple(measured),
         evidence=f"{FIG8.contacts} contacts and the kinetic equation, from both starts; linear stability",
     )
-
-
-def _period(force: xr.DataArray) -> float:
-    """Mean time between slips: upward passages through the mean, each after a stretch below it."""
-    t, f = force["time"].to_numpy(), force.to_numpy() - float(force.mean())
-    low, high = 0.25 * f.min(), 0.25 * f.max()
-    passed, below = [], False
-    for i in range(f.size):
-        if f[i] < low:
-            below = True
-        elif f[i] > high and below:
-            passed.append(t[i])
-            below = False
-    return float(np.mean(np.diff(passed))) if len(passed) > 2 else math.nan
 
 
 def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:

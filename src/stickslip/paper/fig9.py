@@ -13,9 +13,10 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from stickslip import plot
-from stickslip.measure import hysteresis, transitions
-from stickslip.model import Contacts, FromSliding, Output, Rig, constant
+from stickslip.measure import transitions
+from stickslip.model import Contacts, FromSliding, Output, constant
 from stickslip.model.drive import Drive, ramp
+from stickslip.model.rig import Rig
 from stickslip.paper.cases import FIG9
 from stickslip.paper.figure import Claim, Figure, Progress, at_least, between, portions, verdict
 from stickslip.simulation import LABELS, simulate
@@ -52,7 +53,6 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         for seed, part in zip(seeds, portions(progress, len(seeds)), strict=True)
     ]
     found = [transitions(run, level=_LEVEL) for run in runs]
-    loop = hysteresis(runs[0])
     edges = critical(Rig(FIG9.interface, FIG9.slider, constant(1.0)), "velocity", between=(0.3, 4.0))
     onset = [edge.value for edge in edges if edge.loses_stability]
     oscillations = {"units": "f_s", "long_name": "peak to peak of $F_d$"}
@@ -62,7 +62,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
             "spring_force": ("time", runs[0]["spring_force"].to_numpy(), LABELS["spring_force"]),
             "drive_velocity": ("time", runs[0]["drive_velocity"].to_numpy(), LABELS["drive_velocity"]),
             **{
-                name: ("seed", _known([getattr(f, name) for f in found]), {**speed, "long_name": f"{name} of the ramp"})
+                name: ("seed", np.array([float(f[name]) for f in found]), {**speed, "long_name": f"{name} of the ramp"})
                 for name in _NAMES
             },
             "v1_linear": (
@@ -70,20 +70,16 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
                 onset[0] if onset else np.nan,
                 {**speed, "long_name": "v1: smooth sliding loses stability (linear)"},
             ),
-            "up": ("v", loop["up"].to_numpy(), oscillations),
-            "down": ("v", loop["down"].to_numpy(), oscillations),
+            "up": ("v", found[0]["up"].to_numpy(), oscillations),
+            "down": ("v", found[0]["down"].to_numpy(), oscillations),
         },
         coords={
             "time": ("time", runs[0]["time"].to_numpy(), LABELS["time"]),
             "seed": ("seed", np.array(seeds), {"units": "1", "long_name": "seed"}),
-            "v": ("v", loop["drive_velocity"].to_numpy(), speed),
+            "v": ("v", found[0]["velocity"].to_numpy(), speed),
         },
         attrs={"count": count},
     )
-
-
-def _known(values: list[float | None]) -> Array:
-    return np.array([np.nan if value is None else value for value in values])
 
 
 def _claims(data: xr.Dataset) -> tuple[Claim, ...]:

@@ -9,6 +9,7 @@ from stickslip.simulation.run import (
     rerun,
     rig_of,
     simulate,
+    slider_constants,
     survival_table,
 )
 
@@ -21,5 +22,6 @@ __all__ = [
     "rerun",
     "rig_of",
     "simulate",
+    "slider_constants",
     "survival_table",
 ]

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.errors import InputError, instance
+from stickslip.errors import InputError, instance, shown
 from stickslip.io import datasets as store
 from stickslip.model import (
     Contacts,
@@ -46,10 +46,13 @@ from stickslip.model import (
 from stickslip.model.distributions import Distribution, SteadyState, panels
 from stickslip.model.drive import Drive, ForceAbove, ForceBelow, Piece, Travel, constant
 from stickslip.model.rig import Rig
-from stickslip.theory import gaussian_ageing, growth_model, lives
+from stickslip.theory import ageing_constants, gaussian_ageing, growth_model, lives
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from stickslip.kernels.drive import Quadratic
+    from stickslip.kernels.oscillator import Slider as SliderConstants
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -120,6 +123,8 @@ def simulate(
     told = rig.replace(**{name: value for name, value in changes.items() if value is not None})
     case = told.natural
     _check(case)
+    if progress is not None and not callable(progress):
+        raise InputError(f"simulate: progress = {shown(progress)}: must be a function of the fraction that is done")
     # Ageing contacts are followed in steps; samples finer than these show no more.
     times = _sample_times(case.slider, case.drive, case.output, angle=0.1 if case.interface.ageing is None else 0.35)
     motion = _Motion(case.interface, case.slider, case.drive, case.start, case.output, times)
@@ -178,8 +183,12 @@ def rig_of(run: xr.Dataset) -> Rig:
     content = store.read_provenance(run)
     if content["call"] != "simulate":
         raise InputError(f"this file was made by {content['call']!r}, not by `simulate`")
-    rig = store.decode(content["arguments"], store.records()).get("rig")
+    try:
+        rig = store.decode(content["arguments"], store.records()).get("rig")
+    except RecursionError:
+        rig = None
     instance("the provenance in this file", rig, Rig, "that of a rig; make the run again")
+    assert isinstance(rig, Rig)
     return rig
 
 
@@ -323,6 +332,8 @@ class _Snapshot:
         if not self.cells:
             counts, _ = np.histogram(self.stretching, edges, weights=self.share)
             return np.asarray(counts / np.diff(edges))
+        if self.stretching.size == 0:  # nothing is attached
+            return np.zeros(edges.size - 1)
         order = np.argsort(self.stretching)
         x, total = self.stretching[order], np.cumsum(self.share[order])
         between = np.append(0.5 * (x[1:] + x[:-1]), x[-1])
@@ -385,10 +396,21 @@ def _follow(motion: _Motion, method: Method, progress: Progress | None) -> None:
         first = motion.filled
         begin = engine.pull(pull, lambda t: report(min(t / total, 1.0)))
         sampled = slice(first, motion.filled)
+        _check_finite(motion, sampled)
         motion.drive_velocity[sampled] = pull.velocity(motion.times[sampled])
         motion.drive_position[sampled] = pull.displacement(motion.times[sampled])
         position = float(pull.displacement(np.asarray(begin)))
     report(1.0)
+
+
+def _check_finite(motion: _Motion, sampled: slice) -> None:
+    motions = motion.rows[sampled, : _COLUMNS.index("attached") + 1]
+    lost = np.flatnonzero(~np.isfinite(motions).all(axis=1))
+    if lost.size:
+        raise InputError(
+            f"simulate: from t = {motion.times[sampled][lost[0]]:g} on the numbers of the run are not finite: the rig "
+            f"has scales too far apart ({motion.slider}, drive of velocity {motion.drive.pieces[0].start:g})"
+        )
 
 
 def _engine(motion: _Motion, method: Method) -> _Engine:
@@ -410,13 +432,13 @@ def _engine(motion: _Motion, method: Method) -> _Engine:
 
 
 class _ContactsEngine:
-    """The event engine of `stickslip.kernels.contacts`, fed with random numbers in blocks of a fixed length."""
+    """The event engine of `stickslip.kernels.events`, fed with random numbers in blocks of a fixed length."""
 
     _BLOCK = 16_384
     _EVENTS = 400_000  # between two reports of progress: some 50 ms
 
     def __init__(self, motion: _Motion, method: Contacts) -> None:
-        from stickslip.kernels import contacts as kernel
+        from stickslip.kernels import events as kernel
 
         self._kernel, self._motion = kernel, motion
         self._distribution, self._delay = motion.interface.threshold_distribution, motion.interface.delay
@@ -426,15 +448,9 @@ class _ContactsEngine:
         self._threshold_rng, self._delay_rng = thresholds, delays
         x, threshold, pending = _first_contacts(motion, method.count, initial)
         self._state = kernel.make_state(-x, threshold, pending, self._delay.moment(1), velocity=motion.first_velocity)
+        self._slider = slider_constants(motion.slider)
         fixed = self._delay.time if isinstance(self._delay, Delay) else math.nan
-        slider = motion.slider
-        self._rig = (
-            kernel.Rig(0.0, 0.0, 0.0, fixed)
-            if slider is None
-            else kernel.Rig(slider.stiffness, 1.0 / slider.mass, slider.damping, fixed)
-        )
-        self._thresholds = self._distribution.sample(self._threshold_rng, self._BLOCK)
-        self._delays = np.empty(0)
+        self._draws = kernel.Draws(self._distribution.sample(self._threshold_rng, self._BLOCK), np.empty(0), fixed)
 
     def contact_force(self) -> float:
         """Force of the contacts now, per contact."""
@@ -442,31 +458,24 @@ class _ContactsEngine:
 
     def pull(self, pull: _Pull, report: Progress) -> float:
         """Follow a piece of the drive to its end."""
+        from stickslip.kernels.drive import Quadratic, Stop
+
         kernel, state, motion = self._kernel, self._state, self._motion
-        kind, value = pull.stop()
-        origin = float(state.motion[kernel.POSITION])
+        drive = Quadratic(pull.begin, pull.position, pull.piece.start, pull.piece.acceleration)
+        stop = Stop(*pull.stop(), float(state.motion[kernel.POSITION]))
+        sampling = kernel.Sampling(motion.times, motion.rows)
         while True:
-            piece = kernel.Piece(
-                t0=pull.begin,
-                end=pull.end,
-                D0=pull.position,
-                v0=pull.piece.start,
-                a=pull.piece.acceleration,
-                stop_kind=kind,
-                stop_value=value,
-                X0=origin,
-                look=motion.next_look,
-            )
-            why = kernel.advance(
-                state, self._rig, piece, motion.times, motion.rows, self._thresholds, self._delays, self._EVENTS
-            )
+            piece = kernel.Piece(drive, pull.end, stop, motion.next_look)
+            why = kernel.advance(state, self._slider, piece, sampling, self._draws, self._EVENTS)
             motion.filled = int(state.counts[kernel.SAMPLE])
             now = float(state.motion[kernel.TIME])
             if why == kernel.THRESHOLDS_USED_UP:
-                self._thresholds = self._distribution.sample(self._threshold_rng, self._BLOCK)
+                self._draws = self._draws._replace(
+                    thresholds=self._distribution.sample(self._threshold_rng, self._BLOCK)
+                )
                 state.counts[kernel.THRESHOLD] = 0
             elif why == kernel.DELAYS_USED_UP:
-                self._delays = self._delay.sample(self._delay_rng, self._BLOCK)
+                self._draws = self._draws._replace(delays=self._delay.sample(self._delay_rng, self._BLOCK))
                 state.counts[kernel.DELAY] = 0
             elif why == kernel.LOOK:
                 x = kernel.stretchings(state)
@@ -514,15 +523,11 @@ class _Cohorts:
         from stickslip.kernels import cohorts as kernel
 
         self._kernel, self._motion, self._cells = kernel, motion, float(method.cells)
-        interface, slider = motion.interface, motion.slider
+        interface = motion.interface
         self._table = kernel.tabulate(*survival_table(interface.threshold_distribution))
         delay, weight = interface.delay.quadrature()
-        self._rebirth = kernel.Rebirth(delay, weight, method.memoryless)
-        self._mechanics = (
-            kernel.Mechanics(0.0, 0.0, 0.0, True)
-            if slider is None
-            else kernel.Mechanics(slider.stiffness, slider.mass, slider.damping, False)
-        )
+        self._delays = kernel.Delays(delay, weight, method.memoryless)
+        self._slider = slider_constants(motion.slider)
         if isinstance(motion.start, FromRest):
             (x, share), rate = initial_nodes(interface), 0.0
         else:
@@ -530,7 +535,7 @@ class _Cohorts:
             x, share = kernel.smooth_sliding(self._table, self._cells, attached)
             rate = attached * motion.drive.pieces[0].start / interface.threshold_distribution.moment(1)
         self._state = kernel.initial_state(
-            self._table, self._rebirth, x, share, velocity=motion.first_velocity, rate=rate
+            self._table, self._delays, x, share, velocity=motion.first_velocity, rate=rate
         )
 
     def contact_force(self) -> float:
@@ -539,10 +544,11 @@ class _Cohorts:
 
     def pull(self, pull: _Pull, report: Progress) -> float:
         """Follow a piece of the drive to its end."""
+        from stickslip.kernels.drive import Quadratic, Stop
+
         kernel, motion = self._kernel, self._motion
-        drive = kernel.Pull(pull.begin, pull.position, pull.piece.start, pull.piece.acceleration)
-        kind, value = pull.stop()
-        stop = kernel.Stop(kind, value, float(self._state.scalar[kernel.POSITION]))
+        drive = Quadratic(pull.begin, pull.position, pull.piece.start, pull.piece.acceleration)
+        stop = Stop(*pull.stop(), float(self._state.scalar[kernel.POSITION]))
         # A sample on the seam of two pieces belongs to the later one; the last piece keeps its end.
         wanted = motion.times[motion.filled : np.searchsorted(motion.times, pull.end * (1 + 1e-12), side="right")]
         while True:
@@ -550,8 +556,8 @@ class _Cohorts:
             done = kernel.advance(
                 before,
                 self._table,
-                self._rebirth,
-                self._mechanics,
+                self._delays,
+                self._slider,
                 drive,
                 until=pull.end,
                 times=wanted,
@@ -568,8 +574,8 @@ class _Cohorts:
                 aside = kernel.advance(
                     before,
                     self._table,
-                    self._rebirth,
-                    self._mechanics,
+                    self._delays,
+                    self._slider,
                     drive,
                     until=motion.next_look,
                     times=np.empty(0),
@@ -605,7 +611,7 @@ class _Cohorts:
 class _Aged(Protocol):
     """A state of ageing contacts and the slider, and the kernel that advances it."""
 
-    def advance(self, drive: Array, times: Array, *, pausing: bool = False) -> Array:
+    def advance(self, drive: Quadratic, times: Array, *, pausing: bool = False) -> Array:
         """Advance to the last of `times`; X, V, F_d, F_c and the attached share at each.
 
         Pausing at each, a run that is cut short at one of them has gone the same way till there.
@@ -636,9 +642,11 @@ class _Ageing:
 
     def pull(self, pull: _Pull, report: Progress) -> float:
         """Follow a piece of the drive to its end."""
+        from stickslip.kernels.drive import Quadratic
+
         motion = self._motion
         self._pulled += 1
-        drive = np.array([[pull.begin, pull.position, pull.piece.start, pull.piece.acceleration]])
+        drive = Quadratic(pull.begin, pull.position, pull.piece.start, pull.piece.acceleration)
         kind, value = pull.stop()
         origin, now = self._X, pull.begin
         last = self._pulled == len(motion.drive.pieces)
@@ -698,55 +706,63 @@ def _settling_time(motion: _Motion, ageing: Langevin) -> float:
     return 5.0 * (motion.interface.threshold_distribution.moment(1) / velocity + delay) + 5.0 / ageing.rate**2
 
 
-def _ageing_parameters(motion: _Motion) -> Array:
-    ageing, distribution = gaussian_ageing(motion.interface)
-    return np.array([ageing.rate, distribution.mean, distribution.std, ageing.newborn])
+def _first_pull(motion: _Motion) -> Quadratic:
+    """Drive at the first velocity, on and on."""
+    from stickslip.kernels.drive import Quadratic
+
+    return Quadratic(0.0, 0.0, motion.drive.pieces[0].start, 0.0)
 
 
-def _ageing_slider(slider: Slider | None) -> Array:
-    if slider is None:
-        return np.array([math.inf, 1.0, 0.0])
-    return np.array([slider.stiffness, slider.mass, slider.damping])
+def slider_constants(slider: Slider | None) -> SliderConstants:
+    """Return a slider as the kernels take it; none is rigid motion."""
+    from stickslip.kernels.oscillator import RIGID
+    from stickslip.kernels.oscillator import Slider as SliderConstants
+
+    return RIGID if slider is None else SliderConstants(slider.stiffness, slider.mass, slider.damping)
 
 
 class _AgeingContacts:
-    """N contacts of `stickslip.kernels.ageing`."""
+    """N contacts of `stickslip.kernels.langevin_contacts`."""
 
     _DELAYS = 65_536
 
     def __init__(self, motion: _Motion, ageing: Langevin, method: Contacts) -> None:
+        from stickslip.kernels.langevin_contacts import Contacts as Sampled
+
         initial, thresholds, delays = (
             np.random.default_rng(seed) for seed in np.random.SeedSequence(method.seed).spawn(3)
         )
-        self._rng, self._distribution = thresholds, _ageing_parameters(motion)
+        self._rng, self._constants = thresholds, ageing_constants(motion.interface)
         delay = motion.interface.delay
         self._delays = delay.sample(delays, 1 if isinstance(delay, Delay) else self._DELAYS)
-        self._x, self._f, pending = _first_contacts(motion, method.count, initial)
-        self._attach = np.append(np.full(method.count - pending.size, -math.inf), pending)
+        x, threshold, pending = _first_contacts(motion, method.count, initial)
+        self._contacts = Sampled(x, threshold, np.append(np.full(method.count - pending.size, -math.inf), pending))
         self._state = np.zeros(4)
         if isinstance(motion.start, FromSliding):
-            self._slider = _ageing_slider(None)
+            self._slider = slider_constants(None)
             end = _settling_time(motion, ageing)
-            self.advance(np.array([[0.0, 0.0, motion.drive.pieces[0].start, 0.0]]), np.array([end]))
-            self._attach -= end
+            self.advance(_first_pull(motion), np.array([end]))
+            self._contacts.attach[:] -= end
             self._state[:2] = 0.0
         self._state[2] = motion.first_velocity
-        self._slider = _ageing_slider(motion.slider)
+        self._slider = slider_constants(motion.slider)
 
-    def advance(self, drive: Array, times: Array, *, pausing: bool = False) -> Array:
+    def advance(self, drive: Quadratic, times: Array, *, pausing: bool = False) -> Array:
         """Advance to the last of `times`."""
-        from stickslip.kernels.ageing import advance_contacts
+        from stickslip.kernels.langevin_contacts import advance_contacts
+        from stickslip.kernels.stepping import Course
 
-        contacts, rig = (self._x, self._f, self._attach), (drive, self._slider, self._distribution, self._delays)
-        return advance_contacts(self._state, *contacts, *rig, times, _AGEING_STEP, _AGEING_STEP, self._rng, pausing)
+        longest, reach = _AGEING_STEP / self._constants.rate**2, _AGEING_STEP * self._constants.mean
+        course = Course(drive, self._slider, times, longest, reach, pausing)
+        return advance_contacts(self._state, self._contacts, course, self._constants, self._delays, self._rng)
 
     def contact_force(self) -> float:
         """Force of the contacts now, per contact."""
-        return _mean_force(self._x, self._attach, self._state[0])
+        return _mean_force(self._contacts.stretching, self._contacts.attach, self._state[0])
 
     def stretchings(self) -> tuple[Array, Array, bool]:
         """Stretchings of attached contacts, and their fractions."""
-        return *_of_attached(self._x, self._attach, self._state[0]), False
+        return *_of_attached(self._contacts.stretching, self._contacts.attach, self._state[0]), False
 
 
 def _mean_force(x: Array, attach: Array, now: float) -> float:
@@ -761,7 +777,7 @@ def _of_attached(x: Array, attach: Array, now: float) -> tuple[Array, Array]:
 
 
 class _GrowingContacts:
-    """N contacts whose thresholds grow by a fixed rule, of `stickslip.kernels.ageing`."""
+    """N contacts whose thresholds grow by a fixed rule, of `stickslip.kernels.growth`."""
 
     _POOL = 65_536
 
@@ -769,23 +785,26 @@ class _GrowingContacts:
         initial, thresholds, delays = (
             np.random.default_rng(seed) for seed in np.random.SeedSequence(method.seed).spawn(3)
         )
+        from stickslip.kernels.growth import Growing
+
         interface = motion.interface
         self._growth, self._rng = growth_model(interface), thresholds
         self._pool = interface.threshold_distribution.sample(thresholds, self._POOL)
         delay = interface.delay
         self._delays = delay.sample(delays, 1 if isinstance(delay, Delay) else self._POOL)
-        self._slider = _ageing_slider(motion.slider)
+        self._slider = slider_constants(motion.slider)
         if isinstance(motion.start, FromRest):
             # Growth towards a strength has come to its end; growth without end begins.
             born = -math.inf if isinstance(interface.ageing, ExponentialGrowth) else 0.0
-            self._x, self._strength, _ = _first_contacts(motion, method.count, initial)
-            self._attach = np.full(method.count, born)
+            x, strength, _ = _first_contacts(motion, method.count, initial)
+            attach = np.full(method.count, born)
         else:
-            self._slide(motion, method.count, initial)
+            x, strength, attach = self._slide(motion, method.count, initial)
+        self._contacts = Growing(x, strength, attach)
         self._state = np.array([0.0, 0.0, motion.first_velocity, 0.0])
 
-    def _slide(self, motion: _Motion, count: int, rng: np.random.Generator) -> None:
-        """Contacts of steady sliding: long lives are met more often, and anywhere within them."""
+    def _slide(self, motion: _Motion, count: int, rng: np.random.Generator) -> tuple[Array, Array, Array]:
+        """Stretchings, strengths, births in steady sliding: long lives are met more often, and anywhere within them."""
         velocity, delay = motion.drive.pieces[0].start, motion.interface.delay
         life = lives(self._growth, self._pool, velocity)
         share = life.mean() / (life.mean() + delay.moment(1)) if life.any() else 0.0
@@ -794,59 +813,59 @@ class _GrowingContacts:
         age = rng.random(attached) * life[which]
         detached = count - attached
         pending = _pending(delay, detached, rng)
-        self._x = np.append(velocity * age, np.zeros(detached))
-        self._strength = np.append(self._pool[which], rng.choice(self._pool, detached))
-        self._attach = np.append(-age, pending)
+        strength = np.append(self._pool[which], rng.choice(self._pool, detached))
+        return np.append(velocity * age, np.zeros(detached)), strength, np.append(-age, pending)
 
-    def advance(self, drive: Array, times: Array, *, pausing: bool = False) -> Array:
+    def advance(self, drive: Quadratic, times: Array, *, pausing: bool = False) -> Array:
         """Advance to the last of `times`."""
-        from stickslip.kernels.ageing import advance_growing
+        from stickslip.kernels.growth import advance_growing
+        from stickslip.kernels.stepping import Course
 
-        contacts, rig = (self._x, self._strength, self._attach), (drive, self._slider, np.array(self._growth))
+        course = Course(drive, self._slider, times, math.inf, _GROWING_REACH, pausing)
         pools = self._pool, self._delays
-        return advance_growing(self._state, *contacts, *rig, *pools, times, _GROWING_REACH, self._rng, pausing)
+        return advance_growing(self._state, self._contacts, course, self._growth, *pools, self._rng)
 
     def contact_force(self) -> float:
         """Force of the contacts now, per contact."""
-        return _mean_force(self._x, self._attach, self._state[0])
+        return _mean_force(self._contacts.stretching, self._contacts.attach, self._state[0])
 
     def stretchings(self) -> tuple[Array, Array, bool]:
         """Stretchings of attached contacts, and their fractions."""
-        return *_of_attached(self._x, self._attach, self._state[0]), False
+        return *_of_attached(self._contacts.stretching, self._contacts.attach, self._state[0]), False
 
 
 class _AgeingDensity:
-    """The kinetic equation of `stickslip.kernels.ageing`."""
+    """The kinetic equation of `stickslip.kernels.langevin_density`."""
 
     def __init__(self, motion: _Motion, ageing: Langevin, method: MasterEquation) -> None:
-        from stickslip.kernels.ageing import gap_nodes
+        from stickslip.kernels.langevin_density import Cohorts, density_nodes
 
-        self._distribution = _ageing_parameters(motion)
-        _, mean, std, newborn = self._distribution.tolist()
+        self._constants = ageing_constants(motion.interface)
+        mean = self._constants.mean
         self._step = 4.0 / method.cells
-        self._nodes = gap_nodes(mean, std, newborn, method.cells / 40.0)
+        self._nodes = density_nodes(self._constants, method.cells / 40.0)
         sliding = isinstance(motion.start, FromSliding)
         cohorts = _first_cohorts(motion.interface, self._nodes, 4.0 * self._step * mean, steady=sliding)
         count, room = cohorts[0].size, math.ceil(self._nodes[-1] / (self._step * mean)) + 3
-        self._place, self._mass, self._moment = (
-            np.append(part, np.zeros((room, *part.shape[1:])), 0) for part in cohorts
-        )
+        self._cohorts = Cohorts(*(np.append(part, np.zeros((room, *part.shape[1:])), 0) for part in cohorts))
         self._state = np.array([0.0, 0.0, 0.0, 0.0, count, 0.0])
         if isinstance(motion.start, FromSliding):
-            self._slider = _ageing_slider(None)
+            self._slider = slider_constants(None)
             end = _settling_time(motion, ageing)
-            self.advance(np.array([[0.0, 0.0, motion.drive.pieces[0].start, 0.0]]), np.array([end]))
-            self._place -= self._state[1]
+            self.advance(_first_pull(motion), np.array([end]))
+            self._cohorts.place[:] -= self._state[1]
             self._state[:2] = 0.0
         self._state[2] = motion.first_velocity
-        self._slider = _ageing_slider(motion.slider)
+        self._slider = slider_constants(motion.slider)
 
-    def advance(self, drive: Array, times: Array, *, pausing: bool = False) -> Array:
+    def advance(self, drive: Quadratic, times: Array, *, pausing: bool = False) -> Array:
         """Advance to the last of `times`."""
-        from stickslip.kernels.ageing import advance_density
+        from stickslip.kernels.langevin_density import advance_density
+        from stickslip.kernels.stepping import Course
 
-        cohorts, rig = (self._place, self._mass, self._moment), (drive, self._slider, self._distribution)
-        return advance_density(self._state, *cohorts, self._nodes, *rig, times, self._step, self._step, pausing)
+        longest, reach = self._step / self._constants.rate**2, self._step * self._constants.mean
+        course = Course(drive, self._slider, times, longest, reach, pausing)
+        return advance_density(self._state, self._cohorts, self._nodes, course, self._constants)
 
     def contact_force(self) -> float:
         """Force of the contacts now, per contact."""
@@ -855,22 +874,21 @@ class _AgeingDensity:
 
     def stretchings(self) -> tuple[Array, Array, bool]:
         """Mean stretchings of the cohorts, and their fractions."""
-        share = self._mass.sum(axis=1)
+        share = self._cohorts.mass.sum(axis=1)
         kept = share > 0.0
-        place = self._place[kept] + self._moment[kept].sum(axis=1) / share[kept]
+        place = self._cohorts.place[kept] + self._cohorts.moment[kept].sum(axis=1) / share[kept]
         return self._state[1] - place, share[kept], True
 
 
 class _AgeingClosure:
-    """The paper's closure of `stickslip.kernels.ageing`: cohorts of stretchings, and one distribution of thresholds."""
+    """The paper's closure of `stickslip.kernels.closure`: cohorts of stretchings, and one distribution of thresholds."""
 
     def __init__(self, motion: _Motion, ageing: Langevin, method: PaperClosure) -> None:
-        from stickslip.kernels.ageing import threshold_edges
+        from stickslip.kernels.closure import Cohorts, Thresholds, threshold_edges
 
-        self._distribution = _ageing_parameters(motion)
-        _, mean, std, newborn = self._distribution.tolist()
-        self._reach = self._step = 4.0 / method.cells
-        self._edges = threshold_edges(mean, std, newborn, max(method.cells / 50.0, 2.0))
+        self._constants = ageing_constants(motion.interface)
+        self._step = 4.0 / method.cells
+        edges = threshold_edges(self._constants, max(method.cells / 50.0, 2.0))
         distribution = motion.interface.threshold_distribution
         sliding = isinstance(motion.start, FromSliding)
         start = (
@@ -879,38 +897,37 @@ class _AgeingClosure:
             else motion.interface
         )
         x, share = initial_nodes(start)
-        beyond = distribution.survival(self._edges)
-        self._thresholds = (beyond[:-1] - beyond[1:]) / (beyond[0] - beyond[-1])
-        room = x.size + math.ceil(3.0 / self._reach) + 20
-        self._place, self._weight = np.zeros(room), np.zeros(room)
-        self._place[: x.size], self._weight[: x.size] = -x, share
+        beyond = distribution.survival(edges)
+        self._thresholds = Thresholds(edges, (beyond[:-1] - beyond[1:]) / (beyond[0] - beyond[-1]))
+        room = x.size + math.ceil(3.0 / self._step) + 20
+        self._cohorts = Cohorts(np.zeros(room), np.zeros(room))
+        self._cohorts.place[: x.size], self._cohorts.weight[: x.size] = -x, share
         self._state = np.array([0.0, 0.0, 0.0, 0.0, x.size])
         if sliding:
-            self._slider = _ageing_slider(None)
+            self._slider = slider_constants(None)
             end = 2.0 * _settling_time(motion, ageing)  # one distribution for all settles more slowly
-            self.advance(np.array([[0.0, 0.0, motion.drive.pieces[0].start, 0.0]]), np.array([end]))
-            self._place -= self._state[1]
+            self.advance(_first_pull(motion), np.array([end]))
+            self._cohorts.place[:] -= self._state[1]
             self._state[:2] = 0.0
         self._state[2] = motion.first_velocity
-        self._slider = _ageing_slider(motion.slider)
+        self._slider = slider_constants(motion.slider)
 
-    def advance(self, drive: Array, times: Array, *, pausing: bool = False) -> Array:
+    def advance(self, drive: Quadratic, times: Array, *, pausing: bool = False) -> Array:
         """Advance to the last of `times`, with room for as many cohorts as it takes; its steps end at each."""
         del pausing
-        from stickslip.kernels.ageing import advance_closure
+        from stickslip.kernels.closure import Cohorts, advance_closure
+        from stickslip.kernels.stepping import Course
 
+        longest, reach = self._step / self._constants.rate**2, self._step * self._constants.mean
+        course = Course(drive, self._slider, times, longest, reach)
         while True:
-            state, place, weight, distribution = (
-                a.copy() for a in (self._state, self._place, self._weight, self._thresholds)
-            )
+            state, cohorts, thresholds = copy.deepcopy((self._state, self._cohorts, self._thresholds))
             try:
-                rig = (self._edges, drive, self._slider, self._distribution, times)
-                samples = advance_closure(state, place, weight, distribution, *rig, self._step, self._reach)
+                samples = advance_closure(state, cohorts, thresholds, course, self._constants)
             except ValueError:  # no room for another cohort
-                self._place = np.append(self._place, np.zeros(place.size))
-                self._weight = np.append(self._weight, np.zeros(weight.size))
+                self._cohorts = Cohorts(*(np.append(part, np.zeros(part.size)) for part in self._cohorts))
                 continue
-            self._state, self._place, self._weight, self._thresholds = state, place, weight, distribution
+            self._state, self._cohorts, self._thresholds = state, cohorts, thresholds
             return samples
 
     def contact_force(self) -> float:
@@ -921,7 +938,7 @@ class _AgeingClosure:
     def stretchings(self) -> tuple[Array, Array, bool]:
         """Stretchings of the cohorts, and their fractions."""
         count = int(self._state[4])
-        return self._state[1] - self._place[:count], self._weight[:count], True
+        return self._state[1] - self._cohorts.place[:count], self._cohorts.weight[:count], True
 
 
 def _first_cohorts(interface: Interface, gaps: Array, width: float, *, steady: bool) -> tuple[Array, Array, Array]:
@@ -929,7 +946,7 @@ def _first_cohorts(interface: Interface, gaps: Array, width: float, *, steady: b
 
     Returns their places of birth, the fraction of contacts by cohort and gap, and its moment about these places.
     """
-    from stickslip.kernels.ageing import gap_widths
+    from stickslip.kernels.langevin_density import cell_widths
 
     distribution = interface.threshold_distribution
     x, share = initial_nodes(
@@ -937,7 +954,7 @@ def _first_cohorts(interface: Interface, gaps: Array, width: float, *, steady: b
     )
     kept = share > 1e-12
     x, share = x[kept], share[kept]
-    mass = distribution.density(gaps + np.abs(x)[:, None]) * gap_widths(gaps)
+    mass = distribution.density(gaps + np.abs(x)[:, None]) * cell_widths(gaps)
     mass[:, 0] = 0.0  # none is on its boundary
     mass *= (share / mass.sum(axis=1) / share.sum())[:, None]
     # Those pulled back and those pulled ahead apart: as the slider moves, the gaps of ones widen, of others narrow.

@@ -1,7 +1,7 @@
 """The linear response of contacts whose thresholds age by `Langevin`.
 
 The dynamic stiffness comes from the linearised kinetic equation of Eqs. (13)-(17), see
-`stickslip.kernels.ageing.dynamic_stiffness_ageing`; it has no closed form. In units of ``rate**2`` it depends on the
+`stickslip.kernels.langevin_response`; it has no closed form. In units of ``rate**2`` it depends on the
 reduced speed ``u = v/(rate**2 f_0)`` and on ``s/rate**2`` alone, so one table serves all rates, speeds and rigs: what a
 life contributes is computed on the imaginary axis at fixed values of u, when they are first needed, and interpolated
 between them. Delays enter in closed form.
@@ -172,10 +172,11 @@ def aged_response(interface: Interface) -> AgedResponse:
 
 def _life(u: float, delta: float, newborn: float, p: ComplexArray, cells: int) -> tuple[ComplexArray, float]:
     """Transforms of one life, shape (4, n), and its mean length (1 for newborns without strength), from two grids."""
-    from stickslip.kernels.ageing import life_transforms
+    from stickslip.kernels.langevin import Life
+    from stickslip.kernels.langevin_response import life_transforms
 
     points = np.asarray(p, dtype=np.complex128).ravel()
-    coarse, fine = (life_transforms(u, delta, newborn, points, n) for n in (cells, 2 * cells))
+    coarse, fine = (life_transforms(Life(u, delta, newborn), points, n) for n in (cells, 2 * cells))
     if newborn == 0:  # lives from the boundary are known up to a factor that depends on the grid
         coarse, fine = coarse / coarse[0, -1], fine / fine[0, -1]
     parts = (4.0 * fine - coarse) / 3.0

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stickslip.errors import InputError, UndecidedError, number
+from stickslip.errors import InputError, UndecidedError, instance, number, shown
 from stickslip.model import Delay, DelayModel, Interface
 from stickslip.model.distributions import Distribution, Exponential, Gamma, Gaussian, LogNormal, Weibull
 from stickslip.stability.aged import AgedResponse, aged_response
@@ -70,7 +70,10 @@ def dynamic_stiffness(interface: Interface, velocity: float, s: ArrayLike) -> Co
     2e-4.
     """
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
-    points = np.asarray(s, dtype=complex)
+    try:
+        points = np.asarray(s, dtype=complex)
+    except (TypeError, ValueError):
+        raise InputError(f"s = {shown(s)}: must be a complex number, or an array of them (in 1/time)") from None
     response = respond(interface)
     if isinstance(response, AgedResponse):
         return response.exact(speed, points)
@@ -207,6 +210,7 @@ def respond(interface: Interface) -> Response | AgedResponse:
     InputError
         If the interface has no steady sliding, or one whose response is not known.
     """
+    instance("interface", interface, Interface, "an Interface")
     if interface.ageing is not None:
         return aged_response(interface)
     return _respond(_key(interface.threshold_distribution), _key(interface.delay))

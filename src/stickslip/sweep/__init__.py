@@ -1,22 +1,48 @@
 """Many cases over named axes, on any executor, resumable; and boundaries found with few runs.
 
-Sweeps that a file describes are read by `stickslip.sweep.plan`.
+Of a rig: `stickslip.sweep` called as a function, and files, which `stickslip.sweep.plan` reads. Of any function:
+`run_cases` and `refine`.
 """
 
-from stickslip.sweep._pools import Processes, Threads
+import sys
+from types import ModuleType
+from typing import Any
+
+from stickslip.sweep._executors import Processes, Threads
+from stickslip.sweep._grid import Status, in_words, open_sweep, run_cases, status_of
 from stickslip.sweep._refine import Span, refine
-from stickslip.sweep._run import Failure, Progress, Summary, failures, open_sweep, summary, sweep
+from stickslip.sweep._results import Failure, Summary, failures, summary
+from stickslip.sweep._run import MAX_CASES, Progress
+from stickslip.sweep._table import is_store
 
 __all__ = [
+    "MAX_CASES",
     "Failure",
     "Processes",
     "Progress",
     "Span",
+    "Status",
     "Summary",
     "Threads",
     "failures",
+    "in_words",
+    "is_store",
     "open_sweep",
     "refine",
+    "run_cases",
+    "status_of",
     "summary",
-    "sweep",
 ]
+
+
+class _Callable(ModuleType):
+    """The room of the sweeps is also their public function: ``stickslip.sweep(rig, axes)``."""
+
+    def __call__(self, *arguments: Any, **options: Any) -> Any:
+        """Run a rig over some of its parameters; see `stickslip.sweep.plan.sweep`."""
+        from stickslip.sweep.plan import sweep
+
+        return sweep(*arguments, **options)
+
+
+sys.modules[__name__].__class__ = _Callable

@@ -1,12 +1,10 @@
-"""Find where a regime changes in a plane, with far fewer runs than a grid: explore, find, polish."""
+"""Find where a category changes in a plane, with far fewer runs than a grid: explore, find, polish."""
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, Executor
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -16,11 +14,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError, number, whole
-from stickslip.sweep import _store
-from stickslip.sweep._content import AxisValue, cell_content, cell_key, identity_digest
-from stickslip.sweep._pools import Pool, Processes, Threads, open_pool
-from stickslip.sweep._run import Progress, check_case, check_measure, died, identity_of_code, name_of
-from stickslip.sweep._worker import CannotLoadError, Case, Job, Outcome, package_version
+from stickslip.sweep._cases import (
+    AxisValue,
+    Function,
+    Job,
+    Values,
+    case_key,
+    check_function,
+    check_name,
+    identity_of,
+)
+from stickslip.sweep._executors import Workers
+from stickslip.sweep._results import (
+    NO_RESULT,
+    Columns,
+    Grid,
+    Head,
+    attributes_of,
+    attributes_of_all,
+    flags_of,
+    head_of,
+)
+from stickslip.sweep._run import MAX_CASES, Progress, Runner, check_size
+from stickslip.sweep._table import Table
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -28,9 +44,8 @@ if TYPE_CHECKING:
 Point = tuple[float, float]
 Array = NDArray[np.float64]
 
-FORMAT = "stickslip-refine"
 EXPLORE, FIND = 0.25, 0.55
-"""Fractions of the runs after which exploring ends (evenly over the box), and finding (where labels differ)."""
+"""Fractions of the runs after which exploring ends (evenly over the box), and finding (where categories differ)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,147 +70,160 @@ class Span:
         if self.log:
             number("Span.low", self.low, above=0, hint="an axis of equal ratios")
 
-    def value(self, share: float) -> float:
+    def value(self, fraction: float) -> float:
         """Return the value at a fraction of the way from `low` (0) to `high` (1)."""
         if self.log:
-            value = self.low * math.exp(share * math.log(self.high / self.low))
+            value = self.low * math.exp(fraction * math.log(self.high / self.low))
         else:
-            value = self.low + (self.high - self.low) * share
+            value = self.low + (self.high - self.low) * fraction
         return min(max(value, self.low), self.high)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Labelled:
-    """Measure of a refinement: the label alone."""
-
-    label: Callable[[Any], object]
-
-    def __call__(self, result: object) -> dict[str, object]:
-        return {"label": self.label(result)}
-
-
 def refine(
-    case: Case,
+    function: Function,
     box: Mapping[str, Span | tuple[float, float]],
-    label: Callable[[Any], object],
+    label: str,
     *,
+    each: Mapping[str, Sequence[AxisValue]] | None = None,
     runs: int = 160,
     resolution: float = 1 / 40,
-    executor: Threads | Processes | Executor | None = None,
+    executor: Workers | None = None,
     store: str | PathLike[str] | None = None,
     seed: int = 0,
     together: int = 8,
     progress: Callable[[Progress], object] | None = None,
+    attributes: Mapping[str, Mapping[str, Any]] | None = None,
+    categories: Mapping[str, Sequence[str]] | None = None,
     fingerprint: object = None,
+    notes: Mapping[str, str] | None = None,
+    retry_failed: bool = False,
+    max_cases: int = MAX_CASES,
 ) -> xr.Dataset:
-    """Find the boundaries between the regions of a plane in which a case gets the same label.
+    """Find the boundaries between the regions of a plane in which a function returns the same category.
 
-    A quarter of the runs is spread over the box, the next go where labels differ (`adaptive.Learner2D`), the
+    A quarter of the runs is spread over the box, the next go where categories differ (`adaptive.Learner2D`), the
     last bisect lines across the boundary. A region that all of the first quarter miss is not found. With
-    hysteresis, call it once for each branch, with a case that starts on it.
+    hysteresis, search for each branch, with cases that start on it; see `each`.
 
     Parameters
     ----------
-    case : callable
-        As for `sweep`.
+    function : callable
+        As for `run_cases`.
     box : mapping of two names to Span or (low, high)
         The plane.
-    label : callable
-        Called with the result of `case`; returns a text or a number, the same all over a region.
+    label : str
+        Name under which the function returns the category, a text or a number, the same all over a region.
+    each : mapping of name to values, optional
+        Further parameters of the function; every combination of their values gets a search of its own.
     runs : int
-        Runs to spend at most; at least 16.
+        Runs to spend on a search at most; at least 16.
     resolution : float
         Lines across the boundary are bisected until they are this short, as a fraction of the box.
-    executor, seed, progress, fingerprint
-        As for `sweep`.
-    store : path, optional
-        File that keeps each run as it finishes; a second start with the same case makes no run twice, also
-        with more runs or in another box.
     together : int
         Runs made at a time. The result depends on it, but not on the executor or the number of workers.
+    store, executor, seed, progress, attributes, categories, fingerprint, notes, retry_failed, max_cases
+        As for `run_cases`. A second start makes no run twice, also with more runs or in another box.
 
     Returns
     -------
     xarray.Dataset
-        Along ``run``: the two coordinates, ``label`` and ``error``. Along ``crossing``: a point of the
-        boundary each, ``<name>_at``, the ``<name>_error`` to either side, and the labels ``from_label`` and
-        ``to_label`` there.
+        Along ``run``: the coordinates, all that the function returned, ``status`` and ``error``. Along ``crossing``: a
+        point of the boundary each, ``<name>_at``, the ``<name>_error`` to either side, and the categories
+        ``from_<label>`` and ``to_<label>`` there.
 
     Raises
     ------
     InputError
-        If an argument cannot be used, or the package ``adaptive`` is missing.
+        As `run_cases`, and if the package ``adaptive`` is missing.
+
+    Examples
+    --------
+    >>> from stickslip.sweep import refine
+    >>> def side(x, y):
+    ...     return {"side": "above" if y > 0.3 + 0.4 * x else "below"}
+    >>> found = refine(side, {"x": (0, 1), "y": (0, 1)}, "side", runs=60)
+    >>> bool((abs(found["y_at"] - 0.3 - 0.4 * found["x_at"]) < 0.03).all())
+    True
     """
-    spans = _spans(box)
+    spans, branches = _spans(box), Grid({name: list(values) for name, values in (each or {}).items()})
+    names = [*spans, *branches.axes]
+    for name in names:
+        check_name("box", name)
     runs = whole("runs", runs, at_least=16)
-    together = whole("together", together, at_least=1)
-    resolution = number("resolution", resolution, above=0, below=1)
+    check_size(runs * len(branches), max_cases)
     seed = whole("seed", seed, at_least=0)
-    asks_seed = check_case(case, list(spans))
-    check_measure("label", label)
-    job = Job(case=case, measure=_Labelled(label=label), seed=seed if asks_seed else None)
-    identity = identity_of_code({"case": case, "label": label}, seed, fingerprint)
-    with ExitStack() as stack:
-        journal = None if store is None else stack.enter_context(_open_journal(Path(store), identity))
-        pool = stack.enter_context(open_pool(executor, job))
-        search = _Search(spans, pool, journal, identity, runs, progress)
-        search.find(together)
-        brackets = search.polish(together, resolution)
-    return _dataset(search, brackets, _provenance(job, spans, seed, runs, resolution, together, identity))
+    asks_seed = check_function(function, names)
+    identity = identity_of(function, names, seed, fingerprint)
+    head = head_of(function, identity, seed, attributes or {}, categories or {}, notes or {}) | {
+        "box": {name: [span.low, span.high, span.log] for name, span in spans.items()},
+        "each": branches.axes,
+        "label": label,
+        "runs": runs,
+        "resolution": number("resolution", resolution, above=0, below=1),
+        "together": whole("together", together, at_least=1),
+    }
+    job = Job(function=function, seed=seed if asks_seed else None)
+    with Table(None if store is None else Path(store), head) as table:
+        with Runner(job, table, executor, runs * len(branches), progress, retry_failed) as runner:
+            searches = [_Search(table, values, runner.run) for values in branches]
+            for search in searches:
+                search.go()
+        table.keep_head(complete=sum(len(search.points) for search in searches))
+        return _dataset(table, searches)
+
+
+def replay(table: Table) -> xr.Dataset:
+    """Make the Dataset of a refinement from its table alone, as far as its runs go."""
+
+    def none(cases: Sequence[Values]) -> None:
+        if any(case_key(values) not in table for values in cases):
+            raise _UnfinishedError
+
+    searches = [_Search(table, values, none) for values in Grid(table.head["each"])]
+    for search in searches:
+        with suppress(_UnfinishedError):
+            search.go()
+    return _dataset(table, searches)
+
+
+class _UnfinishedError(Exception):
+    """A run is missing."""
 
 
 class _Search:
-    """The runs made so far, in fractions of the box."""
+    """The runs of one search so far, as fractions of the box, and the lines across the boundary."""
 
-    def __init__(
-        self,
-        spans: Mapping[str, Span],
-        pool: Pool,
-        journal: _Journal | None,
-        identity: Mapping[str, str],
-        runs: int,
-        progress: Callable[[Progress], object] | None,
-    ) -> None:
-        self.spans, self.runs = spans, runs
-        self.outcomes: dict[Point, Outcome] = {}
-        self._pool, self._journal, self._progress = pool, journal, progress
-        self._head = identity_digest(identity)
-        self._found = 0
+    def __init__(self, table: Table, fixed: Values, run: Callable[[Sequence[Values]], None]) -> None:
+        self.table, self.fixed, self._run = table, fixed, run
+        self.spans = {name: Span(low=a, high=b, log=log) for name, (a, b, log) in table.head["box"].items()}
+        self.points: dict[Point, Any] = {}
+        self.brackets: list[tuple[Point, Point]] = []
 
-    @property
-    def left(self) -> int:
-        """Runs still to spend."""
-        return self.runs - len(self.outcomes)
+    def go(self) -> None:
+        """Search."""
+        head = self.table.head
+        self._find(head["runs"], head["together"])
+        self._polish(head["runs"], head["together"], head["resolution"])
 
     def values(self, point: Point) -> dict[str, AxisValue]:
-        """Values of the axes at a point."""
-        return {name: span.value(share) for (name, span), share in zip(self.spans.items(), point, strict=True)}
+        """Values of the parameters at a point."""
+        here = {name: span.value(part) for (name, span), part in zip(self.spans.items(), point, strict=True)}
+        return here | dict(self.fixed)
 
-    def label(self, point: Point) -> Any:
-        """Label found at a point; None if the case failed there."""
-        outcome = self.outcomes[point]
-        return None if isinstance(outcome, str) else outcome["label"]
+    def _evaluate(self, points: Sequence[Point]) -> None:
+        """Learn the category at each point; None where the case failed."""
+        cases = [self.values(point) for point in points]
+        self._run(cases)
+        name = self.table.head["label"]
+        for point, values in zip(points, cases, strict=True):
+            result = self.table.get(case_key(values)).get("result")
+            found = None if result is None else result.get(name, result)
+            if isinstance(found, (dict, list)):
+                raise InputError(f"label = {name!r}: the function must return a text or a number under this name")
+            self.points[point] = found
 
-    def run(self, points: Sequence[Point]) -> None:
-        """Run a case at each point, unless the journal knows it."""
-        keys = [cell_key(self._head, cell_content(self.values(point))) for point in points]
-        known = self._journal.known if self._journal else {}
-        todo = [i for i, key in enumerate(keys) if key not in known]
-        fresh = dict(zip(todo, _evaluate(self._pool, [self.values(points[i]) for i in todo]), strict=True))
-        for i, (point, key) in enumerate(zip(points, keys, strict=True)):
-            outcome = fresh[i] if i in fresh else known[key]
-            if not isinstance(outcome, str) and not isinstance(outcome["label"], (str, float)):
-                outcome = f"TypeError: label returned {outcome['label']!r}: must be a text or a number"
-            if self._journal is not None and i in fresh:
-                self._journal.add(key, outcome)
-            self._found += i not in fresh
-            self.outcomes[point] = outcome
-        if self._progress is not None:
-            failed = sum(isinstance(outcome, str) for outcome in self.outcomes.values())
-            self._progress(Progress(total=self.runs, finished=len(self.outcomes), failed=failed, found=self._found))
-
-    def find(self, together: int) -> None:
-        """Standard deviation runs over the box, then send them where labels differ."""
+    def _find(self, runs: int, together: int) -> None:
+        """Standard deviation runs over the box, then send them where categories differ."""
         learner_class = _learner_class()
         classes: dict[Any, int] = {}
         exploring = True
@@ -210,45 +238,43 @@ class _Search:
 
         learner = learner_class(None, bounds=((0.0, 1.0), (0.0, 1.0)), loss_per_triangle=loss)
         learner.stack_size = 1
-        while len(self.outcomes) < FIND * self.runs:
-            exploring = len(self.outcomes) < EXPLORE * self.runs
-            count = min(together, math.ceil(FIND * self.runs) - len(self.outcomes))
+        while len(self.points) < FIND * runs:
+            exploring = len(self.points) < EXPLORE * runs
+            count = min(together, math.ceil(FIND * runs) - len(self.points))
             points = [(float(x), float(y)) for x, y in learner.ask(count)[0]]
-            self.run(points)
+            self._evaluate(points)
             for point in points:
-                found = self.label(point)
-                # A case that failed says nothing about regimes: its triangles are not looked into.
+                found = self.points[point]
+                # A case that failed says nothing about categories: its triangles are not looked into.
                 learner.tell(point, -1 if found is None else classes.setdefault(found, len(classes)))
 
-    def polish(self, together: int, resolution: float) -> list[tuple[Point, Point]]:
+    def _polish(self, runs: int, together: int, resolution: float) -> None:
         """Bisect lines across the boundary, spread along it, as many as the runs left are enough for."""
         brackets = self._crossings()
         if not brackets:
-            return []
+            return
         cost = [max(0, math.ceil(math.log2(_length(bracket) / resolution))) for bracket in brackets]
-        chosen = _std(brackets, cost, self.left)
-        open_ones = [i for i in chosen if cost[i] > 0]
-        while open_ones:
-            batch = open_ones[:together]
-            middles = [_middle(brackets[i]) for i in batch]
-            self.run([middle for middle in dict.fromkeys(middles) if middle not in self.outcomes])
+        chosen = _far_apart(brackets, cost, runs - len(self.points))
+        self.brackets = [brackets[i] for i in chosen]
+        waiting = [i for i, bracket in enumerate(self.brackets) if _length(bracket) > resolution]
+        while waiting:
+            batch, waiting = waiting[:together], waiting[together:]
+            middles = [_middle(self.brackets[i]) for i in batch]
+            self._evaluate([middle for middle in dict.fromkeys(middles) if middle not in self.points])
             for i, middle in zip(batch, middles, strict=True):
-                low, high = brackets[i]
-                found = self.label(middle)
+                low, high = self.brackets[i]
+                found = self.points[middle]
                 if found is None:  # no further here
-                    open_ones.remove(i)
                     continue
-                brackets[i] = (middle, high) if found == self.label(low) else (low, middle)
-                if _length(brackets[i]) <= resolution:
-                    open_ones.remove(i)
-            open_ones = [i for i in open_ones if i not in batch] + [i for i in batch if i in open_ones]
-        return [brackets[i] for i in chosen]
+                self.brackets[i] = (middle, high) if found == self.points[low] else (low, middle)
+                if _length(self.brackets[i]) > resolution:
+                    waiting.append(i)
 
     def _crossings(self) -> list[tuple[Point, Point]]:
-        """Edges of the triangulation whose ends have different labels."""
+        """Edges of the triangulation whose ends are in different categories."""
         from scipy.spatial import Delaunay
 
-        points = [point for point in self.outcomes if self.label(point) is not None]
+        points = [point for point, found in self.points.items() if found is not None]
         if len(points) < 3:
             return []
         edges = {
@@ -257,41 +283,13 @@ class _Search:
             for i, j in ((simplex[0], simplex[1]), (simplex[1], simplex[2]), (simplex[2], simplex[0]))
         }
         crossing = [(points[i], points[j]) for i, j in sorted(edges)]
-        return [(low, high) for low, high in crossing if self.label(low) != self.label(high)]
+        return [(low, high) for low, high in crossing if self.points[low] != self.points[high]]
 
 
 # ---------------------------------------------------------------- parts
 
 
-def _evaluate(pool: Pool, cells: Sequence[Mapping[str, AxisValue]]) -> list[Outcome]:
-    """Run cases, each on its own; one whose worker dies three times is recorded as failed."""
-    outcomes: dict[int, Outcome] = {}
-    for attempt in range(3):
-        todo = [i for i in range(len(cells)) if i not in outcomes]
-        # With the last chance each runs alone: then it is clear whose case it was.
-        for group in [[i] for i in todo] if attempt == 2 else [todo]:
-            try:
-                futures = {i: pool.submit([cells[i]], math.inf) for i in group}
-                for i, future in futures.items():
-                    outcomes[i] = future.result()[0][0]
-            except BrokenExecutor as error:
-                if not pool.replaceable:
-                    raise InputError(
-                        f"executor = {pool.given!r}: has lost a worker and cannot be built anew from here"
-                    ) from error
-                pool.rebuild()
-            except CannotLoadError as error:
-                raise InputError(
-                    f"case, label: the workers cannot load them ({error}); define them in a module that the "
-                    "workers can import, or use Threads(n)"
-                ) from error
-            except Exception as error:
-                if type(error).__name__ != "KilledWorker":  # of dask
-                    raise InputError(f"executor: dropped a case ({type(error).__name__}: {error})") from error
-    return [outcomes.get(i, died()) for i in range(len(cells))]
-
-
-def _std(brackets: Sequence[tuple[Point, Point]], cost: Sequence[int], budget: int) -> list[int]:
+def _far_apart(brackets: Sequence[tuple[Point, Point]], cost: Sequence[int], budget: int) -> list[int]:
     """Choose lines far from one another, until the runs are spent."""
     middles = np.array([_middle(bracket) for bracket in brackets])
     distance = np.full(len(brackets), np.inf)
@@ -320,7 +318,6 @@ def _spans(box: Mapping[str, Span | tuple[float, float]]) -> dict[str, Span]:
         raise InputError(f"box = {dict(box)!r}: must name two axes")
     spans = {}
     for name, given in box.items():
-        _store.check_name("box", name)
         if isinstance(given, Span):
             spans[name] = given
             continue
@@ -336,108 +333,52 @@ def _learner_class() -> Any:
     try:
         from adaptive import Learner2D
     except ImportError:
-        raise InputError("refine needs the adaptive package: pip install stickslip[sweep]") from None
+        raise InputError("refine needs the adaptive package: pip install 'stickslip[sweep]'") from None
     return Learner2D
 
 
-def _dataset(search: _Search, brackets: list[tuple[Point, Point]], provenance: str) -> xr.Dataset:
+def _dataset(table: Table, searches: Sequence[_Search]) -> xr.Dataset:
     import xarray as xr
 
-    data: dict[str, Any] = {}
-    points = list(search.outcomes)
-    text = any(isinstance(search.label(point), str) for point in points)
-    blank: Any = "" if text else math.nan
-
-    def labels(where: Sequence[Point]) -> NDArray[Any]:
-        found = [search.label(point) for point in where]
-        return np.array([blank if one is None else one for one in found], dtype=object if text else float)
-
-    def about(name: str) -> dict[str, str]:
-        return {"long_name": name, "units": "natural units"}
-
-    for name in search.spans:
-        data[name] = ("run", [search.values(point)[name] for point in points], about(name))
-        low = np.array([search.values(low)[name] for low, _ in brackets], dtype=float)
-        high = np.array([search.values(high)[name] for _, high in brackets], dtype=float)
-        data[f"{name}_at"] = ("crossing", (low + high) / 2, about(f"{name} on the boundary"))
-        data[f"{name}_error"] = (
-            "crossing",
-            np.abs(high - low) / 2,
-            about(f"uncertainty of {name}, either side"),
+    head = table.head
+    cases = [search.values(point) for search in searches for point in search.points]
+    brackets = [(search, *bracket) for search in searches for bracket in search.brackets]
+    columns = Columns(head, len(cases), reserved=("run", "crossing"))
+    for i, values in enumerate(cases):
+        columns.put(i, table.get(case_key(values)))
+    data = columns.variables(("run",), (len(cases),))
+    for name in head["box"]:
+        low, high = (
+            np.array([search.values(ends[side])[name] for search, *ends in brackets], dtype=float) for side in (0, 1)
         )
-    errors = [outcome if isinstance(outcome, str) else "" for outcome in search.outcomes.values()]
-    as_error = {"long_name": "error of the case, empty if it went well", "units": "text"}
-    data["label"] = ("run", labels(points), about("label of the case"))
-    data["error"] = ("run", np.array(errors, dtype=object), as_error)
-    data["from_label"] = ("crossing", labels([low for low, _ in brackets]), about("label on one side"))
-    data["to_label"] = ("crossing", labels([high for _, high in brackets]), about("label on the other side"))
-    dataset = xr.Dataset(data, attrs={"provenance": provenance})
-    return dataset.set_coords(list(search.spans))
-
-
-def _provenance(
-    job: Job,
-    spans: Mapping[str, Span],
-    seed: int,
-    runs: int,
-    resolution: float,
-    together: int,
-    identity: Mapping[str, str],
-) -> str:
-    label = job.measure.label if isinstance(job.measure, _Labelled) else job.measure
-    record = {
-        "format": FORMAT,
-        "format_version": _store.VERSION,
-        "stickslip": package_version(),
-        "case": name_of(job.case),
-        "label": name_of(label),
-        "box": {name: [span.low, span.high, span.log] for name, span in spans.items()},
-        "seed": seed,
-        "runs": runs,
-        "resolution": resolution,
-        "together": together,
-        "identity": dict(sorted(identity.items())),
+        about = attributes_of(head, name)
+        title = about["long_name"]
+        data[f"{name}_at"] = ("crossing", (low + high) / 2, about | {"long_name": f"{title}, on the boundary"})
+        data[f"{name}_error"] = ("crossing", abs(high - low) / 2, about | {"long_name": f"{title}, uncertainty"})
+    for name in head["each"]:
+        along = _together([search.fixed[name] for search, *_ in brackets])
+        data[f"{name}_at"] = ("crossing", along, attributes_of(head, name))
+    label = head["label"]
+    for side, prefix in enumerate(("from", "to")):
+        found = _labels(head, [search.points[ends[side]] for search, *ends in brackets])
+        about = attributes_of(head, label, flags_of(head, label))
+        about["long_name"] = (
+            f"{about['long_name']}, on one side" if side == 0 else f"{about['long_name']}, on the other"
+        )
+        data[f"{prefix}_{label}"] = ("crossing", found, about)
+    axes = {
+        name: ("run", _together([values[name] for values in cases]), attributes_of(head, name))
+        for name in (*head["box"], *head["each"])
     }
-    return json.dumps(record)
+    return xr.Dataset(data, axes | columns.coordinates, attributes_of_all(head))
 
 
-class _Journal:
-    """Runs kept in a file, one line each; a line cut short by a kill counts as not written."""
-
-    def __init__(self, path: Path, identity: Mapping[str, str]) -> None:
-        self._path = path
-        self.known: dict[int, Outcome] = {}
-        head = json.dumps({"format": FORMAT, "format_version": _store.VERSION, "identity": dict(identity)})
-        with _store.writing(path):
-            lines = path.read_text(encoding="utf-8").splitlines(keepends=True) if path.exists() else []
-            if lines and not lines[-1].endswith("\n"):
-                lines.pop()
-                path.write_text("".join(lines), encoding="utf-8")
-            if not lines:
-                path.write_text(head + "\n", encoding="utf-8")
-                return
-        try:
-            found = json.loads(lines[0])
-            there, form = found["identity"], (found["format"], found["format_version"])
-        except (ValueError, KeyError, TypeError):
-            there, form = {}, ("", 0)
-        if form != (FORMAT, _store.VERSION):
-            raise InputError(f"store = {str(path)!r}: is not the file of a refinement; choose another")
-        _store.check_identity(path, there, identity)
-        for line in lines[1:]:
-            key, outcome = json.loads(line)
-            self.known[int(key)] = outcome
-
-    def add(self, key: int, outcome: Outcome) -> None:
-        """Write down one run."""
-        with _store.writing(self._path), self._path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps([key, outcome]) + "\n")
-        self.known[key] = outcome
+def _labels(head: Head, found: Sequence[Any]) -> NDArray[Any]:
+    words = head["categories"].get(head["label"])
+    if words is None:
+        return _together(found)
+    return np.array([words.index(word) if word in words else NO_RESULT for word in found], dtype=np.int8)
 
 
-@contextmanager
-def _open_journal(path: Path, identity: Mapping[str, str]) -> Iterator[_Journal]:
-    if path.is_dir():
-        raise InputError(f"store = {str(path)!r}: is a directory; a refinement is kept in a file")
-    with _store.locked(path):
-        yield _Journal(path, identity)
+def _together(values: Sequence[Any]) -> NDArray[Any]:
+    return np.array(values, dtype=object if any(isinstance(value, str) for value in values) else None)

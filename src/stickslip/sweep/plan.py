@@ -1,4 +1,4 @@
-"""The door for sweep files: a rig, the parameters to turn and what to look at, in TOML; a `Plan` out.
+"""Sweeps of a rig: from a file in TOML (rig, parameters to vary, what to measure) to a `Plan`, or from Python.
 
 >>> from stickslip.sweep.plan import read_plan
 >>> from stickslip.io.rig_files import example
@@ -6,7 +6,7 @@
 >>> plan.parameters, plan.total
 (('stiffness', 'velocity'), 3200)
 
-``plan.run(store="phase.zarr")`` runs what the store lacks.
+``plan.run(store="phase.sqlite")`` runs what the store lacks.
 """
 
 from __future__ import annotations
@@ -15,8 +15,7 @@ import functools
 import math
 import operator
 import os
-from collections.abc import Callable, Mapping
-from concurrent.futures import Executor
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -28,17 +27,19 @@ from pydantic import Discriminator, Field, Tag, create_model
 from stickslip.cycles import bistable_range, bistable_region
 from stickslip.errors import InputError, UndecidedError, number, whole
 from stickslip.io import rig_files as rigs
-from stickslip.io.datasets import load, save
 from stickslip.io.validation import Lag, Length, Mass, Part, Rate, Stiffness, Time, quantity, read_toml, validate
-from stickslip.model import Contacts, FromRest, MasterEquation, Method, Rig, Slider, constant
+from stickslip.model import Contacts, FromRest, MasterEquation, Method, Slider, constant
 from stickslip.model.parameters import parameter_named
+from stickslip.model.rig import Rig
 from stickslip.model.units import Scales, si_unit
 from stickslip.simulation import check_method
 from stickslip.stability import PARAMETERS, boundary, critical
-from stickslip.sweep._pools import Processes, Threads
+from stickslip.sweep._executors import Workers
+from stickslip.sweep._grid import open_sweep, run_cases
 from stickslip.sweep._refine import Span, refine
-from stickslip.sweep._run import Failure, Progress, Summary, failures, summary, sweep
-from stickslip.sweep.study import KINDS, MEASURES, USUAL, Chosen, RegimeOf, Study, unit_of
+from stickslip.sweep._results import Failure, failures, summary
+from stickslip.sweep._run import MAX_CASES, Progress, check_size
+from stickslip.sweep.study import FROM_REST, FROM_SLIDING, KINDS, MEASURES, USUAL, Study, unit_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -46,7 +47,6 @@ if TYPE_CHECKING:
 EXAMPLE = "`stickslip new phase_diagram`"
 SHORTEST, CYCLES = 120.0, 30.0
 """``x_s`` and cycles that a run lasts unless the file says otherwise: transients last 40 to 100 ``x_s``."""
-REFINED = "refined.nc"
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -64,7 +64,7 @@ class Refinement:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
-    """A sweep as a file describes it.
+    """A sweep of a rig.
 
     Attributes
     ----------
@@ -76,9 +76,11 @@ class Plan:
     logarithmic : tuple of str
         Axes of equal ratios.
     measures : tuple of str
-        What is recorded of each case.
+        What is in the results of each case.
     seed : int
     refinement : Refinement, optional
+    max_cases : int
+        Cases beyond which the sweep is refused.
     document : mapping
         The content of the file, the rig included, every axis a table.
     """
@@ -90,12 +92,13 @@ class Plan:
     measures: tuple[str, ...]
     seed: int
     refinement: Refinement | None
+    max_cases: int
     document: Mapping[str, Any]
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Axes that vary a parameter of the rig."""
-        return tuple(name for name in self.axes if name in _KNOBS)
+        """Axes that set a parameter of the rig."""
+        return tuple(name for name in self.axes if name in _PARAMETERS)
 
     @property
     def total(self) -> int:
@@ -118,13 +121,9 @@ class Plan:
             if known is not None:
                 unit, title = known[1], title.replace(", per contact", "")
             found[name] = {"units": unit, "long_name": title}
-        found["regime_code"] |= {
-            "flag_values": list(range(len(KINDS))),
-            "flag_meanings": " ".join(kind.replace(" ", "_") for kind in KINDS),
-        }
         for name in self.axes:
             title, unit = _AXES[name][1], "1"
-            if name in _KNOBS:
+            if name in _PARAMETERS:
                 unit = unit_of(name, scales)[1]
             spacing = "log" if name in self.logarithmic else "linear"
             found[name] = {"units": unit, "long_name": title, "spacing": spacing}
@@ -136,45 +135,50 @@ class Plan:
         self,
         *,
         store: str | os.PathLike[str] | None = None,
-        executor: Threads | Processes | Executor | None = None,
+        executor: Workers | None = None,
         progress: Callable[[Progress], object] | None = None,
         retry_failed: bool = False,
     ) -> xr.Dataset:
-        """Run what is missing of a sweep; see `stickslip.sweep.sweep` and `stickslip.sweep.refine`.
+        """Run what is missing of a sweep; see `stickslip.sweep.run_cases` and `stickslip.sweep.refine`.
 
         Parameters
         ----------
         store : path, optional
-            Directory; a refinement keeps a file for each start there, and its result.
+            File that keeps all cases.
         executor, progress, retry_failed
             As there.
 
         Returns
         -------
         xarray.Dataset
-            In the units of the file; its attribute ``sweep`` holds the file.
+            In the units of the file; its attribute ``sweep`` holds the file. ``regime`` is an integer with CF flags.
 
         Raises
         ------
         InputError
             As there.
         """
-        if self.refinement is not None:
-            if retry_failed:
-                raise InputError("retry_failed: a refinement keeps failed runs as they are; delete its store")
-            return self._refine(None if store is None else Path(store), executor, progress)
-        return sweep(
-            self.study,
-            self.axes,
-            Chosen(names=self.measures),
-            executor=executor,
-            store=store,
-            seed=self.seed,
-            progress=progress,
-            attributes=self.attributes(),
-            notes={"sweep": self.to_toml()},
-            retry_failed=retry_failed,
-        )
+        options: Any = {
+            "store": store,
+            "executor": executor,
+            "seed": self.seed,
+            "progress": progress,
+            "attributes": self.attributes(),
+            "categories": {"regime": KINDS},
+            "notes": {"sweep": self.to_toml()},
+            "retry_failed": retry_failed,
+            "max_cases": self.max_cases,
+        }
+        if self.refinement is None:
+            return self.select(run_cases(self.study, self.axes, **options))
+        ends = {name: self.axes[name] for name in self.parameters}
+        box = {name: Span(low=float(a), high=float(b), log=name in self.logarithmic) for name, (a, b) in ends.items()}
+        each = {"start": [str(start) for start in self.axes.get("start", [self.study.start])]}
+        return self.select(refine(self.study, box, "regime", each=each, **asdict(self.refinement), **options))
+
+    def select(self, found: xr.Dataset) -> xr.Dataset:
+        """Of all that is stored of each case, what the file asks for."""
+        return found.drop_vars([name for name in MEASURES if name not in (*self.measures, *self.axes)], errors="ignore")
 
     def to_toml(self) -> str:
         """Return the text of a file that `read_plan` takes."""
@@ -182,82 +186,103 @@ class Plan:
 
         return tomli_w.dumps(dict(self.document))
 
-    def _refine(
-        self,
-        store: Path | None,
-        executor: Threads | Processes | Executor | None,
-        progress: Callable[[Progress], object] | None,
-    ) -> xr.Dataset:
-        import xarray as xr
 
-        assert self.refinement is not None
-        box = {
-            name: Span(low=float(self.axes[name][0]), high=float(self.axes[name][-1]), log=name in self.logarithmic)
-            for name in self.parameters
-        }
-        if store is not None:
-            _make_directory(store)
-        starts = [str(start) for start in self.axes.get("start", [self.study.start])]
-        parts: list[xr.Dataset] = []
-        for start in starts:
-            part = refine(
-                replace(self.study, start=start),
-                box,
-                RegimeOf(),
-                runs=self.refinement.runs,
-                resolution=self.refinement.resolution,
-                executor=executor,
-                store=None if store is None else store / f"{start}.jsonl",
-                seed=self.seed,
-                progress=None if progress is None else functools.partial(_of_all, progress, len(parts), len(starts)),
-            )
-            part["start"] = ("run", np.full(part.sizes["run"], start, dtype=object), _about("start of the run"))
-            part["start_at"] = ("crossing", np.full(part.sizes["crossing"], start, dtype=object), _about("start"))
-            parts.append(part.reset_coords())
-        made = [xr.concat([part[names] for part in parts], dim) for dim, names in _by_dimension(parts[0]).items()]
-        result = xr.merge(made, combine_attrs="drop")
-        notes = self.attributes()
-        for name in box:
-            for suffix in ("", "_at", "_error"):
-                result[name + suffix].attrs |= notes[name]
-        result.attrs = {"sweep": self.to_toml(), "provenance": parts[0].attrs["provenance"]}
-        if store is not None:
-            save(result, store / REFINED)
-        return result
+def sweep(
+    rig: Rig,
+    axes: Mapping[str, Sequence[float | str] | Span],
+    *,
+    store: str | os.PathLike[str] | None = None,
+    executor: Workers | None = None,
+    refinement: Refinement | None = None,
+    distance: float | str | None = None,
+    duration: float | str | None = None,
+    cycles: float = CYCLES,
+    extensions: int = 1,
+    measure: Sequence[str] | None = None,
+    progress: Callable[[Progress], object] | None = None,
+    retry_failed: bool = False,
+    max_cases: int = MAX_CASES,
+) -> xr.Dataset:
+    """Run a rig at every combination of the values of some of its parameters; public as ``stickslip.sweep``.
+
+    Parameters
+    ----------
+    rig : Rig
+        Its method and start are those of every case, unless they are an axis.
+    axes : mapping of name to values
+        ``stiffness``, ``velocity``, ``mass``, ``damping``, ``delay``, ``std``, ``contacts``, ``seed``, ``start``
+        (``"from rest"``, ``"sliding"``). Numbers in the rig's own units, or texts with a unit; a `Span` for each of two
+        parameters with a `refinement`.
+    store : path, optional
+        File that keeps all cases; a second start runs what is missing.
+    executor : Threads, Processes or concurrent.futures.Executor, optional
+        Where cases run; by default threads, one per core.
+    refinement : Refinement, optional
+        Search the boundaries in a plane, in place of a grid.
+    distance, duration, cycles : float or str
+        A run lasts until the drive has gone `distance`, for `duration`, and through `cycles` cycles of loading.
+    extensions : int
+        How often a run that cannot be classified is made again, twice as long.
+    measure : sequence of str, optional
+        What is in the results; see `stickslip.sweep.study.MEASURES`.
+    progress, retry_failed, max_cases
+        As for `stickslip.sweep.run_cases`.
+
+    Returns
+    -------
+    xarray.Dataset
+        In the rig's own units, with the axes as dimensions. ``regime`` is an integer with CF flags.
+
+    Raises
+    ------
+    InputError
+        As `stickslip.sweep.run_cases`.
+
+    Examples
+    --------
+    >>> import stickslip.sweep
+    >>> from stickslip.io.rig_files import example, read
+    >>> rig = read(example("pmma_slider"))
+    >>> found = stickslip.sweep(rig, {"velocity": ["0.4 mm/s"], "contacts": [20]}, distance="4 um", cycles=0)
+    >>> found["peak_to_peak"].dims, found["velocity"].units
+    (('velocity', 'contacts'), 'm/s')
+    """
+    scales = rig.scales
+    run: dict[str, Any] = {"cycles": cycles, "extensions": extensions, "max_cases": max_cases}
+    for name, length, unit in (("distance", distance, "m"), ("duration", duration, "s")):
+        if length is not None:
+            run[name] = _written(length, "" if scales is None else unit)
+    document: dict[str, Any] = {"name": rig.name, "rig": dict(rig.document), "run": run, "axes": {}}
+    for name, given in axes.items():
+        unit = unit_of(name, scales)[1] if scales is not None and name in _PARAMETERS and name != "std" else ""
+        if isinstance(given, Span):
+            ends = {"from": _written(given.low, unit), "to": _written(given.high, unit)}
+            document["axes"][name] = ends | {"spacing": "log" if given.log else "linear"}
+        else:
+            document["axes"][name] = {"values": [_written(value, unit) for value in np.atleast_1d(given).tolist()]}
+    if measure is not None:
+        document["measure"] = list(measure)
+    if refinement is not None:
+        document["refine"] = asdict(refinement)
+    plan = from_document(document)
+    return plan.run(store=store, executor=executor, progress=progress, retry_failed=retry_failed)
 
 
-def _about(title: str) -> dict[str, str]:
-    return {"units": "text", "long_name": title}
+def _written(value: Any, unit: str) -> Any:
+    """A value as a file would have it."""
+    return value if not unit or isinstance(value, str) else f"{float(value)!r} {unit}"
 
 
-def _of_all(progress: Callable[[Progress], object], part: int, parts: int, of_part: Progress) -> None:
-    """Report one of several searches as a fraction of all."""
-    before = part * of_part.total
-    progress(replace(of_part, total=parts * of_part.total, finished=before + of_part.finished))
+def open_plan(store: str | os.PathLike[str]) -> xr.Dataset:
+    """Open the results of a sweep of a rig, finished or not, as `Plan.run` returns them.
 
-
-def _by_dimension(data: xr.Dataset) -> dict[str, list[str]]:
-    return {dim: [str(name) for name in data.data_vars if data[name].dims == (dim,)] for dim in ("run", "crossing")}
-
-
-def _make_directory(store: Path) -> None:
-    if store.is_dir() and (store / "zarr.json").exists():
-        raise InputError(f"store = {str(store)!r}: holds a sweep over a grid, no refinement; choose another store")
-    try:
-        store.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        reason = "is a file" if isinstance(error, FileExistsError) else f"cannot be made ({error.strerror})"
-        raise InputError(f"store = {str(store)!r}: {reason}; choose another place") from None
-
-
-def is_refined(store: Path) -> bool:
-    """Whether a directory holds the result of a refinement."""
-    return (store / REFINED).is_file()
-
-
-def open_refined(store: Path) -> xr.Dataset:
-    """Read the result of a refinement."""
-    return load(store / REFINED)
+    Raises
+    ------
+    InputError
+        As `stickslip.sweep.open_sweep`.
+    """
+    found = open_sweep(store)
+    return plan_of(found).select(found) if "sweep" in found.attrs else found
 
 
 def plan_of(result: xr.Dataset) -> Plan:
@@ -266,7 +291,7 @@ def plan_of(result: xr.Dataset) -> Plan:
     Raises
     ------
     InputError
-        If the result was not made from a sweep file.
+        If the result was not made from a rig.
     """
     import tomllib
 
@@ -308,7 +333,7 @@ def from_document(document: Mapping[str, Any], place: str = "sweep", directory: 
         raise InputError(f"{place}: {error}") from None
 
 
-def _rig_of(document: Mapping[str, Any], place: str, directory: Path) -> rigs.Rig:
+def _rig_of(document: Mapping[str, Any], place: str, directory: Path) -> Rig:
     given = document.get("rig")
     if isinstance(given, str):
         try:
@@ -332,8 +357,9 @@ def _rig_of(document: Mapping[str, Any], place: str, directory: Path) -> rigs.Ri
 _Speed = Annotated[float, quantity("m/s", "0.4 mm/s")]
 _Count = Annotated[int, Field(ge=1)]
 _Seed = Annotated[int, Field(ge=0, lt=2**53)]
+_Start = Literal["from rest", "sliding"]
 
-_KNOBS: tuple[str, ...] = tuple(parameter.name for parameter in PARAMETERS)
+_PARAMETERS: tuple[str, ...] = tuple(parameter.name for parameter in PARAMETERS)
 _AXES: dict[str, tuple[Any, str]] = {
     "stiffness": (Stiffness, "stiffness of the driving spring"),
     "velocity": (_Speed, "velocity of the drive"),
@@ -343,7 +369,7 @@ _AXES: dict[str, tuple[Any, str]] = {
     "std": (float, "standard deviation of the thresholds"),
     "contacts": (_Count, "number of contacts"),
     "seed": (_Seed, "seed of the contacts"),
-    "start": (Literal["from rest", "smooth"], "start of the run"),
+    "start": (_Start, "start of the run"),
 }
 """What can be an axis: how a value is read, and what it is."""
 
@@ -365,8 +391,9 @@ def _axis(name: str) -> Any:
     if name == "seed":
         ends = {"from": (element, 1), "count": (_Count, ...)}
     forms.append(("as range", create_model("Range", __base__=Part, **ends)))
-    tagged = [Annotated.__class_getitem__((form, Tag(tag))) for tag, form in forms]  # type: ignore[attr-defined]
-    return Annotated.__class_getitem__((functools.reduce(operator.or_, tagged), Discriminator(_form)))  # type: ignore[attr-defined]
+    tagged: list[Any] = [Annotated[form, Tag(tag)] for tag, form in forms]
+    union: Any = functools.reduce(operator.or_, tagged)
+    return Annotated[union, Discriminator(_form)]
 
 
 _OF_AXES: dict[str, Any] = {name: (_axis(name) | None, None) for name in _AXES}
@@ -378,11 +405,12 @@ class _Run(Part):
     contacts: int | None = None
     cells: int | None = None
     seed: int | None = None
-    start: Literal["from rest", "smooth"] | None = None
+    start: _Start | None = None
     distance: Length | None = None
     duration: Time | None = None
     cycles: float = CYCLES
     extensions: int = 1
+    max_cases: _Count = MAX_CASES
 
 
 class _Refine(Part):
@@ -398,9 +426,11 @@ class _Document(Part):
     measure: list[str] | None = None
     refine: _Refine | None = None
 
-    def plan(self, rig: rigs.Rig, document: Mapping[str, Any]) -> Plan:
+    def plan(self, rig: Rig, document: Mapping[str, Any]) -> Plan:
         given = {name: getattr(self.axes, name) for name in document["axes"]}
         study = self._study(rig, given)
+        if self.refine is None:
+            check_size(math.prod(_size(axis) for axis in given.values()), self.run.max_cases)
         axes = {name: _values(name, axis, ends_only=self.refine is not None) for name, axis in given.items()}
         logarithmic = tuple(name for name, axis in given.items() if _is_logarithmic(axis))
         refinement = None
@@ -419,10 +449,11 @@ class _Document(Part):
             measures=self._measures(own_seed="seed" not in given and isinstance(study.method, Contacts)),
             seed=seed,
             refinement=refinement,
+            max_cases=self.run.max_cases,
             document=document,
         )
 
-    def _study(self, rig: rigs.Rig, axes: Mapping[str, Any]) -> Study:
+    def _study(self, rig: Rig, axes: Mapping[str, Any]) -> Study:
         natural = _natural(rig.scales)
         method = self._method(rig.method)
         if isinstance(method, MasterEquation):
@@ -435,15 +466,14 @@ class _Document(Part):
         if rig.slider.mass == 0 and "mass" not in axes:
             raise InputError("rig.slider.mass = 0: a run needs a mass above 0")
         for name in axes:
-            if name in _KNOBS:
+            if name in _PARAMETERS:
                 parameter_named(name).get(rig.natural)
-        cold = isinstance(rig.start, FromRest)
         return Study(
             interface=rig.interface,
             slider=rig.slider,
             velocity=number("rig.drive.velocity", rig.velocity, above=0),
             method=method,
-            start=self.run.start or ("from rest" if cold else "smooth"),
+            start=self.run.start or (FROM_REST if isinstance(rig.start, FromRest) else FROM_SLIDING),
             distance=SHORTEST if self.run.distance is None else natural(self.run.distance, "x_s"),
             cycles=number("run.cycles", self.run.cycles, at_least=0),
             duration=0.0 if self.run.duration is None else natural(self.run.duration, "time"),
@@ -468,8 +498,6 @@ class _Document(Part):
         return MasterEquation(cells=usual_cells if run.cells is None else run.cells)
 
     def _measures(self, *, own_seed: bool) -> tuple[str, ...]:
-        if self.refine is not None and self.measure is not None:
-            raise InputError("measure: [refine] records the regime alone; leave it out")
         names = list(USUAL if self.measure is None else self.measure)
         for name in names:
             if name not in MEASURES:
@@ -482,8 +510,8 @@ class _Document(Part):
         return tuple(dict.fromkeys([*always, *(name for name in names if name != "seed")]))
 
     def _check_refinement(self, given: Mapping[str, Any]) -> None:
-        parameters = [name for name in given if name in _KNOBS]
-        others = [name for name in given if name not in _KNOBS and name != "start"]
+        parameters = [name for name in given if name in _PARAMETERS]
+        others = [name for name in given if name not in _PARAMETERS and name != "start"]
         if len(parameters) != 2 or others:
             raise InputError(
                 f"axes: [refine] searches the plane of two parameters, for each start; this file has {', '.join(given)}"
@@ -509,6 +537,13 @@ def _is_logarithmic(axis: Any) -> bool:
         return False
     steps, ratios = np.diff(np.sort(values)), np.diff(np.log(np.sort(values)))
     return bool(np.ptp(ratios) / ratios.mean() < np.ptp(steps) / steps.mean())
+
+
+def _size(axis: Any) -> int:
+    """Number of values of an axis, before they are made."""
+    if isinstance(axis, list) or hasattr(axis, "values"):
+        return len(axis if isinstance(axis, list) else axis.values)
+    return axis.count or 1
 
 
 def _values(name: str, axis: Any, *, ends_only: bool) -> NDArray[Any]:
@@ -549,10 +584,10 @@ def with_theory(
     Parameters
     ----------
     result : xarray.Dataset
-        From `Plan.run` or `stickslip.sweep.open_sweep`; parameters that were swept, too, are at the value selected.
+        From `Plan.run`, `sweep` or `open_plan`; other parameters that were swept are at the value selected.
     bistable : bool
-        Whether to follow stick-slip from the boundary to where it decays as well, which takes seconds for each of a few
-        values of the first parameter (nonlinear; `stickslip.cycles`).
+        Whether to follow stick-slip from the boundary to where its branch ends as well, which takes seconds for each of
+        a few values of the first parameter (nonlinear; `stickslip.cycles`).
     progress : callable, optional
         Called with the fraction of the work that is done.
 
@@ -565,25 +600,25 @@ def with_theory(
     import xarray as xr
 
     plan = plan_of(result)
-    order = result["regime"].dims if "regime" in result else plan.parameters
-    turned = tuple(str(name) for name in order if name in plan.parameters)
+    order = plan.parameters if "run" in result.dims else result["regime"].dims
+    varied = tuple(str(name) for name in order if name in plan.parameters)
     fixed = {name: float(result[name]) for name in plan.parameters if name in result and result[name].ndim == 0}
     setting = plan.study.at(fixed)
-    if not 1 <= len(turned) <= 2:
+    if not 1 <= len(varied) <= 2:
         return result.assign_attrs(theory="no linear boundary: it is drawn over one parameter or two")
-    sizes = [unit_of(name, plan.study.scales)[0] for name in turned]
-    ranges = [_reach(result[name], size) for name, size in zip(turned, sizes, strict=True)]
+    sizes = [unit_of(name, plan.study.scales)[0] for name in varied]
+    ranges = [_reach(result[name], size) for name, size in zip(varied, sizes, strict=True)]
     try:
         if any(low <= 0 for low, _ in ranges):
             raise InputError("a parameter starts at 0, which linear theory has no logarithm for")
         found = (
-            _theory_in_plane(setting, turned, ranges, bistable, progress or (lambda _share: None))
-            if len(turned) == 2
-            else _theory_on_line(setting, turned[0], ranges[0], bistable)
+            _theory_in_plane(setting, varied, ranges, bistable, progress or (lambda _fraction: None))
+            if len(varied) == 2
+            else _theory_on_line(setting, varied[0], ranges[0], bistable)
         )
     except (InputError, UndecidedError) as reason:
         return result.assign_attrs(theory=f"no linear boundary: {reason}")
-    for name, size in zip(turned, sizes, strict=True):
+    for name, size in zip(varied, sizes, strict=True):
         for part in (f"edge_{name}", f"band_{name}", *(f"band_{name}_{end}" for end in ("low", "high", "fold"))):
             if part in found:
                 found[part] = found[part].copy(data=found[part].to_numpy() * size).assign_attrs(result[name].attrs)
@@ -678,22 +713,8 @@ class Report:
 
 def report(result: xr.Dataset) -> Report:
     """Count the regimes and the failures of a sweep or a refinement."""
-    refined = "label" in result
-    kinds = result["label" if refined else "regime"].to_numpy() if refined or "regime" in result else np.empty(0)
-    regimes = {kind: int(np.count_nonzero(kinds == kind)) for kind in KINDS if (kinds == kind).any()}
-    if not refined:
-        counted = summary(result)
-        return Report(**asdict(counted), line=str(counted), regimes=regimes, failures=tuple(failures(result)))
-    errors, parameters = result["error"].to_numpy(), plan_of(result).parameters
-    failed = tuple(
-        Failure(
-            parameters={name: float(result[name][i]) for name in parameters}
-            | {"start": str(result["start"].values[i])},
-            error=str(errors[i]),
-        )
-        for i in np.flatnonzero(errors != "")
-    )
-    counted = Summary(total=errors.size, done=errors.size - len(failed), failed=len(failed), missing=0)
-    crossings = result.sizes["crossing"]
-    line = f"{counted}; {crossings} points found where the regime changes"
-    return Report(**asdict(counted), line=line, regimes=regimes, failures=failed, crossings=crossings)
+    codes = result["regime"].to_numpy() if "regime" in result else np.empty(0)
+    regimes = {kind: int(np.count_nonzero(codes == code)) for code, kind in enumerate(KINDS) if (codes == code).any()}
+    counted, crossings = summary(result), result.sizes.get("crossing")
+    line = str(counted) + ("" if crossings is None else f"; {crossings} points found where the regime changes")
+    return Report(**asdict(counted), line=line, regimes=regimes, failures=tuple(failures(result)), crossings=crossings)

@@ -1,4 +1,4 @@
-"""The case of a sweep that a file describes: a rig with its parameters varied, run and judged. Workers load this."""
+"""The case of a sweep of a rig: its parameters set, run and classified. Workers load this."""
 
 from __future__ import annotations
 
@@ -9,16 +9,21 @@ from typing import Any, get_args
 
 from stickslip.measure import Regime, regime
 from stickslip.measure.verdict import Kind
-from stickslip.model import Contacts, FromRest, FromSliding, Interface, Method, Rig, Slider, Start
+from stickslip.model import Contacts, FromRest, FromSliding, Interface, Method, Slider, Start
 from stickslip.model.drive import constant
 from stickslip.model.parameters import parameter_named
+from stickslip.model.rig import Rig
 from stickslip.model.units import Scales, si_unit
 from stickslip.simulation import simulate
 
 KINDS: tuple[str, ...] = get_args(Kind)
 """What a regime can be; its place here is its code in the results."""
+FROM_REST, FROM_SLIDING = "from rest", "sliding"
+STARTS = (FROM_REST, FROM_SLIDING)
+"""How a run can start: at rest with relaxed contacts, or in steady smooth sliding."""
 PERTURBATION = 0.02
-"""Fraction of the velocity by which the master equation's smooth start is disturbed; contacts disturb themselves."""
+"""Fraction of the velocity by which the start of the master equation in smooth sliding is perturbed; contacts perturb
+themselves."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,13 +35,12 @@ class Study:
     interface, slider, velocity
         The rig, in natural units; the axes replace what they name.
     method : Contacts or MasterEquation
-    start : {"cold", "smooth"}
-        At rest with relaxed contacts, or from steady smooth sliding.
+    start : {"from rest", "sliding"}
     distance, duration, cycles : float
         A run lasts until the drive has gone this far, for this long (natural units), and this many times as far as a
         spring of this stiffness takes for one cycle of loading, ``x_s (1 + k/K)``.
     extensions : int
-        How often a run that cannot be judged is made again, twice as long.
+        How often a run that cannot be classified is made again, twice as long.
     scales : Scales, optional
         From the units of the axes, and to those of the results; none for natural units.
     """
@@ -53,7 +57,7 @@ class Study:
     scales: Scales | None
 
     def __call__(self, *, seed: int = 0, **values: Any) -> dict[str, float | str]:
-        """Run one case; return all that can be measured of it.
+        """Run one case; return all of `MEASURES`.
 
         Parameters
         ----------
@@ -82,8 +86,8 @@ class Study:
         return self._measured(seen) | {"travel": self._in_units(drive.duration * setting.velocity, "x_s"), "seed": seed}
 
     def at(self, values: Mapping[str, float]) -> Rig:
-        """Return the rig with its parameters varied to the values of the axes, in natural units."""
-        setting = self
+        """Return the rig with its parameters at the values of the axes, in natural units."""
+        setting = Rig(self.interface, self.slider, constant(self.velocity))
         for name, value in values.items():
             setting = parameter_named(name).set(setting, value / unit_of(name, self.scales)[0])
         return setting
@@ -91,7 +95,6 @@ class Study:
     def _measured(self, seen: Regime) -> dict[str, float | str]:
         drive = seen.drive_velocity or math.nan
         numbers = {
-            "regime_code": float(KINDS.index(seen.kind)),
             "slips": float(seen.cycles),
             "largest_velocity": drive * (math.nan if seen.largest_velocity is None else seen.largest_velocity),
         }
@@ -105,50 +108,30 @@ class Study:
 
 
 def _beginning(start: str, method: Method) -> Start:
-    if start == "from rest":
+    if start == FROM_REST:
         return FromRest()
     return FromSliding() if isinstance(method, Contacts) else FromSliding(perturbation=PERTURBATION)
 
 
 MEASURES: dict[str, tuple[str, str]] = {
-    "regime": ("text", "regime of motion"),
-    "regime_code": ("1", "regime of motion as a number"),
+    "regime": ("1", "regime of motion"),
     "peak_to_peak": ("f_s", "peak to peak of the spring force, per contact"),
     "mean_force": ("f_s", "mean spring force, per contact"),
     "period": ("time", "mean time from one slip to the next"),
     "period_variation": ("1", "coefficient of variation of the period"),
-    "slips": ("1", "complete falls of the force in the time judged"),
-    "drop": ("f_s", "mean fall of the force, per contact"),
-    "drop_variation": ("1", "coefficient of variation of the falls"),
+    "slips": ("1", "complete force drops in the time evaluated"),
+    "drop": ("f_s", "mean force drop, per contact"),
+    "drop_variation": ("1", "coefficient of variation of the force drops"),
     "largest_velocity": ("x_s/time", "largest velocity of the slider"),
-    "trend": ("1", "falls in the second half of the time judged over those in the first"),
+    "trend": ("1", "force drops in the second half of the time evaluated over those in the first"),
     "travel": ("x_s", "distance that the drive went"),
-    "reason": ("text", "why the regime was called so"),
+    "reason": ("1", "why the regime was called so"),
     "seed": ("1", "seed of the contacts"),
 }
-"""What can be measured of a case: natural unit, and what it is."""
+"""What is measured of a case: natural unit, and what it is. All of it is stored."""
 
-USUAL = ("regime_code", "peak_to_peak", "mean_force", "period", "slips", "largest_velocity", "travel", "reason")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Chosen:
-    """Measure of a sweep: the named parts of what a case gave."""
-
-    names: tuple[str, ...]
-
-    def __call__(self, result: Mapping[str, float | str]) -> dict[str, float | str]:
-        """Pick them."""
-        return {name: result[name] for name in self.names}
-
-
-@dataclass(frozen=True, kw_only=True)
-class RegimeOf:
-    """Label of a refinement."""
-
-    def __call__(self, result: Mapping[str, float | str]) -> float | str:
-        """Pick the regime."""
-        return result["regime"]
+USUAL = ("regime", "peak_to_peak", "mean_force", "period", "slips", "largest_velocity", "travel", "reason")
+"""What is in the results unless the file says otherwise."""
 
 
 def unit_of(parameter: str, scales: Scales | None) -> tuple[float, str]:

@@ -3,7 +3,7 @@
    question, kept in the address. Answers carry the number of their question; only the newest counts. */
 
 (() => {
-  const { ALL, split, short, at } = Fields;
+  const { ALL, split, numeric, short, at } = Fields;
   const $ = (id) => document.getElementById(id);
   const PAGES = ["interface", "map", "advice", "trace"];
   const KNOBS = { stiffness: "K, driving spring", velocity: "v, speed", mass: "M, mass", damping: "η, damping",
@@ -54,6 +54,7 @@
   }
   function receive(reply) {
     if (reply.kind === "hello") return hello(reply);
+    if (reply.kind === "error") return complain("run", reply.errors);
     const lane = lanes[reply.kind];
     if (!lane) return;
     if (reply.done || reply.errors) { lane.answered = Math.max(lane.answered, reply.id); pump(lane); }
@@ -211,7 +212,9 @@
   const field0 = ({ field }, value) => field.zero && !(value > 0);
   /* What stands in a field goes into the document as it is; the server says what is wrong with it. */
   function enter(made, text) {
-    const { field } = made, trimmed = text.trim(), number = Number(trimmed), good = trimmed !== "" && isFinite(number);
+    const pointed = text.replace(/^(\s*[-+]?\d+),(\d+)(?![\d.,])/, "$1.$2"); // a decimal comma, before one's eyes
+    if (pointed !== text) made.input.value = pointed;
+    const { field } = made, trimmed = pointed.trim(), number = numeric(trimmed), good = !isNaN(number);
     const [, unit] = split(trimmed);
     let value = trimmed;
     if (field.plain || doc.units === "natural") value = good ? number : trimmed;

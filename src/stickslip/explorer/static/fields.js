@@ -21,7 +21,7 @@ const Fields = (() => {
   const delaySpread = {
     read: (doc) => (random(doc) ? at(doc, "interface.delay.spread") : undefined),
     write: (doc, value) => {
-      const mean = delay.read(doc), none = parseFloat(value) === 0;
+      const mean = delay.read(doc), [number, unit] = split(value), none = numeric(number) === 0 && !/\d/.test(unit);
       if (none) put(doc, "interface.delay", mean);
       else put(doc, "interface.delay", { negative: at(doc, "interface.delay.negative") ?? "clip",
         mean: mean ?? (doc.units === "natural" ? 0 : "0 ms"), spread: value });
@@ -35,14 +35,14 @@ const Fields = (() => {
       const time = at(doc, "interface.ageing.time");
       if (time === undefined) return undefined;
       const [number, unit] = split(time);
-      const rate = Math.pow(parseFloat(number) * (unit ? seconds[unit] ?? NaN : 1), -0.5);
+      const rate = Math.pow(numeric(number) * (unit ? seconds[unit] ?? NaN : 1), -0.5);
       if (!isFinite(rate)) return time;
       return doc.units === "natural" ? short(rate) : `${short(rate)} 1/√s`;
     },
     write: (doc, value) => {
-      const [number] = split(value), rate = Number(number);
-      if (number !== "" && rate === 0) return put(doc, "interface.ageing", undefined);
-      const time = number === "" || !isFinite(rate) || rate < 0 ? value : short(Math.pow(rate, -2));
+      const [number, unit] = split(value), rate = unit === "" || unit === "1/√s" ? numeric(number) : NaN;
+      if (rate === 0) return put(doc, "interface.ageing", undefined);
+      const time = rate > 0 ? short(Math.pow(rate, -2)) : value; // a time, or what the server will refuse
       put(doc, "interface.ageing", { law: "langevin", ...at(doc, "interface.ageing"),
         time: doc.units === "natural" || typeof time === "string" ? time : `${time} s` });
     },
@@ -102,14 +102,18 @@ const Fields = (() => {
       when: (doc) => held(doc) && at(doc, "drive.duration") !== undefined },
   ].map((field) => (field.key && !field.read ? { ...field, ...simple(field.key) } : field));
 
+  const NUMBER = "[-+]?(?:\\d+\\.?\\d*|\\.\\d+)(?:[eE][-+]?\\d{1,3})?";
+  const WHOLE = new RegExp(`^\\s*${NUMBER}\\s*$`), WITH_UNIT = new RegExp(`^\\s*(${NUMBER})\\s*((?:1\\s*/|[^\\d\\s.,]).*)?$`);
+  /* A number written as the server reads it; NaN for anything else, such as "0x10", "1e999" or "". */
+  const numeric = (text) => (WHOLE.test(text) && isFinite(Number(text)) ? Number(text) : NaN);
   /* "4 MN/m" -> ["4", "MN/m"]; 4 -> ["4", ""]; what is no number stays whole. */
   function split(value) {
     if (value === undefined || value === null) return ["", ""];
     if (typeof value === "number") return [String(value), ""];
-    const found = /^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(.*)$/i.exec(value);
-    return found ? [found[1], found[2].trim()] : [String(value), ""];
+    const found = WITH_UNIT.exec(value);
+    return found ? [found[1], (found[2] ?? "").trim()] : [String(value), ""];
   }
   const short = (value, digits = 4) => Number(value.toPrecision(digits));
 
-  return { ALL, split, short, at, put };
+  return { ALL, split, numeric, short, at, put };
 })();

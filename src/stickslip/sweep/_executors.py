@@ -1,30 +1,26 @@
 """Where cases run: threads or processes of this machine, or any executor handed in.
 
-A dask client is one more executor: ``client.get_executor()``.
+A Dask client is one more executor: ``client.get_executor()``.
 """
 
 from __future__ import annotations
 
 import multiprocessing
+import multiprocessing.connection
 import os
 import pickle
+import signal
 import threading
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import (
-    BrokenExecutor,
-    Executor,
-    Future,
-    ProcessPoolExecutor,
-    ThreadPoolExecutor,
-)
-from contextlib import contextmanager
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
 from stickslip.errors import InputError, whole
-from stickslip.sweep._content import AxisValue
-from stickslip.sweep._worker import Job, Outcome, nothing, run_cells, start_worker
+from stickslip.sweep._cases import Job, Values, name_of, run_batch
 
-Batch = Future[tuple[list[Outcome], float]]
+Batch = Future[tuple[list[str], float]]
 
 _MANY = 32  # workers supposed behind an executor that does not say how many it has
 
@@ -49,8 +45,8 @@ class Threads:
 class Processes:
     """Run cases in spawned processes, for cases that keep the GIL; a process that dies is replaced.
 
-    The functions must be importable: defined at the top of a module, not a lambda. A script that starts
-    processes keeps its own start behind ``if __name__ == "__main__":``.
+    The function must be importable: defined at the top of a module, not a lambda. A script that starts processes keeps
+    its own start behind ``if __name__ == "__main__":``.
 
     Parameters
     ----------
@@ -64,15 +60,19 @@ class Processes:
         _set_workers(self, "Processes.workers", self.workers)
 
 
+Workers = Threads | Processes | Executor
+
+
 class Pool:
     """An executor that is running, with what the sweep must know of it. Made by `open_pool`."""
 
-    def __init__(self, given: Threads | Processes | Executor, job: Job) -> None:
+    def __init__(self, given: Workers, job: Job) -> None:
         self.given = given
         self._stop = threading.Event()
         self._in_process = isinstance(given, (Threads, ThreadPoolExecutor))
         self._job = job if self._in_process else _pickled(job, given)
         self._executor = self._start()
+        self._seen, self._ask_at = _MANY, 0.0
 
     @property
     def workers(self) -> int:
@@ -82,21 +82,27 @@ class Pool:
         count = getattr(self.given, "_max_workers", None)
         if isinstance(count, int) and count > 0:
             return count
-        client = getattr(self.given, "_client", None)  # dask
-        if client is not None and hasattr(client, "nthreads"):
-            return max(1, int(sum(client.nthreads().values())))
-        return _MANY
+        client = getattr(self.given, "_client", None)  # Dask
+        if client is not None and time.monotonic() > self._ask_at:
+            with suppress(Exception):  # out of reach: the batches will say so
+                self._seen = max(1, int(sum(client.nthreads().values())))
+            self._ask_at = time.monotonic() + 2.0
+        return self._seen
 
     @property
-    def replaceable(self) -> bool:
-        """Whether the pool is ours to build anew."""
-        return isinstance(self.given, Processes)
+    def is_ours(self) -> bool:
+        """Whether the pool was started here, and can be built anew."""
+        return isinstance(self.given, (Threads, Processes))
 
-    def submit(self, cells: Sequence[Mapping[str, AxisValue]], seconds: float) -> Batch:
+    @property
+    def is_remote(self) -> bool:
+        """Whether it is a cluster, or what else may lose a batch without a word."""
+        return not isinstance(self.given, (Threads, Processes, ThreadPoolExecutor, ProcessPoolExecutor))
+
+    def submit(self, batch: Sequence[Values], seconds: float) -> Batch:
         """Hand in a batch of cases."""
-        if self._in_process:
-            return self._executor.submit(run_cells, self._job, cells, seconds, self._stop.is_set)
-        return self._executor.submit(run_cells, self._job, cells, seconds)
+        stopped = (self._stop.is_set,) if self._in_process else ()
+        return self._executor.submit(run_batch, self._job, batch, seconds, *stopped)
 
     def rebuild(self) -> None:
         """Replace a pool that has lost a worker."""
@@ -106,7 +112,7 @@ class Pool:
     def close(self, *, in_haste: bool) -> None:
         """End the pool if it is ours; in haste, running cases are given up where that is possible."""
         self._stop.set()
-        if not isinstance(self.given, (Threads, Processes)):
+        if not self.is_ours:
             return
         if in_haste:
             for process in list((getattr(self._executor, "_processes", None) or {}).values()):
@@ -124,11 +130,10 @@ class Pool:
 
     def _start_processes(self) -> Executor:
         for _ in range(3):  # the worker that answers may itself be killed
-            executor = ProcessPoolExecutor(
-                self.workers, mp_context=multiprocessing.get_context("spawn"), initializer=start_worker
-            )
+            context = multiprocessing.get_context("spawn")
+            executor = ProcessPoolExecutor(self.workers, mp_context=context, initializer=_start_worker)
             try:
-                executor.submit(nothing).result()
+                executor.submit(os.getpid).result()
             except BrokenExecutor:
                 executor.shutdown(wait=False, cancel_futures=True)
             else:
@@ -140,21 +145,14 @@ class Pool:
 
 
 @contextmanager
-def open_pool(given: Threads | Processes | Executor | None, job: Job) -> Iterator[Pool]:
+def open_pool(given: Workers, job: Job) -> Iterator[Pool]:
     """Start a pool and end it, also after an error.
 
     Raises
     ------
     InputError
-        If `given` is no executor, or cannot take these functions.
+        If `given` cannot take this function.
     """
-    if given is None:
-        given = Threads()
-    if not isinstance(given, (Threads, Processes, Executor)):
-        hint = " (of a dask client: client.get_executor())" if hasattr(given, "get_executor") else ""
-        raise InputError(
-            f"executor = {given!r}: must be Threads(n), Processes(n) or a concurrent.futures.Executor{hint}"
-        )
     pool = Pool(given, job)
     try:
         yield pool
@@ -164,7 +162,24 @@ def open_pool(given: Threads | Processes | Executor | None, job: Job) -> Iterato
     pool.close(in_haste=False)
 
 
-def _pickled(job: Job, given: Threads | Processes | Executor) -> bytes:
+def check_executor(given: Workers | None) -> Workers:
+    """Return the executor, threads by default; refuse what is none.
+
+    Raises
+    ------
+    InputError
+    """
+    if given is None:
+        return Threads()
+    if not isinstance(given, (Threads, Processes, Executor)):
+        hint = " (of a Dask client: client.get_executor())" if hasattr(given, "get_executor") else ""
+        raise InputError(
+            f"executor = {given!r}: must be Threads(n), Processes(n) or a concurrent.futures.Executor{hint}"
+        )
+    return given
+
+
+def _pickled(job: Job, given: Workers) -> bytes:
     """Pickle the job: by reference for processes of this machine, else with cloudpickle if it is there."""
     if not isinstance(given, (Processes, ProcessPoolExecutor)):
         try:
@@ -173,18 +188,30 @@ def _pickled(job: Job, given: Threads | Processes | Executor) -> bytes:
             pass
         else:
             return bytes(cloudpickle.dumps(job))
-    for name, function in (("case", job.case), ("measure", job.measure)):
-        try:
-            pickle.dumps(function)
-        except Exception as error:
-            called = getattr(function, "__qualname__", repr(function))
-            raise InputError(
-                f"{name} = {called}: cannot be sent to another process ({error}); define it at the top of a "
-                "module (no lambda, no function inside a function), or use Threads(n)"
-            ) from None
-    return pickle.dumps(job, protocol=5)
+    try:
+        return pickle.dumps(job, protocol=5)
+    except Exception as error:
+        raise InputError(
+            f"function = {name_of(job.function)}: cannot be sent to another process ({error}); define it at the top of "
+            "a module (no lambda, no function inside a function), or use Threads(n)"
+        ) from None
 
 
 def _set_workers(record: object, place: str, value: int | None) -> None:
     count = len(os.sched_getaffinity(0)) if value is None else whole(place, value, at_least=1)
     object.__setattr__(record, "workers", count)
+
+
+def _start_worker() -> None:
+    """Prepare a worker process: deaf to Ctrl-C and to a closed terminal (the parent decides), gone with its parent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_follow, args=(parent.sentinel,), daemon=True).start()
+
+
+def _follow(sentinel: int) -> None:
+    # Without this, workers whose parent was killed wait for work for ever.
+    multiprocessing.connection.wait([sentinel])
+    os._exit(1)

@@ -1,0 +1,176 @@
+"""Files: read only if regular and of a size to bear; written whole or not at all, and never over anything else.
+
+A symbolic link is followed, for reading and for writing: the link stays, and the file that it leads to is replaced.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import secrets
+import stat
+from contextlib import suppress
+from pathlib import Path
+from typing import BinaryIO
+
+from stickslip.errors import InputError, instance
+
+_KINDS = {
+    stat.S_IFDIR: "a directory",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFIFO: "a named pipe",
+    stat.S_IFSOCK: "a socket",
+}
+_PART = ".stickslip-", ".part"
+"""How the name of a file in the making begins and ends."""
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Reading
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def size(path: str | os.PathLike[str], kind: str, *, largest: int) -> int:
+    """Return how many bytes a file has that is about to be read.
+
+    Parameters
+    ----------
+    path : path
+    kind : str
+        What the file should be, for the message: ``"rig file"``.
+    largest : int
+        How many bytes it may have.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, it is a directory, a device, a pipe or a socket, or it is larger than that.
+    """
+    instance("path", path, (str, os.PathLike), "the name of a file")
+    try:
+        found = os.stat(path)
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except (OSError, ValueError) as error:
+        raise unreadable(path, error) from None
+    if not stat.S_ISREG(found.st_mode):
+        raise InputError(f"{path}: is {_KINDS[stat.S_IFMT(found.st_mode)]}, not a {kind}")
+    if found.st_size > largest:
+        raise InputError(f"{path}: has {found.st_size / 1e6:.3g} MB, more than a {kind} may have ({largest / 1e6:g})")
+    return found.st_size
+
+
+def read(path: str | os.PathLike[str], kind: str, *, largest: int) -> bytes:
+    """Return the content of a file; arguments and errors are those of `size`, and it may be unreadable."""
+    if size(path, kind, largest=largest) == 0:  # the kernel's own files have no size, and some have no end
+        return b""
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise unreadable(path, error) from None
+
+
+def unreadable(path: str | os.PathLike[str], error: OSError | ValueError) -> InputError:
+    """What to raise for a file that cannot be read."""
+    return InputError(f"{path}: cannot be read ({_reason(error)})")
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Writing
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def target(path: str | os.PathLike[str]) -> Path:
+    """Return where a file is to be written: a free name, or a regular file that may be replaced; links are followed.
+
+    Raises
+    ------
+    InputError
+        If something else is there, if it is read-only (for root, too), or if nothing can be written there.
+    """
+    instance("path", path, (str, os.PathLike), "the name of a file")
+    try:
+        place = Path(os.path.realpath(path))
+        found = place.stat()
+    except FileNotFoundError:
+        if not place.parent.is_dir():
+            raise InputError(f"{path}: there is no directory {place.parent}; make it first") from None
+        found = None
+    except (OSError, ValueError) as error:
+        raise _unwritable(path, error) from None
+    kind = stat.S_IFREG if found is None else stat.S_IFMT(found.st_mode)
+    if kind == stat.S_IFDIR:
+        raise InputError(f"{path}: is a directory; give the name of a file")
+    if kind != stat.S_IFREG:
+        raise InputError(f"{path}: is {_KINDS[kind]}; only a file is replaced, choose another name")
+    # The system lets root write anywhere: what its owner may not write is meant to stay.
+    if found is not None and not (found.st_mode & stat.S_IWUSR and os.access(place, os.W_OK)):
+        raise InputError(f"{path}: is read-only; choose another name, or make it writable first")
+    if not os.access(place.parent, os.W_OK | os.X_OK):
+        raise InputError(f"{path}: cannot be written ({place.parent} is read-only); choose another place")
+    return place
+
+
+def write(path: str | os.PathLike[str], content: bytes | memoryview) -> Path:
+    """Write a file whole or not at all: beside its place, and moved there when it is complete.
+
+    Its permissions are those of the file that it replaces. What killed processes left in that directory is removed.
+
+    Raises
+    ------
+    InputError
+        If `target` refuses the place or it cannot be written.
+    """
+    place = target(path)
+    try:
+        _sweep_up(place.parent)
+        part, file = _begin(place.parent)
+        try:
+            with file:
+                if place.exists():
+                    os.fchmod(file.fileno(), stat.S_IMODE(place.stat().st_mode))
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())  # a disk that is full may say so only now
+                part.replace(place)
+        finally:
+            part.unlink(missing_ok=True)
+    except OSError as error:
+        raise _unwritable(path, error) from None
+    return Path(path)
+
+
+def _begin(folder: Path) -> tuple[Path, BinaryIO]:
+    """Open a file in the making, locked for as long as its process lives."""
+    while True:
+        part = folder / secrets.token_hex(4).join(_PART)
+        file = part.open("xb")
+        with suppress(OSError):  # not every file system has locks; there nothing is swept up either
+            fcntl.flock(file, fcntl.LOCK_EX)
+        if os.fstat(file.fileno()).st_nlink:
+            return part, file
+        file.close()  # taken for a leftover before it was locked
+
+
+def _sweep_up(folder: Path) -> None:
+    """Remove files in the making whose process is gone: nobody holds their lock."""
+    begin, end = _PART
+    with os.scandir(folder) as entries:
+        leftovers = [
+            Path(entry)
+            for entry in entries
+            if entry.name.startswith(begin) and entry.name.endswith(end) and entry.is_file(follow_symlinks=False)
+        ]
+    for leftover in leftovers:
+        with suppress(OSError), leftover.open("rb+") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            leftover.unlink()
+
+
+def _unwritable(path: str | os.PathLike[str], error: OSError | ValueError) -> InputError:
+    return InputError(f"{path}: cannot be written ({_reason(error)}); nothing was lost, choose another place")
+
+
+def _reason(error: OSError | ValueError) -> str:
+    return (error.strerror if isinstance(error, OSError) else None) or str(error)

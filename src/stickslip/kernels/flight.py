@@ -1,0 +1,301 @@
+"""The slider between two events, as the event engine needs it: quickly, with its turns and crossings.
+
+The equation of motion is that of `oscillator`, and so would be its closed form by doubling; but that costs 300 ns, as
+much as three events in all. Nearly all flights are short: a Taylor expansion whose coefficients serve position,
+velocity and Newton's method alike does them, and closed forms with exponentials the rest. Crossings need derivatives
+up to the jerk besides.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._jit import bare, inlined
+
+Floats = NDArray[np.float64]
+
+
+class Flight(NamedTuple):
+    """Motion between two events, as displacement ``y(h)`` a time ``h`` after the first.
+
+    ``y = q0 + q1 h + q2 h^2`` plus a free oscillation that starts from ``(y0, v0)``; ``c2 ... c8`` are the Taylor
+    coefficients, used while ``h`` is at most `near`.
+    """
+
+    eta: float
+    w2: float  # squared angular frequency (K + n/N)/M
+    inverse: float  # 1/w2
+    q0: float
+    q1: float
+    q2: float
+    y0: float
+    v0: float
+    v: float
+    c2: float
+    c3: float
+    c4: float
+    c5: float
+    c6: float
+    c7: float
+    c8: float
+    near: float
+
+
+# (eta + w) h up to here, w with all contacts attached: eight Taylor terms leave an error under 1e-14 of the velocity,
+NEAR = 0.06
+MIDDLE = 0.3  # and up to here, twelve
+_DIED_OUT = 40.0  # a free oscillation that has decayed by exp of this is less than rounding
+_LEGS = 16.0  # flights of more legs than this go through the closed form
+
+
+@inlined
+def take_off(eta: float, w2: float, near: float, v: float, f0: float, f1: float, f2: float) -> Flight:
+    """Solve ``y'' + eta y' + w2 y = f0 + f1 h + f2 h^2`` from ``y = 0, y' = v``."""
+    q0, q1, q2, inverse = 0.0, v, 0.0, 0.0
+    if w2 > 0:  # else rigid motion
+        inverse = 1.0 / w2
+        q2 = f2 * inverse
+        q1 = (f1 - 2.0 * eta * q2) * inverse
+        q0 = (f0 - eta * q1 - 2.0 * q2) * inverse
+    c2 = 0.5 * (f0 - eta * v)
+    c3 = (f1 - w2 * v - 2.0 * eta * c2) * (1.0 / 6.0)
+    c4 = (f2 - w2 * c2 - 3.0 * eta * c3) * (1.0 / 12.0)
+    c5 = (-w2 * c3 - 4.0 * eta * c4) * (1.0 / 20.0)
+    c6 = (-w2 * c4 - 5.0 * eta * c5) * (1.0 / 30.0)
+    c7 = (-w2 * c5 - 6.0 * eta * c6) * (1.0 / 42.0)
+    c8 = (-w2 * c6 - 7.0 * eta * c7) * (1.0 / 56.0)
+    return Flight(eta, w2, inverse, q0, q1, q2, -q0, v - q1, v, c2, c3, c4, c5, c6, c7, c8, near)
+
+
+@inlined
+def taylor(f: Flight, h: float) -> tuple[float, float]:
+    """Displacement and velocity by the Taylor expansion, within `MIDDLE`."""
+    tail, slope = 0.0, 0.0
+    if h > f.near:
+        c9 = (-f.w2 * f.c7 - 8.0 * f.eta * f.c8) * (1.0 / 72.0)
+        c10 = (-f.w2 * f.c8 - 9.0 * f.eta * c9) * (1.0 / 90.0)
+        c11 = (-f.w2 * c9 - 10.0 * f.eta * c10) * (1.0 / 110.0)
+        c12 = (-f.w2 * c10 - 11.0 * f.eta * c11) * (1.0 / 132.0)
+        tail = h * (c9 + h * (c10 + h * (c11 + h * c12)))
+        slope = h * (9.0 * c9 + h * (10.0 * c10 + h * (11.0 * c11 + h * 12.0 * c12)))
+    y = f.v + h * (f.c2 + h * (f.c3 + h * (f.c4 + h * (f.c5 + h * (f.c6 + h * (f.c7 + h * (f.c8 + tail)))))))
+    v = 5.0 * f.c5 + h * (6.0 * f.c6 + h * (7.0 * f.c7 + h * (8.0 * f.c8 + slope)))
+    v = f.v + h * (2.0 * f.c2 + h * (3.0 * f.c3 + h * (4.0 * f.c4 + h * v)))
+    return h * y, v
+
+
+@inlined
+def _free(f: Flight, h: float) -> tuple[float, float]:
+    """Responses of the free oscillator at `h` to a unit displacement and to a unit velocity."""
+    g = 0.5 * f.eta
+    d = g * g - f.w2
+    if d < 0:
+        w = math.sqrt(-d)
+        decay = math.exp(-g * h)
+        sine = decay * math.sin(w * h) / w
+        return decay * math.cos(w * h) + g * sine, sine
+    b = math.sqrt(d)
+    if b * h < 1e-3:
+        decay = math.exp(-g * h)
+        z = d * h * h
+        sine = decay * h * (1.0 + z / 6.0 + z * z / 120.0)
+        return decay * (1.0 + 0.5 * z + z * z / 24.0) + g * sine, sine
+    fast, slow = g + b, f.w2 / (g + b)
+    e_fast, e_slow = math.exp(-fast * h), math.exp(-slow * h)
+    return (fast * e_slow - slow * e_fast) / (2.0 * b), (e_slow - e_fast) / (2.0 * b)
+
+
+@inlined
+def far(f: Flight, h: float) -> tuple[float, float]:
+    """Displacement and velocity by the closed form."""
+    c, s = _free(f, h)
+    y = f.q0 + f.q1 * h + f.q2 * h * h + f.y0 * c + f.v0 * s
+    v = f.q1 + 2.0 * f.q2 * h + f.v0 * c + 2.0 * (f.c2 - f.q2) * s
+    return y, v
+
+
+@inlined
+def at(f: Flight, h: float) -> tuple[float, float]:
+    """Displacement and velocity a time `h` into the flight."""
+    return taylor(f, h) if h <= f.near * (MIDDLE / NEAR) else far(f, h)
+
+
+@bare
+def derivative(f: Flight, order: int, h: float) -> tuple[float, float]:
+    """Displacement, velocity, acceleration or jerk (order 0 to 3), and the next derivative, by the closed form."""
+    v, a = f.v0, 2.0 * (f.c2 - f.q2)
+    g = 0.5 * f.eta
+    if f.w2 < 0.5 * g * g:
+        # Two modes, far apart. Derivatives of their sum would lose the slow one in the rounding of the fast one.
+        b = math.sqrt(g * g - f.w2)
+        fast, slow = g + b, f.w2 / (g + b)
+        fast_a = 0.5 * fast * (a + slow * v) / b * math.exp(-fast * h)
+        slow_a = -0.5 * slow * (a + fast * v) / b * math.exp(-slow * h)
+        y, v = fast_a / (fast * fast) + slow_a / (slow * slow), -fast_a / fast - slow_a / slow
+        a, j = fast_a + slow_a, -fast * fast_a - slow * slow_a
+        k = fast * fast * fast_a + slow * slow * slow_a
+    else:
+        c, s = _free(f, h)
+        y, v = f.y0 * c + v * s, v * c + a * s
+        a = -f.eta * v - f.w2 * y
+        j = -f.eta * a - f.w2 * v
+        k = -f.eta * j - f.w2 * a
+    if order == 0:
+        return f.q0 + f.q1 * h + f.q2 * h * h + y, f.q1 + 2.0 * f.q2 * h + v
+    if order == 1:
+        return f.q1 + 2.0 * f.q2 * h + v, 2.0 * f.q2 + a
+    if order == 2:
+        return 2.0 * f.q2 + a, j
+    return j, k
+
+
+@bare
+def _start(f: Flight, order: int) -> float:
+    """Velocity, acceleration or jerk (order 1 to 3) just after the start: where it is 0, the first that is not."""
+    if order == 1 and f.v != 0.0:
+        return f.v
+    if order <= 2 and f.c2 != 0.0:
+        return f.c2
+    return f.c3 if f.c3 != 0.0 else f.c4
+
+
+@bare
+def _root(f: Flight, order: int, value: float, low: float, high: float) -> float:
+    """Where a derivative, monotone from `low` to `high`, takes a value: Newton, kept inside by bisection."""
+    rising = derivative(f, order, high)[0] > derivative(f, order, low)[0]
+    h = 0.5 * (low + high)
+    for _ in range(200):
+        miss, slope = derivative(f, order, h)
+        miss -= value
+        if miss == 0.0:
+            return h
+        if (miss > 0) == rising:
+            high = h
+        else:
+            low = h
+        following = h - miss / slope if slope != 0.0 else low
+        if not low < following < high:
+            following = 0.5 * (low + high)
+        if abs(following - h) <= 4e-16 * h or following <= low or following >= high:
+            return following
+        h = following
+    return h
+
+
+@bare
+def first_crossing(f: Flight, to_ahead: float, to_behind: float, most: float, cuts: Floats) -> tuple[float, int]:
+    """First time up to `most` at which the displacement reaches `to_ahead` or `-to_behind`, and which: 1 or -1.
+
+    With neither, the end of the stretch that was searched and 0: `most` or, if sooner, a quarter of a period. The
+    stretch is cut where the jerk vanishes (at most once within a quarter of a period, being a free oscillation),
+    then where the acceleration does, then the velocity: on each part the displacement is monotone and no crossing can
+    hide. A vanishing derivative shows by its signs at the two ends of a part. They are right only while the free
+    oscillation is more than rounding, hence a first cut where it has decays: beyond, the motion is a parabola.
+    """
+    g2 = f.w2 - 0.25 * f.eta * f.eta
+    decay = 0.5 * f.eta  # of the slowest part of the free oscillation
+    if g2 > 0.0:
+        most = min(most, 0.5 * math.pi / math.sqrt(g2))
+    elif f.w2 > 0.0:
+        decay = f.w2 / (decay + math.sqrt(-g2))
+    else:  # rigid motion
+        distance = to_ahead if f.v > 0 else to_behind
+        if f.v == 0.0 or most * abs(f.v) < distance:
+            return most, 0
+        return distance / abs(f.v), 1 if f.v > 0 else -1
+    if f.v != 0.0:  # most often the crossing comes soon: a short stretch has no turns and needs no roots
+        most = min(most, 4.0 * (to_ahead if f.v > 0 else to_behind) / abs(f.v))
+    cuts[0], cuts[1] = 0.0, most
+    count = 2
+    if decay * most > _DIED_OUT:
+        cuts[1], cuts[2] = _DIED_OUT / decay, most
+        count = 3
+    for order in (3, 2, 1):
+        i = 0
+        left = _start(f, order)
+        while i + 1 < count:
+            right = derivative(f, order, cuts[i + 1])[0]
+            if left * right < 0.0:
+                root = _root(f, order, 0.0, cuts[i], cuts[i + 1])
+                if cuts[i] < root < cuts[i + 1]:
+                    for j in range(count, i + 1, -1):
+                        cuts[j] = cuts[j - 1]
+                    cuts[i + 1] = root
+                    count += 1
+                    i += 1
+            left = right
+            i += 1
+    for i in range(count - 1):
+        y = derivative(f, 0, cuts[i + 1])[0]
+        if y >= to_ahead:
+            return _root(f, 0, to_ahead, cuts[i], cuts[i + 1]), 1
+        if y <= -to_behind:
+            return _root(f, 0, -to_behind, cuts[i], cuts[i + 1]), -1
+    return most, 0
+
+
+@inlined
+def soon(f: Flight, distance: float, most: float) -> tuple[float, float, float, int, bool]:
+    """Try the common case: a short flight at nearly constant velocity.
+
+    Returns the time to travel the signed `distance`, or at most `most` of it; the displacement and the velocity then;
+    1 if the distance is reached and 0 if not; and whether the case applies: the velocity keeps at least half its
+    value, and the flight lasts no longer than a few times what the Taylor expansion can do. A flight longer than the
+    expansion reaches is flown in legs.
+    """
+    slowness = 1.0 / f.v
+    h = distance * slowness
+    reach = f.near * (MIDDLE / NEAR)
+    longest = min(most, 2.0 * h)
+    if longest > reach:
+        if longest > _LEGS * reach:
+            return 0.0, 0.0, 0.0, 0, False
+        longest = most = reach
+    if not longest * (2.0 * abs(f.c2) + longest * (3.0 * abs(f.c3) + longest * 4.0 * abs(f.c4))) < 0.4 * abs(f.v):
+        return 0.0, 0.0, 0.0, 0, False
+    if most < 2.0 * h:
+        y, v = taylor(f, most)
+        if abs(y) < abs(distance):
+            return most, y, v, 0, True
+    bend = f.c2 * h * slowness
+    h *= 1.0 - bend + 2.0 * bend * bend - f.c3 * h * h * slowness  # the series, inverted
+    v = f.v
+    for _ in range(6):  # Newton; from a guess this good one turn does, mostly
+        y, v = taylor(f, h)
+        step = (distance - y) / v
+        h += step
+        if abs(step) <= 1e-6 * h:  # the next would be less than its square
+            v += step * (2.0 * f.c2 + 6.0 * f.c3 * h)
+            break
+    return min(max(h, 0.0), most), distance, v, 1, True
+
+
+@inlined
+def energies(
+    f: Flight, h: float, y: float, v: float, force: float, K: float, drive_v: float, drive_a: float
+) -> tuple[float, float]:
+    """Work of the drive and integral of the squared velocity over a time `h`, in closed form.
+
+    `force` is the spring force at the start. The free oscillation ``u`` obeys ``u'' + eta u' + w2 u = 0``, hence
+    ``(u'^2 + w2 u^2)/2`` falls at the rate ``eta u'^2`` and the integral of ``u`` follows from the change of ``u'``
+    and ``u``.
+    """
+    h2 = h * h
+    u = y - (f.q0 + f.q1 * h + f.q2 * h2)
+    du = v - (f.q1 + 2.0 * f.q2 * h)
+    change = u - f.y0
+    area = -((du - f.v0) + f.eta * change) * f.inverse
+    path = f.q0 * h + 0.5 * f.q1 * h2 + f.q2 * h2 * h / 3.0 + area
+    work = drive_v * (force * h + K * (0.5 * drive_v * h2 + drive_a * h2 * h / 6.0 - path))
+    if drive_a != 0.0:
+        moment = -(h * du - change + f.eta * (h * u - area)) * f.inverse
+        path_moment = 0.5 * f.q0 * h2 + f.q1 * h2 * h / 3.0 + 0.25 * f.q2 * h2 * h2 + moment
+        pull = 0.5 * force * h2 + K * (drive_v * h2 * h / 3.0 + 0.125 * drive_a * h2 * h2 - path_moment)
+        work += drive_a * pull
+    squares = f.q1 * f.q1 * h + 2.0 * f.q1 * f.q2 * h2 + 4.0 / 3.0 * f.q2 * f.q2 * h2 * h
+    squares += 2.0 * f.q1 * change + 4.0 * f.q2 * (h * u - area)
+    if f.eta > 0.0:
+        squares += 0.5 * ((f.v0 - du) * (f.v0 + du) + f.w2 * (f.y0 - u) * (f.y0 + u)) / f.eta
+    return work, squares

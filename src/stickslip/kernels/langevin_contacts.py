@@ -1,0 +1,352 @@
+"""N contacts whose thresholds age by a Langevin equation, sampled in steps of time, under a slider; see `langevin`."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._jit import inlined, jit
+from .langevin import Langevin
+from .oscillator import Load
+from .stepping import COLUMNS, LOSS, Course, Stroke, begin, fill, keep, plan, settle
+
+Floats = NDArray[np.float64]
+
+# Relaxation times of the reflected margin, noise/drift^2, after which its start is forgotten to exp(-FORGOTTEN/2).
+FORGOTTEN = 16.0
+
+# A contact sleeps while the slider goes a third of its margin, and for this fraction of margin^2/noise: the other two
+# thirds are then four standard deviations of its threshold.
+SLEEP = (2.0 / 3.0 / 4.0) ** 2
+
+# Largest step of a free oscillation of the slider, in radians.
+_ANGLE = 0.7
+
+
+class Contacts(NamedTuple):
+    """Stretchings, thresholds, and the times from which contacts hold (``-inf`` for attached ones), shape (N,)."""
+
+    stretching: Floats
+    threshold: Floats
+    attach: Floats
+
+
+class _Sleep(NamedTuple):
+    """Contacts far from breaking sleep: nothing is done about them until they must be looked at.
+
+    The threshold is that of the time ``seen``. To be looked at is a contact from the time ``until`` on, or once the
+    slider leaves the range ``room`` (low and high end for each contact).
+    """
+
+    seen: Floats
+    until: Floats
+    room: Floats
+
+
+class _Step(NamedTuple):
+    """What is the same for all contacts in a step of length `dt`.
+
+    `drift` is that of a margin near the boundary, `decay` and `sigma` belong to the thresholds, `variance` to the
+    bridge in the clock that makes an Ornstein-Uhlenbeck process a Brownian motion. A margin below `certain` is gone
+    by the end whatever happens. `forgotten`: the step holds so many lives that the moment of the first break in it
+    does not matter; `young`: thresholds near the boundary are driven towards it.
+    """
+
+    dt: float
+    v: float
+    drift: float
+    noise: float
+    decay: float
+    sigma: float
+    variance: float
+    certain: float
+    forgotten: bool
+    young: bool
+
+
+@jit
+def _inverse_gaussian(mu: float, shape: float, rng: np.random.Generator) -> float:
+    """Inverse Gaussian number of mean `mu` (may be huge) and given shape, after Michael, Schucany and Haas."""
+    z = rng.standard_normal()
+    q = 0.5 * mu * z * z / shape
+    x = mu / (1.0 + q + float(np.sqrt(q * (2.0 + q))))
+    if rng.random() * (mu + x) > mu:
+        return mu * mu / x
+    return x
+
+
+@jit
+def crossing(start: float, end: float, variance: float, rng: np.random.Generator) -> float:
+    """Fraction of a step after which a Brownian bridge of the margin first meets zero, given that it does.
+
+    The bridge is a Brownian motion with drift in the clock ``t/(1-t)``, whose first passage is inverse Gaussian.
+    """
+    if start <= 0.0:
+        return 0.0
+    clock = _inverse_gaussian(start / max(abs(end), 1e-12 * start), start * start / variance, rng)
+    return clock / (1.0 + clock)
+
+
+@inlined
+def reflected(start: float, drift: float, noise: float, time: float, rng: np.random.Generator) -> tuple[float, float]:
+    """Margin of a contact that re-attaches on its boundary whenever it meets it; and its age.
+
+    The margin is a Brownian motion with drift, reflected at 0: free motion less its running minimum where that is
+    below 0, sampled exactly by the distribution of the minimum of a bridge, so that a step may hold any number of
+    breaks. The time since the last visit to 0 is the time since the minimum; of it the mean is taken, given all else:
+    the forces need no more, and two passage times (before the minimum and after it) divide the step in proportion to
+    their depths.
+
+    Parameters
+    ----------
+    start : float
+        Margin at the start, 0 for a newborn.
+    drift, noise : float
+        Drift of the margin, and the square of its noise, ``<dy^2>/dt``.
+    time : float
+        How long it goes on.
+
+    Returns
+    -------
+    margin, age : float
+        The age is -1 where the contact has not broken.
+    """
+    variance = noise * time
+    if variance <= 0.0:
+        free = start + drift * time
+        if free > 0.0:
+            return free, time if start == 0.0 else -1.0
+        return 0.0, 0.0
+    if start == 0.0 and drift < 0.0 and drift * drift * time > FORGOTTEN * noise:
+        # Stationary: the minimum over an endless past, and the first passage backwards from the margin to it.
+        margin = -0.5 * noise / drift * rng.standard_exponential()
+        return margin, -margin / drift
+    free = drift * time + np.sqrt(variance) * rng.standard_normal()
+    down = 0.5 * (np.sqrt(free * free + 2.0 * variance * rng.standard_exponential()) - free)
+    if down < start:
+        return start + free, -1.0
+    margin = max(free + down, 0.0)
+    return margin, time * margin / (down + margin) if margin > 0.0 else 0.0
+
+
+@inlined
+def _drift(langevin: Langevin, noise: float, speed: float, time: float) -> float:
+    """Constant drift of the margin that stands for ``rate^2 (mean - f) - speed`` near the boundary.
+
+    The threshold ``f`` of a contact near its boundary is small, not 0. Long after the last memory (relaxation time
+    noise/drift^2) its effect on the force is that of 2.25 mean margins and 2.8 mean stretchings, the first order of
+    the stationary kinetic equation at large speed; after a short time it is that of the growth so far.
+    """
+    square = langevin.rate * langevin.rate
+    drift = square * langevin.mean - speed
+    if drift >= 0.0:
+        margin, stretching = 0.7 * np.sqrt(noise * time), 0.5 * speed * time
+    else:
+        margin = 1.0 / (1.0 / (0.7 * np.sqrt(noise * time)) - 2.0 * drift / (2.25 * noise))
+        stretching = speed / (2.0 / time + 2.0 * drift * drift / (2.8 * noise))
+    return drift - square * float(margin + stretching)
+
+
+@jit
+def _prepare(langevin: Langevin, stroke: Stroke) -> _Step:
+    """Numbers of a step that do not depend on the contact."""
+    mean, std, dt = langevin.mean, langevin.std, stroke.dt
+    square, v = langevin.rate * langevin.rate, stroke.dX / dt
+    decay = np.exp(-square * dt)
+    noise = 2.0 * square * std * std
+    fall = abs(v) - square * mean
+    forgotten = langevin.newborn <= 0.0 and fall > 0.0 and fall * fall * dt > FORGOTTEN * noise
+    return _Step(
+        dt=dt,
+        v=v,
+        drift=_drift(langevin, noise, abs(v), dt),
+        noise=noise,
+        decay=decay,
+        sigma=std * np.sqrt(1.0 - decay * decay),
+        variance=2.0 * std * std * np.sinh(square * dt),
+        certain=fall * dt - 6.0 * np.sqrt(noise * dt) if forgotten else -1.0,
+        forgotten=forgotten,
+        young=langevin.newborn <= 0.0 and fall > 2.0 * square * mean,
+    )
+
+
+@inlined
+def _aged(f: float, time: float, langevin: Langevin, rng: np.random.Generator) -> float:
+    """Threshold a `time` later, by the exact Ornstein-Uhlenbeck step."""
+    e = np.exp(-langevin.rate * langevin.rate * time)
+    return float(langevin.mean + (f - langevin.mean) * e + langevin.std * np.sqrt(1.0 - e * e) * rng.standard_normal())
+
+
+@inlined
+def _live(
+    x: float, f: float, left: float, step: _Step, langevin: Langevin, delays: Floats, rng: np.random.Generator
+) -> tuple[float, float, float]:
+    """Stretching and threshold at the end of a step of which a time `left` is left, whatever breaks in it.
+
+    Below 0, `left` says how long after the end a contact that has broken is attached again.
+    """
+    mean, std, newborn, square = langevin.mean, langevin.std, langevin.newborn, langevin.rate * langevin.rate
+    v = step.v
+    while left > 0.0:
+        if left == step.dt:
+            e, sigma, variance = step.decay, step.sigma, step.variance
+        else:
+            e = np.exp(-square * left)
+            sigma = std * np.sqrt(1.0 - e * e)
+            variance = 2.0 * std * std * np.sinh(square * left)
+        new_x = x + v * left
+        new_f = mean + (f - mean) * e + sigma * rng.standard_normal()
+        margin = max(f - abs(x), 0.0)
+        new_margin = new_f - abs(new_x)
+        if new_margin > 0.0:
+            hidden = 2.0 * margin * new_margin / variance
+            if hidden > 40.0 or rng.standard_exponential() < hidden:
+                return new_x, new_f, 0.0
+        if newborn > 0.0:
+            left *= 1.0 - crossing(margin, new_margin, variance, rng)
+            left -= delays[int(rng.random() * delays.size)]
+            x, f = 0.0, newborn
+        else:
+            if not step.forgotten:
+                left *= 1.0 - crossing(margin, new_margin, variance, rng)
+            margin, age = reflected(0.0, _drift(langevin, step.noise, abs(v), left), step.noise, left, rng)
+            x = v * age
+            return x, abs(x) + margin, 0.0
+    return x, f, left
+
+
+@jit
+def _age(
+    contacts: Contacts,
+    sleep: _Sleep,
+    stroke: Stroke,
+    langevin: Langevin,
+    delays: Floats,
+    rng: np.random.Generator,
+) -> tuple[float, int]:
+    """One step of all contacts while the slider moves; stretchings are kept less the position of the slider.
+
+    Returns what breaking has taken from the sum of all stretchings, and how many contacts the step has attached
+    (less those that it has detached).
+    """
+    step, square, mean = _prepare(langevin, stroke), langevin.rate * langevin.rate, langevin.mean
+    base, threshold, attach = contacts.stretching, contacts.threshold, contacts.attach
+    now, X, dX, v, noise = stroke.time, stroke.X, stroke.dX, step.v, step.noise
+    end, new_X = now + stroke.dt, X + dX
+    lost, more = 0.0, 0
+    for i in range(base.size):
+        if end <= sleep.until[i] and sleep.room[i, 0] <= new_X <= sleep.room[i, 1]:
+            continue
+        if attach[i] <= now:
+            left, x, f = stroke.dt, base[i] + X, threshold[i]
+            if sleep.seen[i] < now:
+                f = _aged(f, now - sleep.seen[i], langevin, rng)
+                margin = f - abs(x) - max(f - mean, 0.0)
+                if margin > 3.0 * abs(dX) and SLEEP * margin * margin > noise * stroke.dt:  # on it sleeps
+                    threshold[i], sleep.seen[i], sleep.until[i] = f, now, now + SLEEP * margin * margin / noise
+                    sleep.room[i, 0], sleep.room[i, 1] = X - margin / 3.0, X + margin / 3.0
+                    continue
+            lost += x + dX
+            more -= 1
+        else:
+            left, x, f = end - attach[i], 0.0, langevin.newborn
+            if left <= 0.0:
+                continue
+        margin = f - abs(x)
+        if margin < step.certain:
+            margin, age = reflected(0.0, step.drift, noise, stroke.dt, rng)
+            x, left = v * age, 0.0
+            f = abs(x) + margin
+        elif step.young and f < 0.1 * mean and x * v >= 0.0 and left == stroke.dt:
+            # Near the boundary and driven towards it: the drift is as good as constant, one sample does it all.
+            drift = min(step.drift, square * (mean - f) - abs(v))
+            margin, age = reflected(max(margin, 0.0), drift, noise, stroke.dt, rng)
+            x, left = (v * age if age >= 0.0 else x + dX), 0.0
+            f = abs(x) + margin
+        else:
+            x, f, left = _live(x, f, left, step, langevin, delays, rng)
+        if left < 0.0:
+            attach[i] = sleep.until[i] = end - left
+            sleep.room[i, 0], sleep.room[i, 1] = -np.inf, np.inf
+            continue
+        lost -= x
+        more += 1
+        attach[i] = -np.inf
+        base[i], threshold[i], sleep.seen[i] = x - new_X, f, end
+        margin = f - abs(x) - max(f - mean, 0.0)
+        if margin > 0.0:
+            sleep.until[i] = end + SLEEP * margin * margin / noise if noise > 0.0 else np.inf
+            sleep.room[i, 0], sleep.room[i, 1] = new_X - margin / 3.0, new_X + margin / 3.0
+        else:
+            sleep.until[i] = -np.inf
+    return lost, more
+
+
+@jit
+def advance_contacts(
+    state: Floats, contacts: Contacts, course: Course, langevin: Langevin, delays: Floats, rng: np.random.Generator
+) -> Floats:
+    """Advance N ageing contacts and the slider to the last of the course's times, Eqs. (11) and (13)-(16).
+
+    Per contact and step: an exact Ornstein-Uhlenbeck step of the threshold, a Brownian-bridge test for breaking
+    inside the step, the exact distribution of the moment of breaking, and for contacts that attach on their boundary
+    the exact distribution of the margin after any number of breaks (`reflected`). Contacts far from breaking are left
+    alone.
+
+    Parameters
+    ----------
+    state : ndarray, shape (4,)
+        Time, X, V and what breaking takes from the force per time (0 at the start; a memory of the step before);
+        changed in place.
+    contacts : Contacts
+        Changed in place.
+    course : Course
+        A longest step of ``0.04/rate^2`` is converged to 2e-3 in steady motion; a reach of 0.02 mean thresholds with
+        a slider, inf for steady rigid motion.
+    langevin : Langevin
+    delays : ndarray, shape (n,)
+        Delays after breaking, one drawn at random for each break; ``[0.]`` for none. A delay needs a newborn
+        threshold above 0.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    ndarray, shape (m, 5)
+        X, V, spring force F_d, contact force F_c (both per contact), fraction of attached contacts.
+    """
+    n, x = contacts.stretching.size, contacts.stretching
+    if langevin.newborn <= 0.0 and np.max(delays) > 0.0:
+        raise ValueError("a delay after breaking needs a newborn threshold above 0")
+    here = begin(course, state)
+    total, count = 0.0, 0
+    sleep = _Sleep(np.full(n, here.time), np.full(n, -np.inf), np.zeros((n, 2)))
+    for i in range(n):
+        if contacts.attach[i] <= here.time:
+            total += x[i]
+            count += 1
+        else:
+            sleep.until[i], sleep.room[i, 0], sleep.room[i, 1] = contacts.attach[i], -np.inf, np.inf
+        x[i] -= here.X
+    samples = np.empty((course.times.size, COLUMNS))
+    load = Load(total / n, count / n, state[LOSS], 0.0)
+    filled = fill(course, samples, 0, here, load, here.time, count / n)
+    while filled < course.times.size:
+        guess, stroke = plan(course, filled, here, load, _ANGLE)
+        lost, more = _age(contacts, sleep, stroke, langevin, delays, rng)
+        total += count * stroke.dX - lost
+        count += more
+        load = Load(load.force, load.stiffness, lost / (n * stroke.dt), 0.0)
+        there = settle(course, here, guess, load, stroke.dt)
+        total += count * (there.X - guess.X)
+        filled = fill(course, samples, filled, here, load, there.time, count / n)
+        here, load = there, Load(total / n, count / n, load.loss, 0.0)
+    for i in range(n):
+        x[i] += here.X
+        if contacts.attach[i] > here.time:
+            x[i] = 0.0
+        elif sleep.seen[i] < here.time:
+            contacts.threshold[i] = max(
+                _aged(contacts.threshold[i], here.time - sleep.seen[i], langevin, rng), abs(x[i])
+            )
+    keep(state, here, load.loss)
+    return samples

@@ -1,0 +1,400 @@
+"""The kinetic equation of ageing contacts, Eqs. (13)-(17), N to infinity, under a slider; see `langevin`.
+
+The density over (place of birth, margin). A cohort is what attached while the slider moved by twice the reach of a
+step; of its contacts at each margin the mass is known and the mean place of birth, which is all that the force asks
+for: cohorts are needed only because an older contact ages by ``rate^2 (mean - margin - stretching)``, and the error of
+that falls as the square of their width. Margins obey the Fokker-Planck equation of Eq. (17), in the frame of the
+moving boundary, with Chang-Cooper / Scharfetter-Gummel fluxes (conserving, Gaussian when at rest) and steps of second
+order. What breaks enters the open cohort; with ``newborn = 0`` by its boundary, which reflects: contacts there attach
+where the slider is. Second order in all: halve step, reach and cells together.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._jit import jit
+from .drift_diffusion import bernoulli
+from .langevin import Langevin
+from .oscillator import Load
+from .stepping import COLUMNS, LOSS, Course, Stroke, begin, fill, keep, plan, settle
+
+Floats = NDArray[np.float64]
+
+# Further entries of the state: number of closed cohorts, and how far the contacts lag behind the slider.
+COHORTS, LAG = 4, 5
+
+# Largest step of a free oscillation of the slider, in radians.
+_ANGLE = 0.35
+
+
+class Cohorts(NamedTuple):
+    """Contacts by where they attached, first the closed cohorts, then the open one, then room for more.
+
+    Attributes
+    ----------
+    place : ndarray, shape (C,)
+        Slider positions at which the cohorts have stretching 0. C is at least two more than there are closed cohorts;
+        with ``(mean + 8 std)/reach + 3`` rows none has to be joined to another that is not near.
+    mass : ndarray, shape (C, nodes)
+        Fraction of contacts by cohort and margin, sum 1, kept to rounding; none on node 0 but of the open cohort.
+    moment : ndarray, shape (C, nodes)
+        The same times how much farther than `place` these contacts have attached on average.
+    """
+
+    place: Floats
+    mass: Floats
+    moment: Floats
+
+
+class _Grid(NamedTuple):
+    """Nodes of the margin, and the widths of the cells about them."""
+
+    nodes: Floats
+    width: Floats
+
+
+class _Work(NamedTuple):
+    """Room to calculate in, and for each cohort the last node where it held anything.
+
+    ``up[i]`` leads from node i to i+1, ``down[i]`` to i-1; `pivot` and `carry` are the elimination of the implicit
+    steps, `echo` what one birth a time leaves, and `stage` the mass and the moment in the two stages of a step.
+    """
+
+    up: Floats
+    down: Floats
+    pivot: Floats
+    carry: Floats
+    known: Floats
+    echo: Floats
+    stage: Floats
+    tops: NDArray[np.int64]
+
+
+class _Step(NamedTuple):
+    """A step of all cohorts: its length, how far the slider goes, and the drift and diffusion of thresholds.
+
+    ``gamma = 1 - 1/sqrt(2)`` gives SDIRK2, of second order and L-stable; ``gamma = 1/2`` two implicit Euler steps, of
+    first order and positive.
+    """
+
+    dt: float
+    dX: float
+    square: float
+    mean: float
+    diffusion: float
+    gamma: float
+
+
+class _Births(NamedTuple):
+    """The node where contacts attach (-1: nowhere), the fraction on the one above, and the rates in the two stages."""
+
+    node: int
+    fraction: float
+    first: float
+    second: float
+
+
+@jit
+def density_nodes(langevin: Langevin, cells: float) -> Floats:
+    """Nodes of the margin for `advance_density`: `cells` per standard deviation, closer and closer to the boundary.
+
+    Contacts that attach on their boundary leave it as the square root of time, and a fast slider presses them against
+    it: the first cells must be small. The last node lies beyond all thresholds.
+    """
+    end, widest = max(langevin.mean, langevin.newborn) + 8.0 * langevin.std, langevin.std / cells
+    growth, h, k = 1.0 + 1.0 / cells, 0.06 * widest, 0
+    nodes = np.zeros(int(end / widest) + int(3.0 / np.log(growth)) + 3)
+    while nodes[k] < end:
+        nodes[k + 1] = nodes[k] + h
+        h = min(growth * h, widest)
+        k += 1
+    return nodes[: k + 1].copy()
+
+
+@jit
+def cell_widths(nodes: Floats) -> Floats:
+    """Widths of the cells about the nodes; the first and the last are cut at their node."""
+    width = np.empty(nodes.size)
+    width[0], width[-1] = 0.5 * nodes[1], 0.5 * (nodes[-1] - nodes[-2])
+    width[1:-1] = 0.5 * (nodes[2:] - nodes[:-2])
+    return width
+
+
+@jit
+def _rates(grid: _Grid, mass: Floats, moment: Floats, x: float, step: _Step, first: int, top: int, work: _Work) -> None:
+    """Rates between the margins of one cohort while the slider moves on from `x` past its place of birth.
+
+    At each margin the contacts are stretched as they are there on average, by ``x - moment/mass``.
+    """
+    nodes, width, D = grid.nodes, grid.width, step.diffusion
+    widest = nodes[-1] - nodes[-2]
+    for i in range(top):
+        here, off = mass[i + 1], moment[i + 1]
+        if i >= first:
+            here += mass[i]
+            off += moment[i]
+        start = x - off / here if here > 1e-200 else x
+        a, b = abs(start), abs(start + step.dX)
+        h = nodes[i + 1] - nodes[i]
+        ageing = step.square * (step.mean - 0.5 * (nodes[i] + nodes[i + 1] + a + b))
+        motion = (b - a) / step.dt
+        d = (ageing - motion) * h / D
+        flow = bernoulli(d)
+        if i > first and h > 0.999 * widest:
+            # Far from the boundary a fast slider carries the density along: there central differences, as far as
+            # they are positive, do not smear it.
+            flow += (
+                motion * motion / (motion * motion + ageing * ageing + 1e-300) * (max(1.0 - 0.5 * d, 0.0, -d) - flow)
+            )
+        work.up[i] = D * (flow + d) / (h * width[i])
+        work.down[i + 1] = D * flow / (h * width[i + 1])
+    work.down[0] = work.up[top] = 0.0
+
+
+@jit
+def _eliminate(work: _Work, first: int, top: int, dt: float) -> None:
+    """Elimination from above for the implicit steps of `_substitute`."""
+    above = 0.0
+    for i in range(top, first - 1, -1):
+        work.pivot[i] = 1.0 / (1.0 + dt * (work.up[i] + work.down[i]) - above)
+        work.carry[i] = dt * work.up[i - 1] * work.pivot[i] if i > 0 else 0.0
+        above = dt * work.down[i] * work.carry[i]
+
+
+@jit
+def _substitute(work: _Work, below: float, first: int, top: int, dt: float, solved: Floats) -> None:
+    """Implicit step ``(1 - dt L) solved = known`` from node `first` to `top`, with `below` on the node below them."""
+    above = 0.0
+    for i in range(top, first - 1, -1):
+        solved[i] = (work.known[i] + above) * work.pivot[i]
+        above = dt * work.down[i] * solved[i]
+    for i in range(first, top + 1):
+        solved[i] += work.carry[i] * below
+        below = solved[i]
+
+
+@jit
+def _advance_cohort(
+    mass: Floats, moment: Floats, grid: _Grid, x: float, step: _Step, top: int, births: _Births, work: _Work
+) -> tuple[float, float]:
+    """One step of a cohort, by two implicit stages; returns the rates at which its contacts break in the two."""
+    known, birth, fraction, gamma = work.known, births.node, births.fraction, step.gamma
+    first = 0 if birth == 0 else 1  # newborns on the boundary: it reflects
+    dt = gamma * step.dt
+    _rates(grid, mass, moment, x, step, first, top, work)
+    _eliminate(work, first, top, dt)
+    again = 0.0
+    if birth > 0:  # what one birth a time makes break within the same stage, to attach again
+        known[: top + 1] = 0.0
+        known[birth], known[birth + 1] = dt * (1.0 - fraction), dt * fraction
+        _substitute(work, 0.0, first, top, dt, work.echo)
+        again = work.down[1] * work.echo[1]
+    ahead = (1.0 - gamma) / gamma
+    breaking = (0.0, 0.0)
+    for stage in range(2):
+        m, q = work.stage[stage, 0], work.stage[stage, 1]
+        path = x + step.dX * (gamma if stage == 0 else 1.0)  # of the slider since the reference place
+        born = births.first if stage == 0 else births.second
+        for i in range(first, top + 1):
+            known[i] = mass[i] if stage == 0 else mass[i] + ahead * (work.stage[0, 0, i] - mass[i])
+        if birth >= 0:
+            known[birth] += dt * born * (1.0 - fraction)
+            known[birth + 1] += dt * born * fraction
+        _substitute(work, 0.0, first, top, dt, m)
+        lost = work.down[1] * m[1]
+        if birth > 0:
+            lost /= 1.0 - again
+            born += lost
+            for i in range(1, top + 1):
+                m[i] += lost * work.echo[i]
+        for i in range(1, top + 1):
+            known[i] = moment[i] if stage == 0 else moment[i] + ahead * (work.stage[0, 1, i] - moment[i])
+        if birth > 0:
+            known[birth] += dt * born * (1.0 - fraction) * path
+            known[birth + 1] += dt * born * fraction * path
+        _substitute(work, m[0] * path if birth == 0 else 0.0, 1, top, dt, q)
+        breaking = (lost, lost) if stage == 0 else (breaking[0], lost)
+    for i in range(first, top + 1):
+        mass[i], moment[i] = work.stage[1, 0, i], work.stage[1, 1, i]
+        if mass[i] < 0.0:
+            mass[i], moment[i] = 0.0, 0.0
+    if birth == 0:
+        moment[0] = mass[0] * (x + step.dX)
+    return breaking
+
+
+@jit
+def _top(mass: Floats, moment: Floats, nodes: Floats, before: int, path: float) -> int:
+    """Last node that a cohort can reach in a step; it held nothing above `before`. Dust at the top is swept down."""
+    top = before
+    while top > 2 and mass[top] < 1e-17:
+        mass[top - 1] += mass[top]
+        moment[top - 1] += moment[top]
+        mass[top] = moment[top] = 0.0
+        top -= 1
+    end = nodes[top] + path
+    while top < nodes.size - 1 and nodes[top] < end:
+        top += 1
+    return top
+
+
+@jit
+def _close(cohorts: Cohorts, nodes: Floats, count: int, X: float, near: float, soft: float) -> int:
+    """Close the open cohort (row `count`) and open another; returns the number of closed cohorts.
+
+    Contacts within some `soft` of their boundary stay open, so that no density is cut where it is steep. The closed
+    cohort is joined to one whose place is `near`, if there is one.
+    """
+    place, mass, moment = cohorts.place, cohorts.mass, cohorts.moment
+    m, q, fresh = mass[count], moment[count], count + 1
+    total, off, path = 0.0, 0.0, X - place[count]
+    for i in range(nodes.size):
+        kept = np.exp(-((nodes[i] / soft) ** 2)) if soft > 0.0 else 0.0
+        mass[fresh, i] = kept * m[i]
+        moment[fresh, i] = kept * (q[i] - m[i] * path)
+        m[i] -= mass[fresh, i]
+        q[i] *= 1.0 - kept
+        total += m[i]
+        off += q[i]
+    shift = off / total if total > 0.0 else 0.0
+    q -= m * shift
+    place[count] += shift
+    place[fresh] = X
+    nearest = -1
+    for c in range(count):
+        if nearest < 0 or abs(place[c] - place[count]) < abs(place[nearest] - place[count]):
+            nearest = c
+    if nearest >= 0 and (abs(place[nearest] - place[count]) < near or count + 2 >= place.size):
+        moment[nearest] += q + m * (place[count] - place[nearest])
+        mass[nearest] += m
+        place[count], mass[count], moment[count] = place[fresh], mass[fresh], moment[fresh]
+        mass[fresh], moment[fresh] = 0.0, 0.0
+        return count
+    return count + 1
+
+
+@jit
+def _prepare(langevin: Langevin, stroke: Stroke) -> _Step:
+    """Numbers of a step that do not depend on the cohort."""
+    square, diffusion = langevin.rate**2, (langevin.rate * langevin.std) ** 2
+    # Pressed against the boundary for many relaxation times of the layer there, SDIRK2 would overshoot.
+    fall = max(abs(stroke.dX) / stroke.dt - square * langevin.mean, 0.0)
+    gamma = 0.5 if fall * fall * stroke.dt > 8.0 * diffusion else 1.0 - np.sqrt(0.5)
+    return _Step(stroke.dt, stroke.dX, square, langevin.mean, diffusion, gamma)
+
+
+@jit
+def _age(cohorts: Cohorts, grid: _Grid, count: int, stroke: Stroke, langevin: Langevin, work: _Work) -> int:
+    """One step of all cohorts while the slider moves.
+
+    What breaks attaches in the open cohort (row `count`). Returns the number of closed cohorts that are left.
+    """
+    place, mass, moment, tops, nodes = cohorts.place, cohorts.mass, cohorts.moment, work.tops, grid.nodes
+    step, X, newborn = _prepare(langevin, stroke), stroke.X, langevin.newborn
+    birth, fraction = 0, 0.0
+    if newborn > 0.0:
+        birth = min(max(int(np.searchsorted(nodes, newborn, side="right")) - 1, 1), nodes.size - 2)
+        fraction = min(max((newborn - nodes[birth]) / (nodes[birth + 1] - nodes[birth]), 0.0), 1.0)
+    path = 8.0 * np.sqrt(2.0 * step.diffusion * step.dt) + abs(step.dX)
+    first, second, broken, dust, kept = 0.0, 0.0, 0.0, 0.0, 0
+    for c in range(count):
+        m, q = mass[c], moment[c]
+        broken += np.sum(m)
+        top = _top(m, q, nodes, tops[c], path)
+        one, two = _advance_cohort(m, q, grid, X - place[c], step, top, _Births(-1, 0.0, 0.0, 0.0), work)
+        first += one
+        second += two
+        left = np.sum(m)
+        broken -= left
+        if left < 1e-13:  # as good as empty
+            dust += left
+            m[:], q[:] = 0.0, 0.0
+            continue
+        place[kept], tops[kept] = place[c], top
+        if kept < c:
+            mass[kept], moment[kept] = m, q
+            m[:], q[:] = 0.0, 0.0
+        kept += 1
+    m, q = mass[count], moment[count]
+    expected = np.sum(m) + broken
+    top = max(_top(m, q, nodes, tops[count], path), birth + 1)
+    _advance_cohort(m, q, grid, X - place[count], step, top, _Births(birth, fraction, first, second), work)
+    total = np.sum(m)
+    if total > 0.0:  # rounding, and what was cut off below 0
+        m *= expected / total
+        q *= expected / total
+    m[birth] += dust
+    q[birth] += dust * (X + step.dX - place[count])
+    if kept < count:
+        place[kept], mass[kept], moment[kept] = place[count], m, q
+        m[:], q[:] = 0.0, 0.0
+    tops[kept] = top
+    return kept
+
+
+@jit
+def _force(cohorts: Cohorts, count: int, X: float) -> tuple[float, float]:
+    """Force of the contacts, and the sum of the mass."""
+    force, total = 0.0, 0.0
+    for c in range(count + 1):
+        here = np.sum(cohorts.mass[c])
+        total += here
+        force += (X - cohorts.place[c]) * here - np.sum(cohorts.moment[c])
+    return force, total
+
+
+@jit
+def advance_density(state: Floats, cohorts: Cohorts, nodes: Floats, course: Course, langevin: Langevin) -> Floats:
+    """Advance the kinetic equation and the slider to the last of the course's times, Eqs. (11), (13)-(17).
+
+    Parameters
+    ----------
+    state : ndarray, shape (6,)
+        Time, X, V, loss per time (see `stepping`), number of closed cohorts, how far the contacts lag behind X.
+        Changed in place.
+    cohorts : Cohorts
+        Changed in place.
+    nodes : ndarray
+        Of `density_nodes`.
+    course : Course
+    langevin : Langevin
+
+    Returns
+    -------
+    ndarray, shape (m, 5)
+        X, V, F_d, F_c, sum of the mass.
+    """
+    count, lag, reach = int(state[COHORTS]), state[LAG], course.reach
+    size = nodes.size
+    grid, tops = _Grid(nodes, cell_widths(nodes)), np.full(cohorts.place.size, size - 1)
+    line = np.zeros((6, size))
+    work = _Work(line[0], line[1], line[2], line[3], line[4], line[5], np.zeros((2, 2, size)), tops)
+    here = begin(course, state)
+    F, total = _force(cohorts, count, here.X)
+    samples, loss, ramp, last = np.empty((course.times.size, COLUMNS)), state[LOSS], 0.0, 0.0
+    filled = fill(course, samples, 0, here, Load(F, 1.0, 0.0, 0.0), here.time, total)
+    while filled < course.times.size:
+        guess, stroke = plan(course, filled, here, Load(F, 1.0, loss + 0.5 * ramp * last, ramp), _ANGLE)
+        # The contacts are moved to where the slider is guessed to go, from where it was last guessed to have gone.
+        dt, dX = stroke.dt, stroke.dX
+        count = _age(cohorts, grid, count, Stroke(here.time, stroke.end, dt, here.X - lag, dX + lag), langevin, work)
+        path = abs(guess.X - cohorts.place[count])
+        if path >= 3.999 * reach or (guess.V * here.V < 0.0 and path > 0.4 * reach):
+            soft = 2.0 * np.sqrt((langevin.rate * langevin.std) ** 2 * dt) if langevin.newborn <= 0.0 else 0.0
+            count = _close(cohorts, nodes, count, guess.X, 2.0 * reach, soft)
+            tops[count] = size - 1
+        before, start = loss, F
+        F, total = _force(cohorts, count, guess.X)
+        loss = (start + guess.X - here.X - F) / dt
+        ramp = 2.0 * (loss - before) / (dt + last) if last > 0.0 else 0.0
+        last, load = dt, Load(start, 1.0, loss - 0.5 * ramp * dt, ramp)
+        there = settle(course, here, guess, load, dt)
+        lag = there.X - guess.X
+        F += lag
+        filled = fill(course, samples, filled, here, load, there.time, total)
+        here = there
+    keep(state, here, loss)
+    state[COHORTS], state[LAG] = float(count), lag
+    return samples

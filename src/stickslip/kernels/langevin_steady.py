@@ -1,0 +1,206 @@
+"""Ageing contacts at constant velocity, N to infinity: lives are alike, and one life says all."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._jit import jit
+from .langevin import (
+    Langevin,
+    Life,
+    age_nodes,
+    between_nodes,
+    density_by_age,
+    fine_nodes,
+    life_at,
+    margin_nodes,
+    margin_rates,
+)
+
+Floats = NDArray[np.float64]
+
+
+@jit
+def life_moments(life: Life, cells: int, steps: int) -> tuple[float, float]:
+    """Moments of one life at one resolution: cells of the margin and steps of the age; see `steady_moments`."""
+    u, delta = life.u, life.delta
+    z = margin_nodes(life, cells)
+    age = age_nodes(life, steps)
+    m = z.size - 1
+    c0, r = (1.0 - u) / delta, u / delta
+    up, down, upper = np.zeros(m + 1), np.zeros(m + 1), np.zeros(m + 1)
+    left, work = np.zeros(m + 1), np.zeros(m + 1)  # life and work still to come, as a function of the margin
+    b0, b1 = np.zeros(m + 1), np.zeros(m + 1)
+    for j in range(steps - 1, -1, -1):
+        da = age[j + 1] - age[j]
+        middle = 0.5 * (age[j + 1] + age[j])
+        margin_rates(z, c0 - r * middle, up, down)
+        # Crank-Nicolson rings on the abrupt start; the oldest ages, which hardly anyone reaches, damp that.
+        implicit = 0.5 if j < steps - 8 else 1.0
+        explicit = (1.0 - implicit) * da
+        implicit *= da
+        for i in range(1, m + 1):
+            k = min(i + 1, m)
+            b0[i] = left[i] + explicit * (down[i] * (left[i - 1] - left[i]) + up[i] * (left[k] - left[i])) + da
+            b1[i] = (
+                work[i] + explicit * (down[i] * (work[i - 1] - work[i]) + up[i] * (work[k] - work[i])) + da * u * middle
+            )
+            below = implicit * down[i]
+            pivot = 1.0 / (1.0 + below + implicit * up[i] - below * upper[i - 1])
+            b0[i] = (b0[i] + below * b0[i - 1]) * pivot
+            b1[i] = (b1[i] + below * b1[i - 1]) * pivot
+            upper[i] = implicit * up[i] * pivot
+        left[m], work[m] = b0[m], b1[m]
+        for i in range(m - 1, 0, -1):
+            left[i] = b0[i] + upper[i] * left[i + 1]
+            work[i] = b1[i] + upper[i] * work[i + 1]
+    if life.newborn > 0.0:
+        i, w = between_nodes(z, life.newborn / delta)
+        return (1.0 - w) * left[i - 1] + w * left[i], (1.0 - w) * work[i - 1] + w * work[i]
+    # Slopes at the boundary, from W'' + c W' + g = 0 there: g = 1 for the life, 0 for the work.
+    h = z[1]
+    slope = 1.0 / (h * (1.0 - 0.5 * c0 * h))
+    return (left[1] + 0.5 * h * h) * slope, work[1] * slope
+
+
+@jit
+def _resolution(life: Life, cells: int) -> tuple[int, int]:
+    """Cells of the margin and steps of the age that keep the same accuracy everywhere.
+
+    A narrow distribution makes thin layers, a newborn that must come down to its boundary makes a travelling pulse,
+    and a slow slide takes many times 1/rate^2.
+    """
+    peclet = life.newborn * max(life.u - 1.0, 0.0) / life.delta**2
+    more = min(max(1.0, 0.1 / life.delta, peclet / 60.0), 16.0)
+    margins = int(cells * more)
+    return margins, margins * (4 if life.u < 0.02 else 2)
+
+
+@jit
+def steady_moments(life: Life, cells: int) -> tuple[float, float]:
+    """Moments of one life of a contact in sliding at constant velocity, by the kinetic equation, Eqs. (13)-(17).
+
+    With ``a`` the age in units of 1/rate^2 and ``S(a)`` the survivors, the moments are ``int S da`` and
+    ``int u a S da``; their ratio is the mean stretching of attached contacts in units of the mean threshold.
+
+    The backward (adjoint) equation is solved: what is still to come, as a function of age and margin, is smooth where
+    the density is singular. Chang-Cooper / Scharfetter-Gummel rates in the margin, Crank-Nicolson in the age, and one
+    Richardson extrapolation.
+
+    Parameters
+    ----------
+    life : Life
+        For a newborn without strength the moments are those of an excursion, per unit of its entrance measure (their
+        slope in the margin, in units of the standard deviation).
+    cells : int
+        Cells of the coarser grid; 100 gives 1e-5 (for 1e-5 <= u <= 50 and delta >= 0.1).
+
+    Returns
+    -------
+    life, work : float
+        ``int S da`` and ``int u a S da``.
+    """
+    margins, steps = _resolution(life, cells)
+    coarse, coarse_work = life_moments(life, margins, steps)
+    fine, fine_work = life_moments(life, 2 * margins, 2 * steps)
+    # The error of a ratio is extrapolated, not those of its parts: they share most of it.
+    ratio = (4.0 * fine_work / fine - coarse_work / coarse) / 3.0
+    fine += (fine - coarse) / 3.0
+    return fine, ratio * fine
+
+
+@jit
+def steady_friction(velocity: Floats, langevin: Langevin, delay: float = 0.0, cells: int = 100) -> Floats:
+    """Force of the contacts in smooth sliding, N to infinity, from Eqs. (13)-(17).
+
+    A function of ``u = velocity/(rate^2 mean)`` alone (without delay); it falls as ``std^2/mean u/(u-1)^2`` at
+    large u.
+
+    Parameters
+    ----------
+    velocity : ndarray, shape (n,)
+        Sliding velocities, not 0. The force has the sign of the velocity.
+    langevin : Langevin
+    delay : float
+        Mean time a broken contact stays detached. With ``newborn = 0`` no contact ever holds for it.
+    cells : int
+        See `steady_moments`.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Force per contact.
+    """
+    force = np.zeros(velocity.size)
+    time = 1.0 / (langevin.rate * langevin.rate)
+    for i in range(velocity.size):
+        if delay > 0.0 and langevin.newborn <= 0.0:
+            continue
+        life, work = steady_moments(life_at(velocity[i], langevin), cells)
+        force[i] = np.sign(velocity[i]) * langevin.mean * work / (life + delay / time)
+    return force
+
+
+@jit
+def pull_newborns(
+    velocity: float, langevin: Langevin, distance: float, points: int, cells: int = 160
+) -> tuple[Floats, Floats]:
+    """Force while contacts that were all newborn at the start are dragged at constant velocity, Eqs. (7), (13)-(17).
+
+    Lives at constant velocity are alike, so births (counted by local time) are a renewal process: ``births * S = 1``
+    and ``F = births * (v a S)``, with the survivors S by age of the stationary solution and ``*`` the convolution.
+    ``max(-dF/dX)`` is the effective stiffness of Fig. 11.
+
+    Parameters
+    ----------
+    velocity : float
+    langevin : Langevin
+        Newborns have no strength, whatever it says.
+    distance : float
+        How far the slider goes.
+    points : int
+        Number of equal steps of the distance.
+    cells : int
+        Cells of the margin.
+
+    Returns
+    -------
+    path, force : ndarray, shape (points,)
+        Distances gone, and the force per contact there.
+    """
+    life = life_at(velocity, Langevin(langevin.rate, langevin.mean, langevin.std, 0.0))
+    u, mean = life.u, langevin.mean
+    z, age = fine_nodes(life, cells)
+    mass = density_by_age(life, z, age)
+    ages = np.linspace(0.0, distance / mean / u, points + 1)
+    lives, works = _integrals_by_age(age, mass, ages)
+    births, force = np.zeros(points), np.zeros(points)
+    for i in range(points):
+        known = 0.0
+        for j in range(i):
+            known += births[j] * (lives[i - j + 1] - lives[i - j])
+        births[i] = (1.0 - known) / lives[1]
+        for j in range(i + 1):
+            force[i] += births[j] * (works[i - j + 1] - works[i - j])
+    return ages[1:] * u * mean, force * u * mean
+
+
+@jit
+def _integrals_by_age(age: Floats, mass: Floats, ages: Floats) -> tuple[Floats, Floats]:
+    """Integrals of the survivors ``S`` and of ``a S`` up to each of the `ages`, from their density by age."""
+    life, work = np.zeros(ages.size), np.zeros(ages.size)
+    i, lives, works, s0 = 1, 0.0, 0.0, 1.0
+    for j in range(age.size - 1):
+        h, a0, s1 = age[j + 1] - age[j], age[j], np.sum(mass[j + 1])
+        while i < ages.size and ages[i] <= age[j + 1]:
+            # Cubic between the nodes: the derivatives are known.
+            t = (ages[i] - a0) / h
+            rise = (0.5 * h * (s0 + s1), 0.5 * h * (s0 * a0 + s1 * age[j + 1]))
+            smooth, early, late = t * t * (3.0 - 2.0 * t), t * (1.0 - t) ** 2, t * t * (t - 1.0)
+            life[i] = lives + smooth * rise[0] + h * (early * s0 + late * s1)
+            work[i] = works + smooth * rise[1] + h * (early * s0 * a0 + late * s1 * age[j + 1])
+            i += 1
+        lives += 0.5 * h * (s0 + s1)
+        works += 0.5 * h * (s0 * a0 + s1 * age[j + 1])
+        s0 = s1
+    life[i:], work[i:] = lives, works
+    return life, work

@@ -1,0 +1,246 @@
+"""The slider as a damped oscillator on the driving spring and on the contacts, Eq. (11), in closed form.
+
+While the friction force is linear in the slider's position and quadratic in time, the slider obeys
+
+    x'' + eta x' + w x = constant + linear t + quadratic t^2/2
+
+and its motion is known for every sign of ``w``: oscillation, creep and instability. All solvers that take steps of
+time go through `move` or `travel`; the event engine has an expansion of its own in `flight`, which costs a tenth.
+
+Everything is per contact and in natural units (contact stiffness 1), in any unit of time.
+"""
+
+import math
+from typing import NamedTuple
+
+from ._jit import jit
+from .drive import Quadratic, drive_at
+
+
+class Slider(NamedTuple):
+    """Stiffness K of the driving spring, mass M and damping rate eta of Eq. (11).
+
+    ``stiffness = inf`` is rigid motion: the slider is where the drive is, and the other two do not matter.
+    """
+
+    stiffness: float
+    mass: float
+    damping: float
+
+
+RIGID = Slider(math.inf, 1.0, 0.0)
+
+
+class Motion(NamedTuple):
+    """Time, position and velocity of the slider."""
+
+    time: float
+    X: float
+    V: float
+
+
+class Load(NamedTuple):
+    """Force of the contacts while the slider moves on: ``force + stiffness (X(t) - X) - loss t - ramp t^2/2``.
+
+    `loss` is what breaking takes from the force per time at the start, `ramp` how fast that grows.
+    """
+
+    force: float
+    stiffness: float
+    loss: float = 0.0
+    ramp: float = 0.0
+
+
+class Travel(NamedTuple):
+    """Motion of the slider over some time: where it ends, the lowest and highest position on the way, work, losses.
+
+    `work` is that of the drive, `squares` the integral of the squared velocity.
+    """
+
+    X: float
+    V: float
+    low: float
+    high: float
+    work: float
+    squares: float
+
+
+class _Equation(NamedTuple):
+    """Coefficients of the equation of motion for the displacement of the slider."""
+
+    eta: float
+    w: float
+    constant: float
+    linear: float
+    quadratic: float
+
+
+Response = tuple[float, float, float, float, float]
+
+
+@jit
+def is_rigid(slider: Slider) -> bool:
+    """Whether the slider moves with the drive."""
+    return math.isinf(slider.stiffness)
+
+
+@jit
+def _equation(slider: Slider, drive: Quadratic, start: Motion, load: Load) -> _Equation:
+    K, M = slider.stiffness, slider.mass
+    D, velocity = drive_at(drive, start.time)
+    return _Equation(
+        slider.damping,
+        (K + load.stiffness) / M,
+        (K * (D - start.X) - load.force) / M,
+        (K * velocity + load.loss) / M,
+        (K * drive.acceleration + load.ramp) / M,
+    )
+
+
+@jit
+def response(t: float, eta: float, w: float) -> Response:
+    """Solve ``x'' + eta x' + w x = 0`` after a unit impulse: velocity, position and its three repeated integrals.
+
+    The integrals are the motion under a unit load that is constant, linear and quadratic (``t**2 / 2``) in
+    time. A power series over a short time is doubled until the time is reached: one formula for oscillation,
+    creep and instability (``w < 0``), without their special cases.
+    """
+    doublings = _doublings(t, eta, w)
+    t *= 0.5**doublings
+    found = _short_response(t, eta, w)
+    for _ in range(doublings):
+        found = _doubled_response(found, t, eta, w)
+        t *= 2.0
+    return found
+
+
+@jit
+def _doublings(t: float, eta: float, w: float) -> int:
+    """How often a time must be halved until a power series takes it."""
+    doublings = 0
+    size = t * (eta + math.sqrt(abs(w)))
+    while size > 0.5:
+        size *= 0.5
+        doublings += 1
+    return doublings
+
+
+@jit
+def _short_response(t: float, eta: float, w: float) -> Response:
+    """`response` by a power series, over a short time."""
+    term, before = 1.0, 0.0
+    v = h = h1 = h2 = h3 = 0.0
+    for n in range(1, 16):
+        v += term
+        part = term * t / n
+        h += part
+        part *= t / (n + 1)
+        h1 += part
+        part *= t / (n + 2)
+        h2 += part
+        h3 += part * t / (n + 3)
+        recent = w * t * t * before / (n - 1) if n > 1 else 0.0
+        term, before = -(eta * t * term + recent) / n, term
+    return v, h, h1, h2, h3
+
+
+@jit
+def _doubled_response(found: Response, t: float, eta: float, w: float) -> Response:
+    """`response` at twice the time `t` at which it was `found`."""
+    v, h, h1, h2, h3 = found
+    g = v + eta * h  # position after starting at rest from 1
+    h3 += g * h3 + h * h2 + 0.5 * t * t * h1 + t * h2
+    h2 += g * h2 + h * h1 + t * h1
+    h1 += g * h1 + h * h
+    return v * v - w * h * h, g * h + h * v, h1, h2, h3
+
+
+@jit
+def move(slider: Slider, drive: Quadratic, start: Motion, load: Load, dt: float) -> Motion:
+    """Slider a time `dt` later, under the friction force that `load` describes."""
+    if is_rigid(slider):
+        X, V = drive_at(drive, start.time + dt)
+        return Motion(start.time + dt, X, V)
+    _, w, constant, linear, quadratic = _equation(slider, drive, start, load)
+    v, h, h1, h2, h3 = response(dt, slider.damping, w)
+    X = start.X + start.V * h + constant * h1 + linear * h2 + quadratic * h3
+    return Motion(start.time + dt, X, start.V * v + constant * h + linear * h1 + quadratic * h2)
+
+
+@jit
+def travel(slider: Slider, drive: Quadratic, start: Motion, load: Load, dt: float) -> Travel:
+    """`move`, with what lies on the way.
+
+    The closed form is had by doubling a short time, and the motion is looked at after each doubling. A step may be long
+    against the relaxation of the slider, and the slider may turn within: what the ends do not tell, these moments do,
+    as each comes soon after the one before, measured by what has not decays by then.
+    """
+    D, velocity = drive_at(drive, start.time)
+    X, V, acceleration, length = start.X, start.V, drive.acceleration, D - start.X
+    if is_rigid(slider):
+        y, v = length + dt * (velocity + 0.5 * dt * acceleration), velocity + dt * acceleration
+        turn = _turning_point(V, y, v, dt)
+        return Travel(X + y, v, X + min(0.0, y, turn), X + max(0.0, y, turn), 0.0, 0.0)
+    eta, w, constant, linear, quadratic = _equation(slider, drive, start, load)
+    doublings = _doublings(dt, eta, w)
+    t = dt * 0.5**doublings
+    found = _short_response(t, eta, w)
+    begin = y = low = high = work = squares = 0.0
+    u, v = velocity, V
+    for i in range(doublings + 1):
+        if i > 0:
+            found = _doubled_response(found, t, eta, w)
+            begin = t
+            t *= 2.0
+        part = t - begin
+        y1 = V * found[1] + constant * found[2] + linear * found[3] + quadratic * found[4]
+        v1 = V * found[0] + constant * found[1] + linear * found[2] + quadratic * found[3]
+        u1 = velocity + t * acceleration
+        turn = y + _turning_point(v, y1 - y, v1, part)
+        low, high = min(low, y1, turn), max(high, y1, turn)
+        # Quadratures from both ends, of fourth order.
+        mean = (y1 - y) / part
+        pulled = length + begin * (velocity + 0.5 * begin * acceleration) - y
+        pulled1 = length + t * (velocity + 0.5 * t * acceleration) - y1
+        rate, rate1 = (u - v) * u + pulled * acceleration, (u1 - v1) * u1 + pulled1 * acceleration
+        work += slider.stiffness * part * (0.5 * (pulled * u + pulled1 * u1) + part / 12.0 * (rate - rate1))
+        squares += part * ((2.0 * (v * v + v1 * v1) - v * v1) / 15.0 + mean * (1.2 * mean - 0.2 * (v + v1)))
+        y, u, v = y1, u1, v1
+    return Travel(X + y, v, X + low, X + high, work, squares)
+
+
+@jit
+def _turning_point(V: float, y1: float, V1: float, dt: float) -> float:
+    """Displacement where the velocity changes sign on a cubic of these ends; 0 where it does not."""
+    if V * V1 > 0.0 or V1 == 0.0:
+        return 0.0
+    mean = y1 / dt
+    a, b = 3.0 * (V + V1) - 6.0 * mean, 6.0 * mean - 4.0 * V - 2.0 * V1
+    if V == 0.0:  # it starts the way of b
+        u = -b / a if b * V1 < 0.0 else 0.0
+    else:
+        root = math.sqrt(max(b * b - 4.0 * a * V, 0.0))
+        # The sign change leaves one root between 0 and 1: this one, in the form that does not cancel.
+        u = -2.0 * V / (b + math.copysign(root, -V))
+    return dt * u * (V + u * (b / 2.0 + u * a / 3.0))
+
+
+@jit
+def slow_path(slider: Slider, drive: Quadratic, start: Motion, load: Load) -> tuple[float, float, float]:
+    """Coefficients of the parabola, from the slider's position, that a damped slider ends on.
+
+    The slider must be held: by a positive stiffness of spring and contacts together.
+    """
+    eta, w, constant, linear, quadratic = _equation(slider, drive, start, load)
+    p2 = 0.5 * quadratic / w
+    p1 = (linear - 2.0 * eta * p2) / w
+    return (constant - eta * p1 - 2.0 * p2) / w, p1, p2
+
+
+@jit
+def free_amplitude(slider: Slider, drive: Quadratic, start: Motion, load: Load) -> float:
+    """Amplitude of the free oscillation, or of the creep, about the slow path."""
+    p0, p1, _ = slow_path(slider, drive, start, load)
+    half, w = 0.5 * slider.damping, (slider.stiffness + load.stiffness) / slider.mass
+    rate = start.V - p1 - half * p0
+    return math.sqrt(p0 * p0 + rate * rate / max(abs(w - half * half), 1e-6 * w))

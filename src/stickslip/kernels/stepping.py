@@ -1,0 +1,155 @@
+"""A slider and its contacts in steps of time: how long a step, where it leads, and what it passes.
+
+The loop is the same for all solvers that take steps: `begin` once; then for each step `plan` says where the slider
+would go if breaking went on as in the step before, the contacts are moved there, `settle` moves the slider again
+under the force that they have turned out to give (second order in the step), and `fill` reads the samples off that
+motion; `keep` stores the state. Only how the contacts move differs.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._jit import jit
+from .drive import Quadratic, drive_at
+from .oscillator import Load, Motion, Slider, free_amplitude, is_rigid, move
+
+Floats = NDArray[np.float64]
+
+# First entries of the state of every solver: the slider, and what breaking took from the force per time.
+TIME, POSITION, VELOCITY, LOSS = range(4)
+
+# Columns of the samples: X, V, force of the driving spring, friction force, attached fraction.
+COLUMNS = 5
+
+
+class Course(NamedTuple):
+    """What a slider is to do.
+
+    Attributes
+    ----------
+    drive : Quadratic
+        Motion of the drive, for the whole course.
+    slider : Slider
+    times : ndarray, shape (m,)
+        When to sample, ascending, none before now; the last one ends the course.
+    longest : float
+        Largest step of time; inf for no limit.
+    reach : float
+        Largest distance that the slider goes in a step.
+    pausing : bool
+        End a step at each sample: a course that is cut there has gone the same way.
+    """
+
+    drive: Quadratic
+    slider: Slider
+    times: Floats
+    longest: float
+    reach: float
+    pausing: bool = False
+
+
+class Stroke(NamedTuple):
+    """A step as the contacts see it: from `time` to `end`, for `dt`, the slider goes from `X` by `dX`, uniformly."""
+
+    time: float
+    end: float
+    dt: float
+    X: float
+    dX: float
+
+
+@jit
+def begin(course: Course, state: Floats) -> Motion:
+    """Slider as the state has it; in rigid motion it is where the drive is."""
+    now, X = state[TIME], state[POSITION]
+    if is_rigid(course.slider) and course.times.size > 0:
+        X = drive_at(course.drive, now)[0]
+    return Motion(now, X, state[VELOCITY])
+
+
+@jit
+def keep(state: Floats, here: Motion, loss: float) -> None:
+    """Store where the slider is."""
+    state[TIME], state[POSITION], state[VELOCITY], state[LOSS] = here.time, here.X, here.V, loss
+
+
+@jit
+def _pace(course: Course, here: Motion, load: Load, angle: float, until: float) -> float:
+    """Next step of time: none beyond `until`, none in which the slider goes farther than it may.
+
+    A free oscillation that matters is followed in steps of `angle` (rad).
+    """
+    longest, reach, slider = min(course.longest, until - here.time), course.reach, course.slider
+    fast = abs(drive_at(course.drive, here.time)[1]) + abs(course.drive.acceleration) * longest
+    if not is_rigid(slider):
+        fast = max(fast, abs(here.V))
+        if free_amplitude(slider, course.drive, here, load) > 0.05 * reach:
+            longest = min(longest, angle / np.sqrt((slider.stiffness + load.stiffness) / slider.mass))
+    longest = min(longest, reach / max(fast, 1e-300))
+    if here.time + 1.0000001 * longest >= until:
+        return until - here.time
+    # A sliver of a step before the end is shared with the step before it.
+    return 0.5 * (until - here.time) if here.time + 2.0 * longest > until else longest
+
+
+@jit
+def plan(course: Course, filled: int, here: Motion, load: Load, angle: float) -> tuple[Motion, Stroke]:
+    """Guess where the next step ends; it ends where the slider turns back.
+
+    Parameters
+    ----------
+    course : Course
+    filled : int
+        How many samples are filled.
+    here : Motion
+    load : Load
+        What the contacts are expected to give.
+    angle : float
+        Largest step of a free oscillation that matters, in radians.
+
+    Returns
+    -------
+    guess : Motion
+    stroke : Stroke
+        From here to there.
+    """
+    end = course.times[filled if course.pausing else -1]
+    dt = _pace(course, here, load, angle, end)
+    guess = move(course.slider, course.drive, here, load, dt)
+    shorter = dt
+    if guess.V * here.V < 0.0:
+        turn = dt * here.V / (here.V - guess.V)
+        if 0.05 * dt < turn < 0.95 * dt:
+            shorter = turn
+            guess = move(course.slider, course.drive, here, load, shorter)
+    if shorter < dt or dt < end - here.time:
+        end = here.time + shorter
+    guess = Motion(end, guess.X, guess.V)
+    return guess, Stroke(here.time, end, shorter, here.X, guess.X - here.X)
+
+
+@jit
+def settle(course: Course, here: Motion, guess: Motion, load: Load, dt: float) -> Motion:
+    """End of a step under the load that the contacts have turned out to give."""
+    if is_rigid(course.slider):
+        return guess
+    there = move(course.slider, course.drive, here, load, dt)
+    return Motion(guess.time, there.X, there.V)
+
+
+@jit
+def fill(course: Course, samples: Floats, filled: int, start: Motion, load: Load, end: float, attached: float) -> int:
+    """Fill the samples up to the `end` of a step that began at `start`; returns how many are filled."""
+    while filled < course.times.size and course.times[filled] <= end:
+        t = course.times[filled] - start.time
+        here = move(course.slider, course.drive, start, load, t)
+        force = load.force + load.stiffness * (here.X - start.X) - t * (load.loss + 0.5 * load.ramp * t)
+        spring = force
+        if not is_rigid(course.slider):
+            spring = course.slider.stiffness * (drive_at(course.drive, course.times[filled])[0] - here.X)
+        samples[filled, 0], samples[filled, 1], samples[filled, 2] = here.X, here.V, spring
+        samples[filled, 3], samples[filled, 4] = force, attached
+        filled += 1
+    return filled

@@ -1,0 +1,101 @@
+"""What a bench does to a trace: strokes to and fro, a sensor that saturates, a sign that is turned."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+
+from stickslip.measure.arrays import FEWEST_READINGS, Array, Trace, turns
+from stickslip.measure.slips import SLIP_PHASE_OF_SLIPS, Slips, find_slips
+
+LEAST_WAY = 0.5  # of the range of the displacement, or of the force: a stroke goes at least so far
+IN_BETWEEN = 0.08  # largest part of the time that a force between its two plateaus may take
+MIRRORED = 0.25  # largest part of the time that the jumps of a mirrored force take
+FEWEST_FLAT, FLAT_RUN, FLAT_PEAKS = 10, 3, 3  # samples, consecutive samples and peaks that make a saturated sensor
+
+
+def find_strokes(trace: Trace) -> list[Trace]:
+    """The strokes of a test that goes to and fro, each along its own direction; none of any other test.
+
+    By the displacement, where it is known; by the force, where it changes between two plateaus of opposite sign.
+    The reversals are left out: a stroke goes from where the force first reaches its usual level to where it last does.
+    """
+    edges = _reversals(trace)
+    if len(edges) < 3:
+        return []
+    strokes = []
+    for begin, end in itertools.pairwise(edges):
+        part = trace.part(trace.t[begin], trace.t[end] if end < trace.t.size else np.inf)
+        if part.t.size < FEWEST_READINGS:
+            continue
+        way = 1.0 if float(np.median(part.force)) >= 0 else -1.0
+        part = replace(part, force=way * part.force, sign=way * trace.sign)
+        usual = float(np.median(part.force))
+        there = part.t[part.force >= usual]
+        loaded = part.part(there[0], np.nextafter(there[-1], np.inf))
+        if loaded.t.size >= FEWEST_READINGS:
+            strokes.append(replace(loaded, largest=float(loaded.force.max())))
+    return strokes if len(strokes) > 1 else []
+
+
+def _reversals(trace: Trace) -> list[int]:
+    """First samples of the strokes, and the end of the last."""
+    size = trace.t.size
+    way = trace.displacement
+    if way is not None:
+        least = LEAST_WAY * float(np.ptp(way))
+        peaks, troughs = turns(way, least) if least > 0 else ([], [])
+        turning = sorted({*peaks, *troughs} - {0, size - 1})
+        return [0, *turning, size]
+    low, high = (float(edge) for edge in np.quantile(trace.force, (0.05, 0.95)))
+    half = 0.5 * (high - low)
+    if not low < 0 < high or abs(high + low) > half:
+        return []
+    level = LEAST_WAY * half
+    if float(np.mean(np.abs(trace.force - 0.5 * (high + low)) < level)) > IN_BETWEEN:
+        return []
+    side = np.where(trace.force > level, 1, np.where(trace.force < -level, -1, 0))
+    outside = np.flatnonzero(side)
+    changes = outside[1:][side[outside[1:]] != side[outside[:-1]]]
+    return [0, *changes.tolist(), size]
+
+
+def about_the_sensor(force: Array) -> tuple[str, ...]:
+    """What looks like a fault of the sensor."""
+    notes = []
+    for extreme, edge in ((force, "top"), (-force, "bottom")):
+        if _is_flat(extreme):
+            notes.append(
+                f"the {edge}s of the force are flat at {force[int(np.argmax(extreme))]:.4g}: the sensor or its "
+                "amplifier seems to be saturated; drops are larger than what was recorded"
+            )
+    return tuple(notes)
+
+
+def _is_flat(force: Array) -> bool:
+    """Whether a force stays at its largest value again and again, much longer than at values just below."""
+    top = float(force.max())
+    at = force == top
+    many = int(np.count_nonzero(at))
+    if many < FEWEST_FLAT or many > 0.9 * force.size:
+        return False
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(np.int8)))
+    runs = edges[1::2] - edges[::2]
+    if np.count_nonzero(runs >= FLAT_RUN) < FLAT_PEAKS:
+        return False
+    near = force[~at & (force > top - 0.2 * (top - float(force.min())))]
+    usual = float(np.median(np.unique(near, return_counts=True)[1])) if near.size else 0.0
+    return many >= FEWEST_FLAT * max(usual, 1.0)
+
+
+def is_mirrored(trace: Trace, found: Slips) -> bool:
+    """Whether the force jumps up and goes down slowly: stick-slip with the sign of the force turned."""
+    if found.size and not found.slip_phase(trace) > 1.0 - SLIP_PHASE_OF_SLIPS:
+        return False
+    if found.size == 0 and not found.dismissed:
+        return False
+    other = replace(trace, force=-trace.force)
+    turned = find_slips(other)
+    return turned.size > 3 and turned.slip_phase(other) <= MIRRORED

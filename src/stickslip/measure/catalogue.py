@@ -1,0 +1,157 @@
+"""The table of the force drops of a run or of a trace, with their statistics."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import xarray as xr
+
+from stickslip.errors import number
+from stickslip.measure.arrays import Array, Trace
+from stickslip.measure.bench import find_strokes
+from stickslip.measure.slips import Slips, find_slips, mean_and_std
+from stickslip.measure.verdict import over_the_window, since
+
+
+def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float | None = None) -> xr.Dataset:
+    """Return one row per slip, a slip being a drop of the driving spring's force that stands out.
+
+    Peaks and troughs alternate such that every drop and every rise between them is at least `minimum_drop`.
+    Drops that belong to the ringing after a slip are joined to it: the slider turned back before them (or,
+    where only the force is known, the force came back much faster than it usually rises) by less than the drop
+    itself, within the cycle. Where the velocity is known, drops slower than 3.5 times the drive are left out
+    beside faster ones. A drop cut off by the start or the end of the data is left out and counted in the
+    attribute ``cut``. The strokes of a test that goes to and fro are read apart.
+
+    Parameters
+    ----------
+    data : Dataset
+        A run or a measured trace.
+    minimum_drop : float, optional
+        Smallest drop that counts, in the unit of `F_d`. By default the larger of (a) the drop that the noise
+        from sample to sample could show by chance in so many samples, and (b) a tenth of the typical drop
+        (the median, weighted by the squares of the drops). By default, too, noise of the contacts has no slips,
+        and smooth sliding none; the attribute ``criterion`` says so.
+    after : float, optional
+        Look at what comes after this time only, in the unit of `t`.
+
+    Returns
+    -------
+    Dataset
+        Along ``event``: `start` and `end` (the times at which the force leaves its peak and reaches its
+        trough, to 5 % of the drop), `force_before`, `force_after`, `drop`, `duration`, `recurrence` (since
+        the previous start; NaN for the first), `loading_rate` before the slip, and, where the data hold them,
+        `slip` (distance between start and end) and `peak_velocity`; with strokes, `stroke`. In a noisy trace,
+        the forces before and after a slip come from lines through the loading beside it, as the extremes of
+        noise would overstate the drop. The attributes ``mean`` and ``std`` (sample standard deviation) of
+        each variable hold its statistics; the attributes of the table are ``count``, ``minimum_drop``,
+        ``noise``, ``criterion`` and ``cut``.
+
+    Raises
+    ------
+    InputError
+        If the data hold no force, or values that are not finite, or nothing lies after `after`.
+
+    Examples
+    --------
+    >>> import numpy as np, xarray as xr, stickslip as ss
+    >>> t = np.arange(0.0, 20.0, 0.01)
+    >>> trace = xr.Dataset({"spring_force": ("t", 3.0 + 2.0 * (t % 1.5), {"units": "N"})}, {"t": t})
+    >>> found = ss.drops(trace)
+    >>> found.sizes["event"], round(found["drop"].attrs["mean"], 2)
+    (13, 2.98)
+    """
+    trace = Trace.of(data)
+    if minimum_drop is not None:
+        minimum_drop = number("minimum_drop", minimum_drop, above=0, hint="in the unit of F_d")
+    if after is not None:
+        trace = since(trace, after)
+    strokes = find_strokes(trace) if trace.drive is None else []
+    if not strokes:
+        found = find_slips(trace, minimum_drop)
+        if found.size and minimum_drop is None:
+            seen = over_the_window(trace, None)
+            if seen.kind == "smooth sliding":
+                found = found.none(f"smooth sliding, {seen.reason}")
+        return _table(data, trace, found)
+    each = [_table(data, stroke, find_slips(stroke, minimum_drop)) for stroke in strokes]
+    rows = [table.assign(stroke=("event", np.full(table.sizes["event"], i))) for i, table in enumerate(each)]
+    whole = xr.concat(rows, "event", combine_attrs="override").assign_coords(
+        event=np.arange(sum(table.sizes["event"] for table in rows))
+    )
+    whole["stroke"].attrs = {"units": "1", "long_name": "number of the stroke"}
+    whole.attrs["count"] = whole.sizes["event"]
+    whole.attrs["cut"] = sum(table.attrs["cut"] for table in each)
+    return with_statistics(whole)
+
+
+def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
+    """One row per slip; mean and standard deviation of each column among its attributes."""
+    start, end = found.start, found.end
+    time_unit = str(data["time"].attrs.get("units", ""))
+    force_unit = str(data["spring_force"].attrs.get("units", ""))
+    name = "coefficient of friction" if force_unit == "1" else "force"
+    rate_unit = f"{'' if force_unit == '1' else force_unit}/{time_unit}" if time_unit else ""
+    loading = np.full(start.size, math.nan)
+    loading[1:] = (found.before[1:] - found.after[:-1]) / (trace.t[start[1:]] - trace.t[end[:-1]])
+    columns: dict[str, tuple[Array, str, str]] = {
+        "start": (trace.t[start], time_unit, "time at which the slip starts"),
+        "end": (trace.t[end], time_unit, "time at which the slip ends"),
+        "force_before": (trace.sign * found.before, force_unit, f"{name} before the slip (peak)"),
+        "force_after": (trace.sign * found.after, force_unit, f"{name} after the slip (trough)"),
+        "drop": (found.drops, force_unit, f"drop of the {name} in the slip"),
+        "duration": (trace.t[end] - trace.t[start], time_unit, "duration of the slip"),
+        "recurrence": (
+            np.diff(trace.t[start], prepend=math.nan) if start.size else np.empty(0),
+            time_unit,
+            "time since the start of the slip before",
+        ),
+        "loading_rate": (loading, "1" + rate_unit if rate_unit.startswith("/") else rate_unit, "rise of the "
+                         f"{name} per time since the slip before"),
+    }  # fmt: skip
+    if trace.X is not None:
+        unit = str(data["displacement"].attrs.get("units", ""))
+        columns["slip"] = (trace.X[end] - trace.X[start], unit, "distance slipped")
+    if trace.velocity is not None:
+        unit = str(data["velocity"].attrs.get("units", ""))
+        peaks = [float(trace.velocity[i : j + 1].max()) for i, j in zip(found.peak, found.trough, strict=True)]
+        columns["peak_velocity"] = (np.array(peaks, dtype=float), unit, "largest slider velocity in the slip")
+    table = {}
+    for key, (values, unit, words) in columns.items():
+        table[key] = ("event", np.asarray(values), {"units": unit, "long_name": words})
+    made = xr.Dataset(
+        table,
+        coords={"event": ("event", np.arange(start.size), {"long_name": "number of the slip"})},
+        attrs={
+            "count": found.size,
+            "minimum_drop": found.smallest,
+            "noise": found.noise,
+            "criterion": found.criterion,
+            "cut": found.cut,
+        },
+    )
+    return with_statistics(made)
+
+
+def with_statistics(table: xr.Dataset) -> xr.Dataset:
+    """Write mean and standard deviation of each column to its attributes."""
+    for name, column in table.data_vars.items():
+        if name not in ("start", "end", "stroke"):
+            column.attrs["mean"], column.attrs["std"], _ = mean_and_std(np.asarray(column.values, dtype=float))
+    return table
+
+
+def statistics(catalogue: xr.Dataset) -> list[tuple[str, str]]:
+    """Return the statistics of a table of drops as a person would read them: name, and mean and standard deviation."""
+    lines = []
+    for name, column in catalogue.data_vars.items():
+        mean, std = column.attrs.get("mean", math.nan), column.attrs.get("std", math.nan)
+        if not math.isfinite(mean):
+            continue
+        unit = str(column.attrs.get("units", ""))
+        unit = "" if unit == "1" else unit
+        scatter = f" ± {std:.2g}" if math.isfinite(std) else ""
+        cv = f" (CV {std / abs(mean):.2f})" if math.isfinite(std) and mean else ""
+        lines.append((str(name).replace("_", " "), f"{mean:.4g}{scatter} {unit}".rstrip() + cv))
+    return lines

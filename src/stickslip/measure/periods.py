@@ -1,0 +1,124 @@
+"""The period of a force: the one estimator that all of the package uses."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip.measure.arrays import Array
+
+PERIODIC = 0.7  # least autocorrelation at one period of what is called periodic
+FEWEST_CYCLES = 4  # complete cycles needed to speak of a period
+_HALF = 0.5  # the first peak of the autocorrelation above this part of the highest is near the period ...
+_BESIDE = 1.4  # ... which is the highest peak up to this many times further: ringing puts smaller ones beside it
+_TOGETHER = 0.7  # of a period: rises closer than this belong to one cycle (ringing crosses the levels again)
+_MOST_SAMPLES = 1 << 18  # of an autocorrelation
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cycles:
+    """The cycles of a force.
+
+    Attributes
+    ----------
+    period : float
+        Mean time of a cycle; NaN if there are fewer than two rises.
+    variation : float
+        Coefficient of variation of the times of the cycles.
+    correlation : float
+        Autocorrelation of the force at one period: 1 for what repeats, near 0 for noise.
+    begins : array of int
+        Samples at which the cycles begin, in their rise; the last one ends the last complete cycle.
+    times : array
+        The times of that, interpolated between samples.
+    """
+
+    period: float
+    variation: float
+    correlation: float
+    begins: NDArray[np.intp]
+    times: Array
+
+    @property
+    def count(self) -> int:
+        """Number of complete cycles."""
+        return max(self.begins.size - 1, 0)
+
+    @property
+    def periodic(self) -> bool:
+        """Whether the force repeats itself."""
+        return self.count >= FEWEST_CYCLES and self.correlation >= PERIODIC
+
+
+def find_cycles(t: Array, force: Array) -> Cycles:
+    """Return the cycles of a force: how far it repeats itself, and where each cycle begins.
+
+    The autocorrelation tells one period from a part of it (ringing, a small drop after a large one) and from
+    several; each cycle is then timed by itself, from one rise through the upper quarter of the range of the force
+    to the next.
+    """
+    lag, correlation = _autocorrelation_peak(t, force)
+    low, high = float(force.min()), float(force.max())
+    begins, times = rises(t, force, low + 0.25 * (high - low), high - 0.25 * (high - low))
+    if math.isfinite(lag) and begins.size:
+        first = [0]
+        for i in range(1, begins.size):
+            if times[i] - times[first[-1]] >= _TOGETHER * lag:
+                first.append(i)
+        begins, times = begins[first], times[first]
+    each = np.diff(times)
+    period = float(each.mean()) if each.size else math.nan
+    variation = float(each.std(ddof=1)) / period if each.size > 1 else math.nan
+    return Cycles(period=period, variation=variation, correlation=correlation, begins=begins, times=times)
+
+
+def rises(t: Array, force: Array, low: float, high: float) -> tuple[NDArray[np.intp], Array]:
+    """Rises of a force through `high`, each with a drop below `low` before it: samples, and times between them."""
+    side = np.where(force > high, 1, np.where(force < low, -1, 0))
+    outside = np.flatnonzero(side)
+    risen = outside[1:][(side[outside[1:]] > 0) & (side[outside[:-1]] < 0)]
+    passed = (force[risen] - high) / (force[risen] - force[risen - 1])
+    return risen, t[risen] - passed * (t[risen] - t[risen - 1])
+
+
+def _autocorrelation_peak(t: Array, force: Array) -> tuple[float, float]:
+    """Lag and height of the peak of the autocorrelation that belongs to one period; NaN and 0 if there is none."""
+    many = max(1, math.ceil(t.size / _MOST_SAMPLES))
+    if many > 1:
+        rows = t.size // many
+        coarse = force[: rows * many].reshape(rows, many).mean(axis=1)
+        lag, height = _peak((t[-1] - t[0]) / t.size * many, coarse)
+        if lag > 40 * many * (t[-1] - t[0]) / t.size:
+            return lag, height
+        t, force = t[:_MOST_SAMPLES], force[:_MOST_SAMPLES]
+    step = (t[-1] - t[0]) / (t.size - 1)
+    if float(np.ptp(np.diff(t))) > 0.01 * step:
+        even = t[0] + step * np.arange(t.size)
+        force = np.interp(even, t, force)
+    return _peak(step, force)
+
+
+def _peak(step: float, force: Array) -> tuple[float, float]:
+    size = force.size
+    at = np.arange(size) - 0.5 * (size - 1)
+    rest = force - force.mean()
+    rest = rest - at * (at @ rest) / (at @ at)
+    spectrum = np.fft.rfft(rest, 1 << math.ceil(math.log2(2 * size)))
+    power = np.fft.irfft(spectrum.real**2 + spectrum.imag**2)[: max(size // 2, 3)]
+    if not power[0] > 0:
+        return math.nan, 0.0
+    power /= power[0] * (1.0 - np.arange(power.size) / size)
+    below = np.flatnonzero(power < 0)
+    if below.size == 0:
+        return math.nan, 0.0
+    inner = power[below[0] : -1]
+    tops = below[0] + 1 + np.flatnonzero((inner[1:] >= inner[:-1]) & (inner[1:] > power[below[0] + 2 :]))
+    if tops.size == 0 or power[tops].max() <= 0:
+        return math.nan, 0.0
+    first = tops[np.argmax(power[tops] >= _HALF * power[tops].max())]
+    near = tops[(tops >= first) & (tops <= _BESIDE * first)]
+    best = int(near[np.argmax(power[near])])
+    return best * step, float(power[best])

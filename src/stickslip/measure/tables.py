@@ -1,0 +1,650 @@
+"""A table of numbers as instruments write them: text, a spreadsheet, or a TDMS file."""
+
+from __future__ import annotations
+
+import csv
+import datetime as dt
+import io
+import math
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip.errors import InputError
+from stickslip.measure.arrays import Array
+from stickslip.measure.headings import Heading, coefficients_without_unit, is_units_row, ratio, unit_named
+
+LARGEST_FILE = 100_000_000  # bytes
+LONGEST_LINE = 65_536  # characters
+MOST_COLUMNS = 1000
+_SAMPLE = 400  # lines looked at to find out how a table is laid out
+_HEAD = 1000  # lines among which a table must start
+_CHUNK = 250_000  # rows read at a time
+_LONGEST_NUMBER = 60  # characters of a cell that may hold a number
+
+_COMMENT = re.compile(r"\s*(#|%|//|!)+\s*")
+_NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\W\d_%°][^,;\t]{0,11}|[%°])?")
+_NO_VALUE = {"nan", "inf", "-inf", "+inf", "na", "n/a", "null", "none", "-", "--", "---", ""}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rows:
+    """Columns of a table that were asked for.
+
+    Attributes
+    ----------
+    values : dict of int to array
+        Numbers of each column, NaN where a cell holds none.
+    units : dict of int to str
+        Unit of each column.
+    lines : array of int
+        Line of the file in which each row stands.
+    """
+
+    values: dict[int, Array]
+    units: dict[int, str]
+    lines: NDArray[np.int64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """A table whose layout is known.
+
+    Attributes
+    ----------
+    place : str
+        The file, for messages.
+    headings : list of Heading
+        Of all columns.
+    numeric : list of int
+        Columns of numbers.
+    step : float or None
+        Time from row to row in s, where the file says so.
+    """
+
+    place: str
+    headings: list[Heading]
+    numeric: list[int]
+    source: _Text | dict[int, Array]
+    step: float | None = None
+    labels: list[str] = field(default_factory=list)
+
+    @classmethod
+    def read(cls, place: str, delimiter: str | None, decimal: str | None) -> Table:
+        """Find out how a file is laid out; `InputError` if it is no table."""
+        raw = _bytes(place)
+        if raw.startswith(b"TDSm"):
+            return _tdms(place)
+        if raw.startswith(b"PK\x03\x04"):
+            return _of_text(place, _Lines.of(place, _spreadsheet(place, raw)), "\t", ".")
+        return _of_text(place, _Lines.of(place, _as_utf8(place, raw)), delimiter, decimal)
+
+    def rows(self, columns: Sequence[int]) -> Rows:
+        """Read some columns."""
+        if isinstance(self.source, _Text):
+            return self.source.rows(self, sorted(set(columns)))
+        values = {i: self.source[i] for i in columns}
+        lines = np.arange(1, next(iter(values.values())).size + 1, dtype=np.int64)
+        return Rows(values=values, units={i: self.headings[i].unit for i in columns}, lines=lines)
+
+    def line(self, number: int) -> str:
+        """Text of a line, counted from 1."""
+        return self.source.lines.text(number - 1).strip() if isinstance(self.source, _Text) else f"sample {number}"
+
+    def listed(self) -> str:
+        """The columns of numbers, for a message."""
+        shown = [f"{i + 1}" + (f" '{self.headings[i]}'" if self.headings[i].name else "") for i in self.numeric[:12]]
+        return ", ".join(shown) + (" ..." if len(self.numeric) > 12 else "")
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Bytes and lines
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def _bytes(place: str) -> bytes:
+    """The content of a file, or one clear line on why there is none."""
+    path = Path(place)
+    try:
+        if path.is_dir():
+            raise InputError(f"{place}: is a folder; name the file with the force trace")
+        if path.exists() and not path.is_file():
+            raise InputError(f"{place}: is no regular file; name the file with the force trace")
+        size = path.stat().st_size
+        if size == 0:
+            raise InputError(f"{place}: is empty; it should hold a column of forces")
+        if size > LARGEST_FILE:
+            raise InputError(
+                f"{place}: has {size / 1e6:.0f} MB, more than {LARGEST_FILE / 1e6:.0f}; keep every n-th row, or a part"
+            )
+        raw = path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"{place}: no such file; check the name and the folder") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{place}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
+    if raw.startswith((b"\x89HDF", b"CDF")):
+        raise InputError(f"{place}: is a NetCDF or HDF5 file, not a table in text; open it as a run")
+    if raw.startswith(b"\xd0\xcf\x11\xe0"):
+        raise InputError(f"{place}: is a spreadsheet of the old kind (.xls); save it as .xlsx, or as CSV")
+    return raw
+
+
+def _as_utf8(place: str, raw: bytes) -> bytes:
+    """The text of a file in UTF-8, its lines ended by a line feed."""
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+        try:
+            raw = raw.decode("utf-16").encode()
+        except UnicodeDecodeError:
+            raise InputError(f"{place}: starts as UTF-16 text but is none; export it again as text") from None
+    elif len(raw) > 64 and not any(raw[1:1000:2]):  # UTF-16 without its mark
+        raw = raw.decode("utf-16-le", errors="replace").encode()
+    raw = raw.removeprefix(b"\xef\xbb\xbf")
+    if not raw.isascii():
+        try:
+            raw.decode()
+        except UnicodeDecodeError:
+            raw = raw.decode("latin-1").encode()  # units such as µ, written by older instruments
+    if raw.translate(None, bytes(range(9, 14)) + bytes(range(32, 127)) + bytes(range(128, 256))):
+        strange = re.search(rb"[\x00-\x08\x0e-\x1f\x7f]", raw)
+        assert strange is not None
+        line = raw.count(b"\n", 0, strange.start()) + 1
+        raise InputError(
+            f"{place}: line {line} holds the byte {strange.group().decode()!r}: a binary file; export it as text"
+        )
+    if b"\r" in raw and b"\n" not in raw:
+        raw = raw.replace(b"\r", b"\n")
+    if not raw.strip():
+        raise InputError(f"{place}: holds blanks only; it should hold a column of forces")
+    return raw
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Lines:
+    """A text by its lines; they are never all held as Python's strings."""
+
+    raw: bytes
+    ends: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, place: str, raw: bytes) -> _Lines:
+        found = np.flatnonzero(np.frombuffer(raw, dtype=np.uint8) == 10)
+        ends = found if found.size and found[-1] == len(raw) - 1 else np.append(found, len(raw))
+        length = np.diff(ends, prepend=-1)
+        longest = int(length.argmax())
+        if length[longest] > LONGEST_LINE:
+            raise InputError(
+                f"{place}: line {longest + 1} has {length[longest]:,} characters, more than {LONGEST_LINE:,}: "
+                "no row of a trace; one row to a line, and the columns of time and force are enough"
+            )
+        return cls(raw=raw, ends=ends)
+
+    def __len__(self) -> int:
+        return int(self.ends.size)
+
+    def text(self, i: int) -> str:
+        begin = int(self.ends[i - 1]) + 1 if i else 0
+        return self.raw[begin : int(self.ends[i])].decode(errors="replace").rstrip("\r")
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Layout of a text
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Text:
+    """Where in a text the rows stand, and how they are parted."""
+
+    lines: _Lines
+    start: int  # first line of the rows, from 0
+    parting: str | None
+    comma: bool
+    quoted: bool
+    width: int
+
+    def rows(self, table: Table, columns: Sequence[int]) -> Rows:
+        """Read some columns; blank lines and comments are left out."""
+        import pandas as pd
+
+        # Where blanks part the columns, a unit in a cell is a column of its own, behind that of the number.
+        beside = {i: i + 1 for i in columns if self.parting is None and self._holds_units(i + 1, table)}
+        wanted = sorted({*columns, *beside.values()})
+        count = len(self.lines) - self.start
+        cells = {i: _Cells.empty(count) for i in columns}
+        begin = int(self.lines.ends[self.start - 1]) + 1 if self.start else 0
+        filled = 0
+        with io.BytesIO(self.lines.raw) as stream:
+            stream.seek(begin)
+            for chunk in pd.read_csv(
+                stream,
+                sep=r"\s+" if self.parting is None else self.parting,
+                decimal="," if self.comma else ".",
+                header=None,
+                names=range(self.width),
+                usecols=wanted,
+                skip_blank_lines=False,
+                skipinitialspace=True,
+                quoting=csv.QUOTE_MINIMAL if self.quoted else csv.QUOTE_NONE,
+                chunksize=_CHUNK,
+                encoding_errors="replace",
+            ):
+                part = slice(filled, filled + len(chunk))
+                if part.stop > count:
+                    break
+                for i in columns:
+                    cells[i].put(part, chunk[i].to_numpy(), self.comma)
+                    if i in beside:
+                        cells[i].put_units(part, chunk[beside[i]].to_numpy())
+                filled = part.stop
+        if filled != count:
+            raise InputError(
+                f"{table.place}: {count} lines from line {self.start + 1} on make {filled} rows: "
+                "a quotation mark is not closed, or a row is cut off"
+            )
+        units = {i: cells[i].in_one_unit(table, i, self.start) for i in columns}
+        keep = self._no_remark([cells[i].values for i in columns])
+        values = {i: cells[i].values if keep.all() else cells[i].values[keep] for i in columns}
+        return Rows(values=values, units=units, lines=np.flatnonzero(keep) + self.start + 1)
+
+    def _holds_units(self, column: int, table: Table) -> bool:
+        return column < self.width and column not in table.numeric and table.labels[column] != ""
+
+    def _no_remark(self, columns: Sequence[Array]) -> NDArray[np.bool_]:
+        """Rows that are neither blank nor a comment."""
+        empty = np.logical_and.reduce([~np.isfinite(values) for values in columns])
+        keep = np.ones(empty.size, dtype=bool)
+        for i in np.flatnonzero(empty).tolist():
+            content = self.lines.text(self.start + i)
+            keep[i] = bool(content.strip()) and not _COMMENT.match(content)
+        return keep
+
+
+def _of_text(place: str, lines: _Lines, delimiter: str | None, decimal: str | None) -> Table:
+    """Find the rows of numbers in a text, and their headings."""
+    head = [(i, text) for i in range(min(len(lines), _HEAD)) if (text := lines.text(i)).strip()]
+    heading_end = max((k for k, (_, text) in enumerate(head) if text.startswith("***End_of_Header***")), default=-1)
+    remarks = [(i, text) for i, text in head if _COMMENT.match(text)]
+    content = [(i, text) for k, (i, text) in enumerate(head) if k > heading_end and not _COMMENT.match(text)]
+    body = _body(lines, content)
+    if not body:
+        raise InputError(f"{place}: holds comments only; it should hold a column of forces")
+    titles = [text for _, text in content if not re.search(r"\d", text)]
+    parting, comma = _layout(place, body, titles, delimiter, decimal)
+    cells = split(body, parting)
+    width = Counter(len(row) for row in cells).most_common(1)[0][0]
+    if width > MOST_COLUMNS:
+        raise InputError(f"{place}: has {width} columns, more than {MOST_COLUMNS}; keep those of time and force")
+    numeric = [i for i in range(width) if _mostly_numbers(cells, i, comma)]
+    if not numeric:
+        raise InputError(
+            f"{place}: line {content[0][0] + 1}, {short(content[0][1])!r}: found no column of numbers in {len(lines)} "
+            "rows; it should hold a column of forces"
+        )
+    usually_empty = [
+        i
+        for i in range(width)
+        if i not in numeric and sum(len(row) > i and bool(row[i].strip()) for row in cells) < 0.5 * len(cells)
+    ]
+    start = next((i for i, text in content if _is_row(split([text], parting)[0], numeric, usually_empty, comma)), None)
+    if start is None:
+        raise InputError(
+            f"{place}: the numbers start only after line {head[-1][0] + 1}; leave the text before them out"
+        )
+    above = [(i, text) for i, text in content if i < start]
+    heads = sorted(above + [(i, _COMMENT.sub("", text, count=1)) for i, text in remarks if i < start])
+    labels = [_label(cells, i) for i in range(width)]
+    headings = _headings([text for _, text in heads], parting, width, numeric, comma)
+    for i in numeric:  # units in the cells tell the columns, too
+        unit = _unit_in_cells(cells, i, comma) or (labels[i + 1] if parting is None and i + 1 < width else "")
+        if not headings[i].unit and unit_named(unit):
+            headings[i] = Heading(name=headings[i].name, unit=unit)
+    headings = coefficients_without_unit(headings)
+    step = None
+    if heading_end >= 0:
+        headings, step = _labview([text for _, text in head[:heading_end]], headings, numeric, parting, comma)
+    source = _Text(
+        lines=lines,
+        start=start,
+        parting=parting,
+        comma=comma,
+        quoted='"' in "".join(body),
+        width=width,
+    )
+    return Table(place=place, headings=headings, numeric=numeric, source=source, step=step, labels=labels)
+
+
+def _body(lines: _Lines, content: list[tuple[int, str]]) -> list[str]:
+    """Some lines from all over the file but its beginning, where text may stand."""
+    if len(lines) <= _HEAD:
+        return [text for _, text in content[len(content) // 3 :]]
+    picked = np.linspace(len(lines) // 3, len(lines) - 1, _SAMPLE).astype(int).tolist()
+    found = [lines.text(i) for i in picked]
+    return [text for text in found if text.strip() and not _COMMENT.match(text)]
+
+
+def _layout(
+    place: str, sample: list[str], titles: list[str], delimiter: str | None, decimal: str | None
+) -> tuple[str | None, bool]:
+    """What parts the columns (None for blanks), and whether the decimal sign is a comma; `titles` hold no digit."""
+    if decimal not in (None, ".", ","):
+        raise InputError(f"decimal = {decimal!r}: must be '.' or ','")
+    if delimiter is not None:
+        if len(delimiter) != 1 or delimiter in ".\"'\r\n" or delimiter == decimal:
+            raise InputError(f"delimiter = {delimiter!r}: must be one character, such as ';', and no decimal sign")
+        parting = None if delimiter == " " else delimiter
+        return parting, delimiter != "," and (decimal == "," or (decimal is None and _decimal_commas(sample)))
+
+    def consistent(mark: str | None) -> bool:
+        widths = Counter(len(row) for row in split(sample, mark))
+        width, count = widths.most_common(1)[0]
+        return width > 1 and count >= 0.8 * len(sample)
+
+    found: str | None = None
+    for mark in ("\t", ";"):
+        if consistent(mark):
+            found = mark
+            break
+    else:
+        joined = "\n".join(sample)
+        if decimal != "," and consistent(","):
+            whole = re.findall(r"^\s*[-+]?\d+,(\d+)\s*(?:[^\W\d].*)?$", joined, re.MULTILINE)
+            alone = len(whole) >= 0.8 * len(sample)  # every row reads 12,34: two columns, or one with decimal commas
+            named = any(len(cells) == 2 for cells in split(titles, ","))  # "time,force" tells two columns
+            if alone and decimal is None and ("." not in joined) and not named:
+                if any(re.fullmatch(r"0\d+", part) for part in whole):
+                    return None, True  # 0,04: no one writes a whole number with a leading zero
+                raise InputError(
+                    f"{place}: rows such as {short(sample[-1])!r} may hold two columns or one decimal comma; say "
+                    "decimal=',' or delimiter=','"
+                )
+            blanks = consistent(None) and ", " not in joined and "." not in joined and _decimal_commas(sample)
+            if not blanks:
+                return ",", False
+    return found, decimal == "," or (decimal is None and _decimal_commas(sample))
+
+
+def _decimal_commas(sample: list[str]) -> bool:
+    joined = "\n".join(sample)
+    return bool(re.search(r"\d,\d", joined)) and not re.search(r"\d\.\d", joined)
+
+
+def split(contents: Sequence[str], mark: str | None) -> list[list[str]]:
+    """Part lines into cells."""
+    if mark is None:
+        return [content.split() for content in contents]
+    if '"' in "".join(contents[:50]):
+        return [next(csv.reader([content], delimiter=mark, skipinitialspace=True), [""]) for content in contents]
+    return [content.rstrip("\r\n").split(mark) for content in contents]
+
+
+def _value(row: Sequence[str], column: int, comma: bool) -> float | None:
+    """The number in a cell, a unit after it left out; None if there is none, or it is not finite."""
+    return read_cell(row[column], comma)[0] if column < len(row) else None
+
+
+def read_cell(cell: str, comma: bool) -> tuple[float | None, str]:
+    """Number and unit of a cell; no number, and no unit, where it holds none that is finite."""
+    cell = cell.strip().strip('"').replace("\N{MINUS SIGN}", "-")
+    match = _NUMBER.fullmatch(cell.replace(",", ".") if comma else cell) if len(cell) <= _LONGEST_NUMBER else None
+    if match is None or not math.isfinite(float(match[1])):
+        return None, ""
+    return float(match[1]), (match[2] or "").strip()
+
+
+def _mostly_numbers(cells: list[list[str]], column: int, comma: bool) -> bool:
+    """Whether most cells of a column hold numbers, cells that say "no value" left aside."""
+    filled = [row for row in cells if column < len(row) and row[column].strip().lower() not in _NO_VALUE]
+    count = sum(_value(row, column, comma) is not None for row in filled)
+    return count > 0 and (count >= 0.5 * len(filled) or count >= len(filled) - 3)
+
+
+def _is_row(row: list[str], numeric: list[int], empty: list[int], comma: bool) -> bool:
+    """Whether a line is a row of the table: numbers in its columns of numbers, nothing where there never is."""
+    found = [_value(row, i, comma) is not None for i in numeric]
+    missing = [i < len(row) and row[i].strip().lower() in _NO_VALUE for i in numeric]
+    whole = all(a or b for a, b in zip(found, missing, strict=True))
+    return any(found) and whole and not any(i < len(row) and row[i].strip() for i in empty)
+
+
+def _unit_in_cells(cells: list[list[str]], column: int, comma: bool) -> str:
+    """The unit that most cells of a column of numbers hold."""
+    units = Counter(read_cell(row[column], comma)[1] for row in cells if column < len(row))
+    return units.most_common(1)[0][0] if units else ""
+
+
+def _label(cells: list[list[str]], column: int) -> str:
+    """The unit that most cells of a column of text hold, if they are units."""
+    texts = [row[column] for row in cells if column < len(row)]
+    most = Counter(texts).most_common(1)
+    return most[0][0] if most and (unit_named(most[0][0]) or most[0][1] >= 0.9 * len(texts)) else ""
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Headings
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def _headings(heads: list[str], parting: str | None, width: int, numeric: list[int], comma: bool) -> list[Heading]:
+    """Names and units of the columns, from the lines just above the table that have as many cells."""
+    names: list[str] | None = None
+    units: list[str] | None = None
+    for k in range(len(heads) - 1, -1, -1):
+        cells = _as_wide(heads[k], parting, width, numeric)
+        if cells is None or all(c.strip().lower() in _NO_VALUE or read_cell(c, comma)[0] is not None for c in cells):
+            continue
+        if units is None:
+            above = any(_as_wide(other, parting, width, numeric) is not None for other in heads[:k])
+            if is_units_row(cells, below_names=above):
+                units = [cell.strip().strip('"').strip("[]() ") for cell in cells]
+                continue
+        names = cells
+        break
+    found = [Heading.read(name) for name in names or [""] * width]
+    if units is None:
+        return found
+    return [Heading(name=h.name, unit=unit or h.unit) for h, unit in zip(found, units, strict=True)]
+
+
+def _as_wide(line: str, parting: str | None, width: int, numeric: list[int]) -> list[str] | None:
+    """The cells of a line above the table, one to a column; None if they are not as many."""
+    found: list[list[str]] = []
+    if parting is None:  # names may hold blanks: look for other marks first
+        found += [cells for mark in ",;\t" if mark in line for cells in split([line], mark)]
+        found.append(re.split(r"\s+(?![\[(])", line.strip()))
+    found += split([line], parting)
+    if width == 1 or (parting is None and len(numeric) == 1):
+        found.append([line.strip()])
+    for cells in found:
+        if len(cells) == width + 1 and not cells[-1].strip():
+            cells = cells[:-1]
+        if len(cells) == width or (parting is None and len(cells) == len(numeric)):
+            columns = range(width) if len(cells) == width else numeric
+            wide = [""] * width
+            for i, cell in zip(columns, cells, strict=True):
+                wide[i] = cell
+            return wide
+    return None
+
+
+def _labview(
+    head: list[str], headings: list[Heading], numeric: list[int], parting: str | None, comma: bool
+) -> tuple[list[Heading], float | None]:
+    """Units and time step from the head of a LabVIEW measurement file."""
+    step, found = None, list(headings)
+    for cells in split(head, parting or "\t"):
+        if cells[0] == "Delta_X" and len(cells) > 1:
+            step = read_cell(cells[1], comma)[0] or None
+        elif cells[0] == "Y_Unit_Label":
+            for i, unit in zip([i for i in numeric if found[i].quantity != "time"], cells[1:], strict=False):
+                found[i] = Heading(name=found[i].name, unit=found[i].unit or unit.strip())
+    return found, step
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Cells
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Cells:
+    """The numbers of a column as they come in, and the units that stand with them."""
+
+    values: Array
+    names: dict[str, int]  # units seen, and their numbers; 0 is none
+    codes: list[tuple[int, NDArray[np.uint8]]]  # first row of a part, and the number of the unit of each cell
+
+    @classmethod
+    def empty(cls, count: int) -> _Cells:
+        return cls(values=np.full(count, math.nan), names={"": 0}, codes=[])
+
+    def put(self, part: slice, column: NDArray[Any], comma: bool) -> None:
+        if column.dtype.kind in "fiu":
+            self.values[part] = column
+            self.values[part][np.isinf(self.values[part])] = math.nan
+            return
+        known: dict[object, tuple[float, int]] = {}
+        pairs = []
+        for cell in column.tolist():
+            if cell not in known:
+                value, unit = read_cell(cell, comma) if isinstance(cell, str) else (_finite(cell), "")
+                known[cell] = (math.nan if value is None else value, self._code(unit))
+            pairs.append(known[cell])
+        self.values[part] = [value for value, _ in pairs]
+        if any(code for _, code in pairs):
+            self.codes.append((part.start, np.array([code for _, code in pairs], dtype=np.uint8)))
+
+    def put_units(self, part: slice, column: NDArray[Any]) -> None:
+        """Take the units from the column behind."""
+        codes = {cell: self._code(cell.strip()) if isinstance(cell, str) else 0 for cell in set(column.tolist())}
+        self.codes.append((part.start, np.array([codes[cell] for cell in column.tolist()], dtype=np.uint8)))
+
+    def _code(self, unit: str) -> int:
+        return self.names.setdefault(unit, min(len(self.names), 255))
+
+    def in_one_unit(self, table: Table, column: int, start: int) -> str:
+        """Turn all numbers to one unit, and return it; `InputError` where cells leave it open."""
+        head = table.headings[column].unit
+        if not self.codes:
+            return head
+        code = np.zeros(self.values.size, dtype=np.uint8)
+        for begin, part in self.codes:
+            code[begin : begin + part.size] = part
+        code[~np.isfinite(self.values)] = 0
+        units = {number: unit for unit, number in self.names.items() if number}
+        count = {number: int(np.count_nonzero(code == number)) for number in units}
+        count = {number: many for number, many in count.items() if many}
+        if not count:
+            return head
+        usual = max(count, key=lambda number: count[number])
+        if unit_named(units[usual]) is None:  # a label, and no unit: "0.04 N1"
+            if np.count_nonzero((code == 0) & np.isfinite(self.values)) > count[usual]:
+                usual = 0  # most cells have none: what has one is no number
+            for number in count:
+                if number != usual and unit_named(units[number]) is not None:
+                    among = f"{units[number]!r} among {units.get(usual, 'numbers without a unit')!r}"
+                    self._refuse(table, column, start, code == number, among)
+                elif number != usual:
+                    self.values[code == number] = math.nan
+            return head
+        unit = head if head and ratio(units[usual], head) else units[usual]
+        if head and not ratio(units[usual], head):
+            self._refuse(table, column, start, code == usual, f"{units[usual]!r} below the heading {head!r}")
+        for number in count:
+            size = ratio(units[number], unit)
+            if size is None and unit_named(units[number]) is None:
+                self.values[code == number] = math.nan
+            elif size is None:
+                self._refuse(table, column, start, code == number, f"{units[number]!r} among {unit!r}")
+            elif size != 1.0:
+                self.values[code == number] *= size
+        bare = (code == 0) & np.isfinite(self.values)
+        if len([number for number in count if unit_named(units[number])]) > 1 and bare.any():
+            self._refuse(table, column, start, bare, "a number without a unit where units change")
+        return unit
+
+    def _refuse(self, table: Table, column: int, start: int, where: NDArray[np.bool_], what: str) -> None:
+        line = start + int(np.flatnonzero(where)[0]) + 1
+        raise InputError(
+            f"{table.place}: line {line}, {short(table.line(line))!r}: column {column + 1} holds {what}; "
+            "write one unit of one kind"
+        )
+
+
+def _finite(cell: object) -> float | None:
+    return float(cell) if isinstance(cell, (int, float)) and math.isfinite(cell) else None
+
+
+def short(text: str) -> str:
+    """A text cut to what a message bears."""
+    text = text.strip()
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Files that are no text
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def _spreadsheet(place: str, raw: bytes) -> bytes:
+    """The first sheet with numbers of an .xlsx file, as text parted by tabs."""
+    try:
+        import openpyxl
+    except ImportError:
+        raise InputError(
+            f"{place}: is a spreadsheet; `pip install openpyxl` to read .xlsx, or export the table as CSV"
+        ) from None
+    try:
+        book = openpyxl.load_workbook(io.BytesIO(raw), read_only=True, data_only=True)
+        sheets = [list(sheet.iter_rows(values_only=True)) for sheet in book.worksheets]
+    except Exception as error:  # openpyxl lets errors of zip, XML and its own through
+        raise InputError(f"{place}: is no spreadsheet that can be read ({error}); export the table as CSV") from None
+    numbers = [sum(isinstance(cell, (int, float)) for row in sheet for cell in row) for sheet in sheets]
+    if not numbers or not max(numbers):
+        raise InputError(f"{place}: no sheet holds a number; it should hold a column of forces")
+    sheet = sheets[numbers.index(max(numbers))]
+    return "\n".join("\t".join(_cell_as_text(cell) for cell in row) for row in sheet).encode()
+
+
+def _cell_as_text(cell: object) -> str:
+    if cell is None:
+        return ""
+    if isinstance(cell, (dt.datetime, dt.date, dt.time)):
+        return cell.isoformat()
+    return repr(float(cell)) if isinstance(cell, (int, float)) else re.sub(r"[\t\r\n\"]", " ", str(cell))
+
+
+def _tdms(place: str) -> Table:
+    """The channels of a TDMS file."""
+    try:
+        import nptdms
+    except ImportError:
+        raise InputError(f"{place}: is a TDMS file; `pip install npTDMS` to read it, or export it as text") from None
+    try:
+        channels = [channel for group in nptdms.TdmsFile.read(place).groups() for channel in group.channels()]
+        found = [channel for channel in channels if len(channel) and np.issubdtype(channel[:].dtype, np.number)]
+    except Exception as error:  # npTDMS lets errors of struct and its own through
+        raise InputError(f"{place}: is no TDMS file that can be read ({error}); export it as text") from None
+    if not found:
+        raise InputError(f"{place}: holds no channel of numbers; it should hold one of forces")
+    length = Counter(len(channel) for channel in found).most_common(1)[0][0]
+    found = [channel for channel in found if len(channel) == length]
+    headings = []
+    for channel in found:
+        read = Heading.read(channel.name)
+        unit = str(channel.properties.get("unit_string", "") or channel.properties.get("NI_UnitDescription", ""))
+        headings.append(Heading(name=read.name, unit=unit or read.unit))
+    steps = {float(step) for c in found if (step := c.properties.get("wf_increment"))}
+    values = {i: np.asarray(channel[:], dtype=float) for i, channel in enumerate(found)}
+    return Table(
+        place=place,
+        headings=coefficients_without_unit(headings),
+        numeric=list(values),
+        source=values,
+        step=steps.pop() if len(steps) == 1 else None,
+    )

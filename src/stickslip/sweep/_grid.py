@@ -1,0 +1,230 @@
+"""Run a function at every combination of the values of some axes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stickslip.errors import InputError, whole
+from stickslip.sweep import _refine
+from stickslip.sweep._cases import (
+    AxisValue,
+    Function,
+    Job,
+    case_key,
+    check_function,
+    check_name,
+    identity_of,
+    plain_attribute,
+)
+from stickslip.sweep._executors import Workers
+from stickslip.sweep._results import Grid, Summary, grid_dataset, head_of, summary
+from stickslip.sweep._run import MAX_CASES, Progress, Runner, check_size
+from stickslip.sweep._table import Table, writer_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def run_cases(
+    function: Function,
+    axes: Mapping[str, ArrayLike | xr.DataArray],
+    *,
+    store: str | PathLike[str] | None = None,
+    executor: Workers | None = None,
+    seed: int = 0,
+    progress: Callable[[Progress], object] | None = None,
+    attributes: Mapping[str, Mapping[str, Any]] | None = None,
+    categories: Mapping[str, Sequence[str]] | None = None,
+    fingerprint: object = None,
+    notes: Mapping[str, str] | None = None,
+    retry_failed: bool = False,
+    max_cases: int = MAX_CASES,
+) -> xr.Dataset:
+    """Run a function at every combination of the values of some axes.
+
+    The results are the same, bit for bit, for any number of workers and any executor.
+
+    Parameters
+    ----------
+    function : callable
+        Called with one keyword for each axis, ``function(stiffness=2.0, velocity=0.1)``; returns a mapping of names to
+        numbers, texts, None (no value) or small arrays of numbers, the same names and shapes in every case. An
+        `xarray.DataArray` brings dimensions, coordinates and attributes along. Numbers are kept as float64 or
+        complex128, truth values as 0 and 1. If it has a parameter ``seed`` that is no axis, it is handed a seed of its
+        own, an int made from `seed` and the values of the axes. An axis that it ignores makes replicas.
+    axes : mapping of name to values
+        Numbers, texts or truth values, each value once; an `xarray.DataArray` brings its attributes along.
+    store : path, optional
+        File where results land as they finish, at least each second; a second start with the same function runs what is
+        missing, also with other values on the axes. By default results are kept in memory.
+    executor : Threads, Processes or concurrent.futures.Executor, optional
+        Where cases run; by default threads, one per core. For Dask: ``client.get_executor()``.
+    seed : int
+        Seed of the sweep, at least 0.
+    progress : callable, optional
+        Called with a `Progress` at the start and whenever results have been written.
+    attributes : mapping, optional
+        Attributes (``units``, ``long_name``) by name of axis or measured variable.
+    categories : mapping of str to list of str, optional
+        The words that a measured text can be: it becomes an integer with CF flags, -1 where there is no result.
+    fingerprint : object, optional
+        Anything else that results depend on: the text of a configuration file, the version of another package, code
+        that the function calls. The function's own code and the version of this package are looked after.
+    notes : mapping of str to str, optional
+        Texts to keep with the results, as attributes of the Dataset; what a case is does not depend on them.
+    retry_failed : bool
+        Whether cases that failed in an earlier start are run again.
+    max_cases : int
+        Cases beyond which a sweep is refused before it starts.
+
+    Returns
+    -------
+    xarray.Dataset
+        One variable for each measured name, with the axes as dimensions; ``status`` (CF flags: not run, done, failed);
+        ``error``, the error of each case that failed, else empty. See `summary` and `failures`.
+
+    Raises
+    ------
+    InputError
+        If an argument cannot be used; if the store holds another sweep, is damaged, is of another version, is being
+        written by another process, or cannot be written (what was written is kept); if the workers cannot load the
+        function.
+
+    Examples
+    --------
+    >>> from stickslip.sweep import run_cases, summary
+    >>> def area(width, height):
+    ...     return {"area": width * height}
+    >>> found = run_cases(area, {"width": [1.0, 2.0], "height": [3.0, 4.0]})
+    >>> float(found["area"].sel(width=2.0, height=4.0)), str(summary(found))
+    (8.0, '4 of 4 cases done')
+    """
+    if len(axes) == 0:
+        raise InputError(f"axes = {axes!r}: must map at least one name to its values")
+    grid = Grid({name: _axis(name, given) for name, given in axes.items()})
+    check_size(len(grid), max_cases)
+    asks_seed = check_function(function, list(grid.axes))
+    seed = whole("seed", seed, at_least=0)
+    given = attributes or {}
+    own = {name: dict(getattr(values, "attrs", {})) for name, values in axes.items()}
+    merged = {
+        name: {key: plain_attribute(value) for key, value in (own.get(name, {}) | dict(given.get(name, {}))).items()}
+        for name in dict.fromkeys([*own, *given])
+    }
+    identity = identity_of(function, list(grid.axes), seed, fingerprint)
+    head = head_of(function, identity, seed, merged, categories or {}, notes or {}) | {"axes": dict(grid.axes)}
+    job = Job(function=function, seed=seed if asks_seed else None)
+    with Table(None if store is None else Path(store), head) as table:
+        with Runner(job, table, executor, len(grid), progress, retry_failed) as runner:
+            runner.run(grid)
+        table.keep_head()
+        return grid_dataset(table.head, table.rows())
+
+
+def open_sweep(store: str | PathLike[str]) -> xr.Dataset:
+    """Open the results of a sweep, finished or not, as `run_cases` and `refine` return them.
+
+    Raises
+    ------
+    InputError
+        If there is no store of a sweep, it is damaged, or of another version.
+    """
+    with Table(Path(store)) as table:
+        return grid_dataset(table.head, table.rows()) if "axes" in table.head else _refine.replay(table)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Status:
+    """How far the sweep of a store is.
+
+    Attributes
+    ----------
+    summary : Summary
+    writer : str or None
+        The process that is at it; None if none is.
+    rate : float
+        Cases per second since the last start; 0 if none has finished since.
+    """
+
+    summary: Summary
+    writer: str | None
+    rate: float
+
+    @property
+    def seconds_left(self) -> float | None:
+        """Time that the missing cases will take at this rate; None if there is no rate."""
+        return None if self.rate == 0 and self.summary.missing else self.summary.missing / max(self.rate, 1e-300)
+
+    def __str__(self) -> str:
+        line = str(self.summary)
+        if not self.summary.missing:
+            return line
+        line += f"; {self.writer} is at it" if self.writer else "; nobody is at it: start it again to go on"
+        left = self.seconds_left
+        return line if left is None else f"{line}; about {in_words(left)} at {self.rate:.3g} cases/s"
+
+
+def status_of(store: str | PathLike[str]) -> Status:
+    """Say how far the sweep of a store is, also while it runs.
+
+    Raises
+    ------
+    InputError
+        As `open_sweep`.
+    """
+    path = Path(store)
+    with Table(path) as table:
+        head, writer = table.head, writer_of(path)
+        if "axes" in head:
+            keys = [case_key(values) for values in Grid(head["axes"])]
+            known = sum(key in table.keys for key in keys)
+            failed = sum(key in table.failed for key in keys)
+            total = len(keys)
+        else:
+            found = summary(_refine.replay(table))
+            known, failed = found.total, found.failed
+            total = max(known, head.get("complete") or head["runs"] * len(Grid(head["each"])))
+        since = path.stat().st_mtime - head["started"]
+        fresh = len(table.keys) - head["found"]
+        return Status(
+            summary=Summary(total=total, done=known - failed, failed=failed, missing=total - known),
+            writer=writer,
+            rate=fresh / since if since > 0 else 0.0,
+        )
+
+
+def in_words(seconds: float) -> str:
+    """A length of time for a person: ``"14 min"``."""
+    for size, unit in ((86400, "d"), (3600, "h"), (60, "min")):
+        if seconds >= 1.5 * size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds:.0f} s"
+
+
+def _axis(name: str, given: object) -> list[AxisValue]:
+    """Values of an axis as Python's own numbers, texts or truth values."""
+    check_name("axes", name)
+    place = f"axes[{name!r}]"
+    values = np.asarray(list(given) if isinstance(given, (range, tuple, Sequence)) else given)
+    if values.ndim != 1 or len(values) == 0:
+        raise InputError(f"{place} = {given!r}: must be a list of values, at least one")
+    if values.dtype.kind in "OT" and all(isinstance(value, str) for value in values):
+        values = values.astype(str)
+    if values.dtype.kind not in "buifU":
+        raise InputError(
+            f"{place} = {given!r}: must be numbers, texts or truth values; for records, sweep over their names "
+            "and look them up in the function"
+        )
+    if values.dtype.kind in "buif" and np.isnan(values).any():
+        raise InputError(f"{place}: must not hold NaN")
+    if len(np.unique(values)) != len(values):
+        raise InputError(f"{place}: holds a value twice; for replicas add an axis of their own, such as replica")
+    found: list[AxisValue] = values.tolist()
+    return found

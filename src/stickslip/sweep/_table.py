@@ -1,0 +1,406 @@
+"""The store of a sweep: one sqlite table, a row for each finished case, each with a checksum.
+
+::
+
+    CREATE TABLE cases (key TEXT PRIMARY KEY, row TEXT, checksum TEXT) WITHOUT ROWID
+
+A key is the values of the axes as JSON, a row is ``{"result": {...}}`` or ``{"error": "..."}``. The row with the empty
+key is the head: what the sweep is made of. Transactions of sqlite (rollback journal, no write-ahead log: network file
+systems will do) leave every commit whole after a kill; the checksums tell what a disk has changed since.
+
+Only the process that drives a sweep writes, and holds a lock on ``<store>.lock`` as long as it does; the lock goes with
+the process, however it ends. Anybody may read meanwhile.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import hashlib
+import json
+import os
+import socket
+import sqlite3
+import stat
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager, suppress
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from stickslip.errors import InputError
+from stickslip.sweep._cases import package_version
+
+FORMAT, VERSION = 0x5354534C, 2  # "STSL"; version 1 was a folder
+EVERY = 1.0
+"""Seconds between commits: what a kill can cost, together with the batches in flight."""
+PATIENCE = 60.0
+"""Seconds that a commit waits for those who read."""
+
+_HEAD = ""
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_NEW = (
+    f"PRAGMA application_id = {FORMAT}",
+    f"PRAGMA user_version = {VERSION}",
+    "CREATE TABLE cases (key TEXT PRIMARY KEY, row TEXT NOT NULL, checksum TEXT NOT NULL) WITHOUT ROWID",
+)
+
+
+class Table:
+    """What is known of the cases of a sweep; in memory if it has no path.
+
+    Parameters
+    ----------
+    path : Path or None
+    head : mapping, optional
+        What the sweep is made of. Without it, the table is only read, and the head is what stands there.
+
+    Raises
+    ------
+    InputError
+        If what is there is no store, of another version, damaged, or of another sweep.
+    """
+
+    def __init__(self, path: Path | None, head: Mapping[str, Any] | None = None) -> None:
+        self.path = path
+        self.keys: set[str] = set()
+        self.failed: set[str] = set()
+        self.head: dict[str, Any] = dict(head or {})
+        self._pending: dict[str, str] = {}
+        self._committed = time.monotonic()
+        self._held = ExitStack()
+        self._writing = False
+        self._stored: dict[str, Any] = {}
+        self._connection = sqlite3.connect(":memory:", isolation_level=None)
+        try:
+            self._open()
+        except BaseException:
+            self._connection.close()
+            raise
+
+    def __enter__(self) -> Table:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._connection.close()
+        self._held.close()
+
+    def __contains__(self, key: str) -> bool:
+        return key in self.keys
+
+    def claim(self) -> None:
+        """Become the one who writes.
+
+        Raises
+        ------
+        InputError
+            If another sweep is writing, or the place cannot be written.
+        """
+        if self._writing or self.path is None:
+            return
+        path = self.path
+        self._held.enter_context(_locked(path))
+        if _is_there(path):  # read again: another may have written before the lock was ours
+            self._read()
+            _check_identity(path, self._stored["identity"], self.head["identity"])
+        self.head |= {"started": time.time(), "found": len(self.keys)}
+        if self._stored:
+            self._write_head()
+        else:
+            self._connection.close()
+            with _in_one_line(path):
+                self._connection = _connect(path, "rwc")
+            self._create()
+        self._stored = json.loads(json.dumps(self.head))
+        self._writing = True
+
+    def keep_head(self, **more: Any) -> None:
+        """Write down the head, with what is known more by now, unless it stands there.
+
+        Raises
+        ------
+        InputError
+            As `claim`.
+        """
+        self.head |= more
+        mine, theirs = ({**head, "started": 0, "found": 0} for head in (self.head, self._stored))
+        if self.path is not None and json.loads(json.dumps(mine)) != theirs:
+            self.claim()
+            self._write_head()
+
+    def forget_failed(self) -> None:
+        """Take failed cases for not run; their rows stay until others replace them."""
+        self.keys -= self.failed
+        self.failed.clear()
+
+    def add(self, key: str, row: str) -> None:
+        """Note what came of a case; it is on the disk after the next commit."""
+        self._pending[key] = row
+        self._note(key, row)
+
+    def get(self, key: str) -> dict[str, Any]:
+        """What came of a case."""
+        if key in self._pending:
+            return dict(json.loads(self._pending[key]))
+        with _in_one_line(self.path):
+            (row,) = self._connection.execute("SELECT row FROM cases WHERE key = ?", (key,)).fetchone()
+        return dict(json.loads(row))
+
+    def rows(self) -> Iterator[tuple[str, dict[str, Any]]]:
+        """All that is known, in the order of the keys."""
+        self.commit()
+        with _in_one_line(self.path):
+            for key, row in self._connection.execute("SELECT key, row FROM cases WHERE key > '' ORDER BY key"):
+                yield key, json.loads(row)
+
+    def until_commit(self) -> float | None:
+        """Seconds until the next commit is due; None if there is nothing to commit."""
+        return max(0.0, self._committed + EVERY - time.monotonic()) if self._pending else None
+
+    def commit(self) -> None:
+        """Write down what is pending.
+
+        Raises
+        ------
+        InputError
+            If it cannot be written; what was written before is kept.
+        """
+        if self._pending:
+            self._write(self._pending)
+        self._pending = {}
+        self._committed = time.monotonic()
+
+    def _write_head(self) -> None:
+        self._write({_HEAD: json.dumps(self.head)})
+
+    def _create(self) -> None:
+        """Make a table with nothing but its head, whole or not at all."""
+        self._write({_HEAD: json.dumps(self.head)}, first=_NEW)
+
+    def _write(self, rows: Mapping[str, str], first: Sequence[str] = ()) -> None:
+        execute = self._connection.execute
+        with _in_one_line(self.path):
+            execute("BEGIN IMMEDIATE")
+            try:
+                for line in first:
+                    execute(line)
+                for key, row in rows.items():
+                    execute("INSERT OR REPLACE INTO cases VALUES (?, ?, ?)", (key, row, _checksum(key, row)))
+                execute("COMMIT")
+            except BaseException:
+                with suppress(sqlite3.Error):
+                    execute("ROLLBACK")
+                raise
+
+    def _open(self) -> None:
+        if self.path is not None and _is_there(self.path):
+            self._read()
+            if self.head:
+                _check_identity(self.path, self._stored["identity"], self.head["identity"])
+            else:
+                self.head = self._stored
+        elif self.path is not None and not self.head:
+            raise InputError(f"store = {str(self.path)!r}: there is no such file")
+        else:
+            self._create()  # in memory until something is to be written
+
+    def _note(self, key: str, row: str) -> None:
+        self.keys.add(key)
+        if row.startswith('{"error"'):
+            self.failed.add(key)
+
+    def _read(self) -> None:
+        """Open the file and weigh every row; a table that lost or changed anything is refused."""
+        path = self.path
+        assert path is not None
+        self._connection.close()
+        with _in_one_line(path):
+            connection = self._connection = _connect(path, "rw")
+            (form,), (version,) = (
+                connection.execute(f"PRAGMA {name}").fetchone() for name in ("application_id", "user_version")
+            )
+            if form != FORMAT:
+                raise InputError(f"store = {str(path)!r}: is not the store of a sweep; choose another")
+            if version != VERSION:
+                raise InputError(
+                    f"store = {str(path)!r}: has format {version}, but this is stickslip {package_version()}, which "
+                    f"reads format {VERSION}; choose another store, or use the version that wrote it"
+                )
+            connection.execute("BEGIN")  # one state of the table, whoever writes meanwhile
+            (health,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
+            if health != "ok":
+                raise _damaged(path, str(health).splitlines()[-1])
+            for key, row, checksum in connection.execute("SELECT key, row, checksum FROM cases"):
+                if checksum != _checksum(key, row):
+                    raise _damaged(path, "a row is not what was written")
+                if key == _HEAD:
+                    self._stored = json.loads(row)
+                else:
+                    self._note(key, row)
+            connection.execute("COMMIT")
+        if not self._stored:
+            raise _damaged(path, "its head is missing")
+
+
+def is_store(path: Path) -> bool:
+    """Whether a path looks like a store, whole or not: a file of sqlite, or the folder of an earlier version."""
+    try:
+        if not path.is_file():
+            return path.is_dir() and _is_of_old(path)
+        with path.open("rb") as file:
+            return file.read(15) == b"SQLite format 3"
+    except OSError:
+        return False
+
+
+def writer_of(path: Path) -> str | None:
+    """Who is writing a store, in words; None if nobody is."""
+    lock = _lock_of(path)
+    try:
+        with lock.open() as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return _owner(lock)
+    except OSError:
+        return None
+    return None
+
+
+# ---------------------------------------------------------------- parts
+
+
+def _is_there(path: Path) -> bool:
+    """Whether there is a table at a path, or nothing; anything else is refused."""
+    with _in_one_line(path):
+        try:
+            found = path.stat()
+        except FileNotFoundError:
+            return False
+        if stat.S_ISDIR(found.st_mode):
+            old = _is_of_old(path)
+            what = "was made by an earlier version of stickslip (a folder)" if old else "is a folder, not a file"
+            raise InputError(f"store = {str(path)!r}: {what}; choose another store")
+        if not stat.S_ISREG(found.st_mode):
+            raise InputError(f"store = {str(path)!r}: is no regular file; choose another store")
+        if found.st_size > 0:  # a file without a page is one whose making was cut short
+            with closing(_connect(path, "rw")) as connection:
+                return bool(connection.execute("PRAGMA page_count").fetchone()[0])
+    return False
+
+
+def _is_of_old(folder: Path) -> bool:
+    return (folder / "zarr.json").exists() or any(folder.glob("*.jsonl")) or (folder / "refined.nc").exists()
+
+
+def _connect(path: Path, mode: str) -> sqlite3.Connection:
+    if mode == "rwc":
+        path.absolute().parent.mkdir(parents=True, exist_ok=True)
+    return sqlite3.connect(
+        f"file:{quote(str(path.absolute()))}?mode={mode}", uri=True, isolation_level=None, timeout=PATIENCE
+    )
+
+
+def _checksum(key: str, row: str) -> str:
+    return hashlib.blake2b(f"{key}\n{row}".encode(), digest_size=8).hexdigest()
+
+
+def _check_identity(path: Path, there: Mapping[str, str], here: Mapping[str, str]) -> None:
+    differs = [part for part in here if there.get(part) != here[part]] + [part for part in there if part not in here]
+    if differs:
+        shown = ", ".join(differs[:4]) + (f" and {len(differs) - 4} more" if len(differs) > 4 else "")
+        raise InputError(
+            f"store = {str(path)!r}: holds another sweep; what differs: {shown}. Choose another store, or delete this "
+            "one to start afresh"
+        )
+
+
+def _damaged(path: Path, how: str) -> InputError:
+    short = " ".join(how.split())[:100]  # sqlite quotes what it stumbled over, line ends included
+    return InputError(
+        f"store = {str(path)!r}: is damaged ({short}): what it holds cannot be trusted; put back a copy of it, or "
+        "delete it to start afresh"
+    )
+
+
+@contextmanager
+def _in_one_line(path: Path | None) -> Iterator[None]:
+    """Say in one line what went wrong with a file.
+
+    Raises
+    ------
+    InputError
+        In place of an `OSError`, an error of sqlite, or of what a damaged row leads to.
+    """
+    try:
+        yield
+    except (sqlite3.Error, OSError) as error:
+        assert path is not None
+        code = getattr(error, "sqlite_errorname", "")
+        if code == "SQLITE_NOTADB":
+            raise InputError(
+                f"store = {str(path)!r}: is not the store of a sweep, or its beginning is damaged; choose another"
+            ) from error
+        told = isinstance(error, sqlite3.OperationalError) and code not in (
+            "",
+            "SQLITE_ERROR",
+        )  # no text, no such table
+        if isinstance(error, sqlite3.Error) and not told:
+            raise _damaged(path, str(error)) from error
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        if code.startswith(("SQLITE_FULL", "SQLITE_IOERR")) or getattr(error, "errno", None) in _FULL:
+            remedy = "free some space and start again"
+        elif code.startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):
+            remedy = "another program reads it or holds it; start again when it is done"
+        else:
+            remedy = "make it writable or choose another place"
+        raise InputError(
+            f"store = {str(path)!r}: cannot be written ({reason}); what was written is kept: {remedy}"
+        ) from error
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        if path is None or isinstance(error, InputError):
+            raise
+        raise _damaged(path, f"{type(error).__name__}: {error}") from error
+
+
+def _lock_of(path: Path) -> Path:
+    return path.with_name(path.name + ".lock")
+
+
+def _owner(lock: Path) -> str:
+    with suppress(OSError):
+        return lock.read_text(errors="replace")[:100] or "another process"
+    return "another process"
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """Hold the lock of a store; the kernel takes it back when the process ends."""
+    lock = _lock_of(path)
+    with _in_one_line(path):
+        lock.absolute().parent.mkdir(parents=True, exist_ok=True)
+        file = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+    try:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            mine = lock.exists() and os.fstat(file).st_ino == lock.stat().st_ino  # the last one may have removed it
+        except BlockingIOError:
+            mine = False
+        except OSError as error:
+            raise InputError(
+                f"store = {str(path)!r}: this file system has no locks ({error.strerror}); choose another place"
+            ) from None
+        if not mine:
+            raise InputError(
+                f"store = {str(path)!r}: another sweep ({_owner(lock)}) is writing it; choose another store"
+            )
+        try:
+            with _in_one_line(path):
+                os.ftruncate(file, 0)
+                os.write(file, f"process {os.getpid()} on {socket.gethostname()}".encode())
+            yield
+        finally:
+            with suppress(OSError):
+                lock.unlink()
+    finally:
+        os.close(file)

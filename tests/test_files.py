@@ -1,0 +1,166 @@
+"""Reading and writing files: regular ones only, whole or not at all, nothing lost and nothing left behind."""
+
+import os
+import shutil
+import signal
+import socket
+import stat
+import subprocess
+import sys
+import threading
+
+import pytest
+
+from stickslip.errors import InputError
+from stickslip.io import files
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    """A folder with one of each kind of thing in it, and the folder that commands run in."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").write_bytes(b"old")
+    (tmp_path / "kept").write_bytes(b"old")
+    (tmp_path / "kept").chmod(0o444)
+    (tmp_path / "folder").mkdir()
+    os.mkfifo("pipe")
+    with socket.socket(socket.AF_UNIX) as ears:
+        ears.bind("socket")
+        os.symlink("/dev/null", "to-device")
+        os.symlink("pipe", "to-pipe")
+        os.symlink("kept", "to-kept")
+        os.symlink("loop", "loop")
+        yield tmp_path
+
+
+THINGS = [
+    ("folder", "is a directory"),
+    ("pipe", "is a named pipe"),
+    ("socket", "is a socket"),
+    ("/dev/null", "is a device"),
+    ("/dev/zero", "is a device"),
+    ("to-device", "is a device"),
+    ("to-pipe", "is a named pipe"),
+    ("loop", "Too many levels of symbolic links"),
+    ("a\0b", "null"),
+    ("x" * 300, "File name too long"),
+    ("file/below", "Not a directory"),
+]
+
+
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [*THINGS, ("kept", "is read-only"), ("to-kept", "is read-only"), ("none/file", "no directory .*; make it first")],
+)
+def test_only_a_regular_file_is_replaced(place, words):
+    before = {name: os.lstat(name) for name in os.listdir()}
+    with pytest.raises(InputError, match=words) as caught:
+        files.write(place, b"new")
+    assert str(caught.value).startswith(f"{place}: ")
+    assert {name: os.lstat(name) for name in os.listdir()} == before
+
+
+@pytest.mark.parametrize(("place", "words"), [*THINGS, ("none", "no such file")])
+def test_only_a_regular_file_is_read(place, words):
+    with pytest.raises(InputError, match=words):
+        files.read(place, "trace", largest=10)
+
+
+def test_a_file_larger_than_allowed_is_not_read():
+    assert files.read("file", "trace", largest=3) == b"old"
+    with pytest.raises(InputError, match=r"^file: has 3e-06 MB, more than a trace may have \(2e-06\)$"):
+        files.read("file", "trace", largest=2)
+
+
+def test_a_file_of_the_kernel_is_empty():
+    assert files.read("/proc/kmsg", "trace", largest=3) == b""
+
+
+@pytest.mark.parametrize("link", ["to-file", "to-new"])
+def test_a_link_stays_and_what_it_leads_to_is_written(folder, link):
+    place = link.removeprefix("to-")
+    os.symlink(place, link)
+    files.write(link, b"new")
+    assert os.readlink(link) == place
+    assert (folder / place).read_bytes() == b"new"
+
+
+def test_a_file_that_is_replaced_keeps_its_permissions():
+    os.chmod("file", 0o640)
+    files.write("file", b"new")
+    assert stat.S_IMODE(os.stat("file").st_mode) == 0o640
+
+
+def test_a_hard_link_keeps_what_it_had(folder):
+    os.link("file", "other")
+    files.write("file", b"new")
+    assert (folder / "other").read_bytes() == b"old"
+
+
+KILLED = """
+import os, signal
+from stickslip.io import files
+os.fsync = lambda _: {act}
+files.write("new", b"half")
+"""
+
+
+def test_what_a_killed_process_left_is_swept_up_by_the_next():
+    before = sorted(os.listdir())
+    killed = KILLED.format(act="os.kill(os.getpid(), signal.SIGKILL)")
+    assert subprocess.run([sys.executable, "-c", killed], check=False).returncode == -signal.SIGKILL
+    assert len(os.listdir()) == len(before) + 1
+    files.write("file", b"new")
+    assert sorted(os.listdir()) == before
+
+
+def test_what_a_living_process_writes_is_left_alone(folder):
+    waiting = KILLED.format(act="(print(flush=True), input())")
+    with subprocess.Popen([sys.executable, "-c", waiting], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        process.stdout.readline()
+        files.write("file", b"new")
+        process.communicate(b"\n", timeout=60)
+    assert process.returncode == 0
+    assert (folder / "new").read_bytes() == b"half"
+
+
+def test_other_things_of_such_a_name_are_left_alone():
+    os.mkfifo(".stickslip-0123abcd.part")
+    os.symlink("file", ".stickslip-89abcdef.part")
+    before = sorted(os.listdir())
+    files.write("file", b"new")
+    assert sorted(os.listdir()) == before
+
+
+def test_many_writers_at_once_do_not_take_each_other_for_dead():
+    failed = []
+
+    def work(number):
+        try:
+            for _ in range(50):
+                files.write(f"out{number}", b"x" * 100)
+        except InputError as error:
+            failed.append(error)
+
+    workers = [threading.Thread(target=work, args=(number,)) for number in range(8)]
+    for worker in workers:
+        worker.start()
+    for worker in workers:
+        worker.join()
+    assert not failed
+    assert not [name for name in os.listdir() if name.endswith(".part")]
+
+
+@pytest.mark.skipif(os.geteuid() != 0 or not shutil.which("mount"), reason="only root can mount a small disk")
+def test_a_full_disk(folder):
+    disk = folder / "folder"
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", disk], check=False).returncode:
+        pytest.skip("nothing can be mounted here")
+    try:
+        files.write(disk / "file", b"x" * 30_000)
+        with pytest.raises(InputError, match="No space left on device"):
+            files.write(disk / "file", b"y" * 60_000)
+        assert (disk / "file").read_bytes() == b"x" * 30_000
+        assert os.listdir(disk) == ["file"]
+    finally:
+        subprocess.run(["umount", disk], check=True)

@@ -1,0 +1,412 @@
+"""Reading force traces: every table that instruments write, and what is refused in one line."""
+
+import datetime as dt
+import json
+import math
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip.measure import read_trace
+
+# ----------------------------------------------------------------------------------------------- reading traces
+
+FORCES = np.round(5.0 + np.abs(np.mod(np.arange(60) * 0.37, 3.0)), 2)
+
+
+def written(tmp_path, text, name="trace.csv", **how):
+    path = tmp_path / name
+    path.write_text(text, **how)
+    return path
+
+
+def rows(form, forces=FORCES):
+    return "\n".join(form(0.25 * i, f) for i, f in enumerate(forces)) + "\n"
+
+
+COMMA = str.maketrans(".", ",")
+
+
+@pytest.mark.parametrize(
+    ("text", "options"),
+    [
+        (rows(lambda _, f: f"{f}"), {"step": 0.25}),
+        (rows(lambda _, f: f"{f} N1 "), {"step": 0.25}),
+        (rows(lambda _, f: f"{f}".translate(COMMA)), {"step": 0.25, "decimal": ","}),
+        (rows(lambda _, f: f"{f:.2f} N".translate(COMMA)), {"step": 0.25, "decimal": ","}),
+        ("force\n" + rows(lambda _, f: f"{f}"), {"step": 0.25}),
+        ("Force (N)\n\n" + rows(lambda _, f: f"{f}"), {"step": 0.25}),
+        ("# bench 3\n# 2020\n" + rows(lambda _, f: f"{f}"), {"step": 0.25}),
+        ("t,F_d\n" + rows(lambda t, f: f"{t},{f}"), {}),
+        ("time [s], Force [N]\n" + rows(lambda t, f: f"{t}, {f}"), {}),
+        ("Zeit (s);Kraft (N)\n" + rows(lambda t, f: f"{t};{f}".translate(COMMA)), {}),
+        ("t\tF\n" + rows(lambda t, f: f"{t}\t{f}"), {}),
+        ("t F\n" + rows(lambda t, f: f"  {t}   {f}  "), {}),
+        ("t F\n" + rows(lambda t, f: f"{t} {f}".translate(COMMA)), {}),
+        ("# t F_d\n" + rows(lambda t, f: f"{t:.6e} {f:.6e}"), {}),
+        (rows(lambda t, f: f"{t},{f}"), {"time": 1, "force": 2}),
+        (rows(lambda t, f: f"{t},{f}"), {"time": "1", "force": "2"}),
+        (rows(lambda t, f: f"{t},{f}"), {"force": 2, "step": 0.25}),
+        ("x,a,b\n" + rows(lambda t, f: f"{9 - f},{f},{t}"), {"force": "a", "time": "B"}),
+        ('"t","spring_force","what"\n' + rows(lambda t, f: f'"{t}","{f}","pull, slow"'), {}),
+        ("date,t,F_d\n" + rows(lambda t, f: f"2020-01-02,{t},{f}"), {}),
+        ("Instrument: X7\nOperator: N. N.\n\nt;F_d\n" + rows(lambda t, f: f"{t};{f}"), {}),
+        (rows(lambda t, f: f"{t}|{f}"), {"delimiter": "|", "time": 1, "force": 2}),
+        (rows(lambda _, f: f"{f}").replace("\n", "\r\n"), {"step": 0.25}),
+        ("\ufeff" + rows(lambda _, f: f"{f}"), {"step": 0.25}),
+        (rows(lambda _, f: f"{f}") + "End of file\n", {"step": 0.25}),
+        ("t,F_d\n" + rows(lambda t, f: f"{t},{f}"), {"step": 0.25}),
+    ],
+)
+def test_tables_of_every_usual_form_are_read(tmp_path, text, options):
+    data = read_trace(written(tmp_path, text, encoding="utf-8"), **options)
+    np.testing.assert_array_equal(data["spring_force"], FORCES)
+    np.testing.assert_allclose(data["time"], 0.25 * np.arange(FORCES.size))
+    assert data["spring_force"].attrs["units"] == "N"
+    assert data["time"].attrs["units"] == "s"
+    assert not data["filled"].any()
+
+
+def test_units_are_kept(tmp_path):
+    path = written(tmp_path, "t (ms);F (mN)\n" + rows(lambda t, f: f"{t};{f}"))
+    data = read_trace(path)
+    assert (data["time"].attrs["units"], data["spring_force"].attrs["units"]) == ("ms", "mN")
+    latin = tmp_path / "latin.csv"
+    latin.write_bytes(("t (s);F (µN)\n" + rows(lambda t, f: f"{t};{f}")).encode("latin-1"))
+    assert read_trace(latin)["spring_force"].attrs["units"] == "µN"
+    wide = tmp_path / "wide.csv"
+    wide.write_bytes(("t;F\n" + rows(lambda t, f: f"{t};{f}")).encode("utf-16"))
+    np.testing.assert_array_equal(read_trace(wide)["spring_force"], FORCES)
+
+
+@pytest.mark.parametrize("word", ["NaN N1", "inf", "---", "1e999", "overload", "1.2.3"])
+def test_a_few_unreadable_rows_are_filled_and_reported(tmp_path, word):
+    lines = [f"{f}" for f in FORCES]
+    lines[20] = word
+    data = read_trace(written(tmp_path, "\n".join(lines)), step=0.25)
+    assert data.sizes["time"] == FORCES.size
+    assert float(data["spring_force"][20]) == pytest.approx(0.5 * (FORCES[19] + FORCES[21]))
+    assert list(np.flatnonzero(data["filled"])) == [20]
+    assert json.loads(data.attrs["unreadable"]) == [{"line": 21, "text": word}]
+    assert "line 21" in data.attrs["note"]
+
+
+def test_unreadable_rows_with_times_leave_a_gap_in_time(tmp_path):
+    lines = [f"{0.25 * i},{f}" for i, f in enumerate(FORCES)]
+    lines[10], lines[30] = "2.5,", "??"
+    data = read_trace(written(tmp_path, "t,F_d\n" + "\n".join(lines)))
+    assert data.sizes["time"] == FORCES.size - 1  # the time of row 30 is not known
+    assert 7.5 not in data["time"].values
+    assert bool(data["filled"].sel(time=2.5))
+    assert "2 of 60 rows" in data.attrs["note"]
+
+
+NUMBERS = rows(lambda _, f: f"{f}")
+TWO = "t,F_d\n" + rows(lambda t, f: f"{t},{f}")
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "message"),
+    [
+        (NUMBERS, {}, "step="),
+        (NUMBERS, {"step": 0.0}, "step = 0"),
+        (NUMBERS, {"step": -1.0}, "step = -1"),
+        (NUMBERS, {"step": math.nan}, "step = nan"),
+        (NUMBERS, {"step": 0.25, "force": 2}, "no such column"),
+        (NUMBERS, {"step": 0.25, "delimiter": ";;"}, "delimiter"),
+        (NUMBERS, {"step": 0.25, "decimal": "x"}, "decimal"),
+        (TWO, {"force": "friction_force"}, "did you mean 'spring_force'"),
+        (TWO, {"force": 0}, "counted from 1"),
+        (TWO, {"force": 1, "time": 1}, "both time and force"),
+        (TWO, {"step": 0.1, "time": "time"}, "leave one out"),
+        (rows(lambda t, f: f"{t},{f}"), {"step": 0.1}, "which column is the force"),
+        (rows(lambda t, f: f"{int(t)},{int(f)}"), {"step": 0.1}, "decimal comma"),
+        ("", {"step": 1.0}, "empty"),
+        (" \n\n", {"step": 1.0}, "blanks only"),
+        ("# nothing\n# here\n", {"step": 1.0}, "comments only"),
+        ("to be\nor not\nto be\n", {"step": 1.0}, "no column of numbers"),
+        ("1\n2\n3\n", {"step": 1.0}, "3 readings are too few"),
+        (NUMBERS + "x\n1\ny\n2\nz\n3\nu\n4\n", {"step": 1.0}, "4 of 68 rows cannot be read, first line 61"),
+        ("t,F_d\n" + rows(lambda t, f: f"{-t},{f}"), {}, "line 3: time -0.25 does not come after"),
+        ("t,F_d\n" + rows(lambda _, f: f"1,{f}"), {}, "times must rise"),
+        ("1.0\n\x00\x01\x02\n" + NUMBERS, {"step": 1.0}, "binary"),
+        ("a,F_d\n" + rows(lambda _, f: f"x,{f}"), {"force": "a", "step": 1.0}, "holds no number in column 1"),
+    ],
+)
+def test_files_that_are_no_trace_are_refused_in_one_line(tmp_path, text, options, message):
+    path = written(tmp_path, text)
+    with pytest.raises(ss.InputError, match=message) as caught:
+        read_trace(path, **options)
+    assert "\n" not in str(caught.value)
+
+
+def test_paths_that_are_no_file_are_refused(tmp_path, monkeypatch):
+    with pytest.raises(ss.InputError, match="no such file"):
+        read_trace(tmp_path / "none.csv", step=1.0)
+    with pytest.raises(ss.InputError, match="is a folder"):
+        read_trace(tmp_path, step=1.0)
+    for start, message in ((b"\x89HDF\r\n", "HDF5"), (b"CDF\x01", "NetCDF"), (b"PK\x03\x04", "spreadsheet")):
+        (tmp_path / "wrong").write_bytes(start + bytes(100))
+        with pytest.raises(ss.InputError, match=message):
+            read_trace(tmp_path / "wrong", step=1.0)
+    monkeypatch.setattr("stickslip.measure.tables.LARGEST_FILE", 100)
+    with pytest.raises(ss.InputError, match="MB"):
+        read_trace(written(tmp_path, NUMBERS), step=1.0)
+
+
+# ----------------------------------------------------------------------------------------------- as instruments write
+
+TIMES = 0.25 * np.arange(FORCES.size)
+GERMAN = "Prüfung;Reibung 7\nDatum;01.02.2024\nNormalkraft;1920 N\n\nZeit;Kraft;Weg;Normalkraft\ns;N;mm;N\n" + "".join(
+    f"{t:.2f};{f:.2f};{2 * t:.2f};20,00\n".replace(".", ",") for t, f in zip(TIMES, FORCES, strict=True)
+)
+LABVIEW = (
+    "LabVIEW Measurement\t\nWriter_Version\t2\nReader_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\n"
+    "Multi_Headings\tNo\nX_Columns\t{columns}\nTime_Pref\tRelative\nOperator\tN. N.\nDate\t2024/02/01\n"
+    "Time\t12:00:00\n***End_of_Header***\t\n\t\nChannels\t1\t\nSamples\t60\t\nDate\t2024/02/01\t\n"
+    "Y_Unit_Label\tkN\t\nX_Dimension\tTime\t\nX0\t0.0000000000000000E+0\t\nDelta_X\t0.250000\t\n"
+    "***End_of_Header***\t\t\nX_Value\tForce\tComment\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "encoding", "units"),
+    [
+        (GERMAN, "latin-1", ("s", "N")),
+        (GERMAN, "utf-8-sig", ("s", "N")),
+        (GERMAN, "utf-16", ("s", "N")),
+        (GERMAN, "utf-16-le", ("s", "N")),
+        (GERMAN.replace("\n", "\r\n"), "cp1252", ("s", "N")),
+        ("Time,Force\ns,N\n" + rows(lambda t, f: f"{t},{f}"), "utf-8", ("s", "N")),
+        ("s,N\n" + rows(lambda t, f: f"{t},{f}"), "utf-8", ("s", "N")),
+        ("Time,Channel A\n(s),(kN)\n\n" + rows(lambda t, f: f"{t},{f}"), "utf-8", ("s", "kN")),
+        ("Time / s;Force / mN\n" + rows(lambda t, f: f"{t};{f}"), "utf-8", ("s", "mN")),
+        ("time_s,force_kN\n" + rows(lambda t, f: f"{t},{f}"), "utf-8", ("s", "kN")),
+        ("Time (s)  Force (N)\n" + rows(lambda t, f: f"{t}  {f}"), "utf-8", ("s", "N")),
+        ("# time (s), force (N)\n" + rows(lambda t, f: f"{t} {f}"), "utf-8", ("s", "N")),
+        ("ts,date,F,T\ns,,N,°C\n" + rows(lambda t, f: f"{t},2024-02-01,{f},21.5"), "utf-8", ("s", "N")),
+        (LABVIEW.format(columns="One") + rows(lambda t, f: f"{t:.6f}\t{f:.6f}\t"), "utf-8", ("s", "kN")),
+        (LABVIEW.format(columns="No") + rows(lambda _, f: f"\t{f:.6f}\t"), "utf-8", ("s", "kN")),
+        ("Time;Force\ns;N\n\n" + rows(lambda t, f: f"{t};{f}\n"), "utf-8", ("s", "N")),
+        (rows(lambda t, f: f"{t} s\t{f} N"), "utf-8", ("s", "N")),
+        ("t,F\n" + rows(lambda t, f: f"{t},{f}").replace("\n1.0,", "\n# paused\n1.0,"), "utf-8", ("s", "N")),
+    ],
+)
+def test_files_are_read_as_instruments_write_them(tmp_path, text, encoding, units):
+    path = tmp_path / "export.txt"
+    path.write_bytes(text.encode(encoding))
+    data = read_trace(path)
+    np.testing.assert_allclose(data["spring_force"], FORCES)
+    np.testing.assert_allclose(data["time"], TIMES)
+    assert (data["time"].attrs["units"], data["spring_force"].attrs["units"]) == units
+    assert not data["filled"].any()
+    assert data.attrs["rows"] == FORCES.size
+    assert "interpolated" not in data.attrs["note"]
+
+
+def test_units_in_a_row_of_their_own_are_used(tmp_path):
+    data = read_trace(written(tmp_path, "Zeit;Kraft\nms;kN\n" + rows(lambda t, f: f"{1e3 * t};{f}")))
+    assert (data["time"].attrs["units"], data["spring_force"].attrs["units"]) == ("ms", "kN")
+    assert float(data["time"][-1]) == pytest.approx(1e3 * TIMES[-1])
+
+
+def test_several_columns_are_told_by_their_names(tmp_path):
+    data = read_trace(written(tmp_path, GERMAN, encoding="utf-8"))
+    np.testing.assert_allclose(data["displacement"], 2 * TIMES)
+    assert data["displacement"].attrs["units"] == "mm"
+    np.testing.assert_allclose(data["load"], 20.0)
+    np.testing.assert_allclose(data["mu"], FORCES / 20.0)
+    assert data["mu"].attrs == {"units": "1", "long_name": "coefficient of friction"}
+    by_name = read_trace(tmp_path / "trace.csv", force="Kraft", time="zeit", load="Normalkraft", displacement=3)
+    np.testing.assert_array_equal(by_name["spring_force"], data["spring_force"])
+    other = read_trace(tmp_path / "trace.csv", force="Kraft (N)", load="0.04 kN")
+    np.testing.assert_allclose(other["mu"], FORCES / 40.0)
+    with pytest.raises(ss.InputError, match="load = '-3 N'"):
+        read_trace(tmp_path / "trace.csv", load="-3 N")
+
+
+@pytest.mark.parametrize(
+    "head",
+    ["t,COF", "time,Friction coefficient", "t,µ", "Zeit,Reibwert", "Time(s),Friction (-)"],
+)
+def test_a_coefficient_of_friction_is_no_force(tmp_path, head):
+    data = read_trace(written(tmp_path, head + "\n" + rows(lambda t, f: f"{t},{f / 10:.4f}"), encoding="utf-8"))
+    assert data["spring_force"].attrs == {"units": "1", "long_name": "coefficient of friction"}
+    assert "N assumed" not in data.attrs["note"]
+
+
+def test_a_bare_friction_column_beside_units_is_a_coefficient(tmp_path):
+    head = "Time(s)\tDispl(microns)\tFriction\tNormal_stress(MPa)\n"
+    data = read_trace(written(tmp_path, head + rows(lambda t, f: f"{t}\t{3 * t}\t{f / 10:.4f}\t19.97")))
+    assert data["spring_force"].attrs["long_name"] == "coefficient of friction"
+    assert data["displacement"].attrs["units"] == "microns"
+    assert data["load"].attrs["units"] == "MPa"
+    assert "mu" not in data
+
+
+def test_units_that_are_not_named_are_told_as_assumed(tmp_path):
+    data = read_trace(written(tmp_path, "t,F\n" + rows(lambda t, f: f"{t},{f}")))
+    assert "no unit of the force: N assumed" in data.attrs["note"]
+    assert "no unit of the time: s assumed" in data.attrs["note"]
+    named = read_trace(written(tmp_path, "t (s),F (N)\n" + rows(lambda t, f: f"{t},{f}")))
+    assert named.attrs["note"] == ""
+
+
+def mixed(form):
+    """Forces in cells, every third in mN."""
+    return "t;F\n" + "".join(
+        f"{0.25 * i};{form(1e3 * f, 'mN') if i % 3 == 1 else form(f, 'N')}\n" for i, f in enumerate(FORCES)
+    )
+
+
+@pytest.mark.parametrize("form", [lambda f, u: f"{f:.7g} {u}", lambda f, u: f"{f:.7g}{u}"])
+def test_units_that_change_from_cell_to_cell_are_turned_to_one(tmp_path, form):
+    data = read_trace(written(tmp_path, mixed(form)))
+    assert data["spring_force"].attrs["units"] == "N"
+    np.testing.assert_allclose(data["spring_force"], FORCES)
+    blanks = read_trace(written(tmp_path, mixed(form).removeprefix("t;F\n").replace(";", " ")), time=1)
+    np.testing.assert_allclose(blanks["spring_force"], FORCES)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda lines: [*lines[:9], "2.25;7.0 mm", *lines[10:]],
+            r"line 10, '2.25;7.0 mm': column 2 holds 'mm' among 'N'",
+        ),
+        (
+            lambda lines: [*lines[:9], "2.25;700 mN", "2.5;0.7", *lines[11:]],
+            "line 11.*without a unit where units change",
+        ),
+        (lambda lines: ["t (s);F (s)", *lines], "line 2.*'N' below the heading 's'"),
+    ],
+)
+def test_units_in_cells_that_leave_it_open_are_refused_by_line(tmp_path, change, message):
+    lines = [f"{0.25 * i};{f} N" for i, f in enumerate(FORCES)]
+    with pytest.raises(ss.InputError, match=message):
+        read_trace(written(tmp_path, "\n".join(change(lines))), time=1, force=2)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "t,position\n" + rows(lambda t, f: f"{t},{f}"),
+            r"which column is the force\? .*--force .* force= .* 1 't', 2 'position'",
+        ),
+        ("t (s),z (mm)\n" + rows(lambda t, f: f"{t},{f}"), r"which column is the force.*2 'z \(mm\)'"),
+        ("t,T (°C)\n" + rows(lambda t, f: f"{t},{f}"), "which column is the force"),
+        ("t,F,F\n" + rows(lambda t, f: f"{t},{f},{f}"), "which column is the force"),
+        ("a,F\n" + rows(lambda t, f: f"{t},{f}"), "--step .* step= .*--time, time="),
+        ("t,F\n" + rows(lambda t, f: f'{t},"{f}'), "line"),
+        (
+            "F\n" + NUMBERS + "4" * 400_000 + "e" * 3 + "\n" + NUMBERS,
+            "line 62 has 400,004 characters, more than 65,536",
+        ),
+        ("F\n" + NUMBERS + "1," * 40_000 + "\n", "line 62 has 80,001 characters"),
+        (rows(lambda t, f: f"{t}" + f",{f}" * 1500), "1501 columns, more than 1000"),
+        ("F\n" + NUMBERS + "1" * 60_000 + "x\n" + "2" * 60_000 + "x\n3x3\n4x4\n", "4 of 64 rows cannot be read"),
+    ],
+)
+def test_what_could_be_misread_is_refused(tmp_path, text, message):
+    path = written(tmp_path, text, encoding="utf-8")
+    begin = time.process_time()
+    with pytest.raises(ss.InputError, match=message) as caught:
+        read_trace(path, **({"step": 1.0} if text.startswith("F\n") else {}))
+    assert time.process_time() - begin < 1.0
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 500
+
+
+def test_a_stdsheet_is_read(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.active.append(["see the second sheet"])
+    sheet = book.create_sheet("data")
+    for row in (
+        ["Bench", "7"],
+        ["Date", dt.date(2024, 2, 1)],
+        [],
+        ["Time", "Force", "Remark"],
+        ["ms", "kN", None],
+    ):
+        sheet.append(row)
+    for t, f in zip(TIMES, FORCES, strict=True):
+        sheet.append([1e3 * float(t), float(f), None])
+    book.save(tmp_path / "bench.xlsx")
+    data = read_trace(tmp_path / "bench.xlsx")
+    np.testing.assert_array_equal(data["spring_force"], FORCES)
+    np.testing.assert_allclose(data["time"], 1e3 * TIMES)
+    assert (data["time"].attrs["units"], data["spring_force"].attrs["units"]) == ("ms", "kN")
+
+
+def test_a_tdms_file_is_read(tmp_path):
+    nptdms = pytest.importorskip("nptdms")
+    waveform = {"wf_increment": 0.25, "wf_start_offset": 0.0}
+    with nptdms.TdmsWriter(tmp_path / "bench.tdms") as writer:
+        writer.write_segment([
+            nptdms.ChannelObject("Run 1", "Friction force", FORCES, properties=waveform | {"unit_string": "mN"}),
+            nptdms.ChannelObject("Run 1", "Temperature", FORCES, properties=waveform | {"unit_string": "°C"}),
+        ])  # fmt: skip
+    data = read_trace(tmp_path / "bench.tdms")
+    np.testing.assert_array_equal(data["spring_force"], FORCES)
+    np.testing.assert_allclose(data["time"], TIMES)
+    assert data["spring_force"].attrs["units"] == "mN"
+
+
+@pytest.mark.parametrize(
+    ("name", "start", "module"), [("a.xlsx", b"PK\x03\x04", "openpyxl"), ("a.tdms", b"TDSm", "nptdms")]
+)
+def test_a_reader_that_is_missing_is_named(tmp_path, monkeypatch, name, start, module):
+    (tmp_path / name).write_bytes(start + bytes(100))
+    if name.endswith("tdms"):
+        pytest.importorskip(module)
+    with pytest.raises(ss.InputError, match=r"a\.(xlsx|tdms): is no (spreadsheet|TDMS file) that can be read|install"):
+        read_trace(tmp_path / name)
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(ss.InputError, match=rf"(?i)pip install {module}") as caught:
+        read_trace(tmp_path / name)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_force_may_be_flipped(tmp_path):
+    path = written(tmp_path, "t,F\n" + rows(lambda t, f: f"{t},{f}"))
+    data = read_trace(path, flip=True)
+    np.testing.assert_array_equal(data["spring_force"], -FORCES)
+    assert data.attrs["flipped"] == 1
+
+
+MEASURED = """
+import sys, time
+from pathlib import Path
+from stickslip.cli import main
+code = main(sys.argv[1:])
+status = Path("/proc/self/status").read_text().split()
+print("CPU", time.process_time(), "peak", status[status.index("VmHWM:") + 1], "code", code)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="peak memory is read from /proc")
+@pytest.mark.parametrize("columns", [1, 2])
+def test_five_million_rows_take_seconds_and_little_memory(tmp_path, columns):
+    rng, path = np.random.default_rng(1), tmp_path / "long.csv"
+    with path.open("w") as file:
+        for part in range(50):
+            t = 1e-4 * (np.arange(100_000) + part * 100_000)
+            force = 5 + 2 * (t % 1.5) + rng.normal(0, 0.05, t.size)
+            rows = zip(t, force, strict=True)
+            file.writelines(f"{f:.3f}\n" if columns == 1 else f"{a:.4f};{f:.3f}\n" for a, f in rows)
+    options = ["--step", "1e-4"] if columns == 1 else ["--time", "1", "--force", "2"]
+    call = [sys.executable, "-c", MEASURED, "measure", str(path), *options]
+    lines = subprocess.run(call, check=True, capture_output=True, text=True).stdout.splitlines()
+    assert lines[0].startswith("stick-slip")
+    _, cpu, _, peak, _, code = lines[-1].split()
+    assert code == "0"
+    assert float(cpu) <= 4.0
+    assert int(peak) <= 600_000  # kB

@@ -1,0 +1,306 @@
+"""Random rigs, from ringing to overdamped a thousandfold, under drives that turn round.
+
+Both solvers fly long stretches in one closed form; a slider that turns round within one must still break all that it
+reaches. What is asked here holds for every rig: no force beyond the thresholds, balances that close, a piece of the
+drive that can be cut anywhere, and the same motion as a plain loop in small steps and as the other solver.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import stickslip as ss
+from stickslip.kernels import events as kernel
+from stickslip.kernels.cohorts import TOLERANCE
+from stickslip.kernels.drive import Quadratic
+from stickslip.kernels.oscillator import Slider
+
+BROAD = ss.Uniform(low=0.3, high=1.7)
+COARSE = ss.MasterEquation(cells=100)
+ONE_RUN = TOLERANCE / COARSE.cells**2  # to which the master equation knows where the slider is
+QUICK, ALL = 8, 312
+
+every_rig = pytest.mark.parametrize(
+    "seed", [pytest.param(seed, marks=pytest.mark.slow if seed >= QUICK else ()) for seed in range(ALL)]
+)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A slider, its damping ratio ``eta/(2 Omega)`` with all contacts attached, and its drive."""
+
+    slider: ss.Slider
+    ratio: float
+    drive: ss.Drive
+
+    @property
+    def omega(self) -> float:
+        """Angular frequency with all contacts attached."""
+        return math.sqrt((self.slider.stiffness + 1.0) / self.slider.mass)
+
+
+def case_of(seed, softest=0.3):
+    """A random rig whose drive turns round in each of one to three pieces, going far enough to break contacts."""
+    rng = np.random.default_rng([seed, 2024])
+    ratio, stiffness, omega = (
+        10 ** rng.uniform(-2, 3),
+        10 ** rng.uniform(math.log10(softest), 1),
+        10 ** rng.uniform(0, 2),
+    )
+    slider = ss.Slider(stiffness=stiffness, mass=(stiffness + 1.0) / omega**2, damping=2.0 * ratio * omega)
+    pieces = []
+    for _ in range(rng.integers(1, 4)):
+        # Long against the slowest relaxation, so that in most pieces all of it has decays.
+        duration = 10 ** rng.uniform(1.5, 3.3) * max(ratio, 1.0) / omega
+        farthest = rng.uniform(0.3, 3.0) * (stiffness + 1.0) / stiffness
+        velocity = rng.choice([-1, 1]) * 4.0 * farthest / duration
+        end = -velocity * (1.0 if rng.random() < 0.4 else rng.uniform(0.5, 1.5))
+        pieces.append(ss.ramp(velocity, end, duration))
+    drive = pieces[0]
+    for piece in pieces[1:]:
+        drive = drive.then(piece)
+    return Case(slider, ratio, drive)
+
+
+def delay_of(seed, drive):
+    """None, for ever, or some part of a piece."""
+    return ss.Delay([0.0, math.inf, 0.02 * drive.pieces[0].duration][seed % 3])
+
+
+def run_of(case, delay, method, samples=2000):
+    interface = ss.Interface(thresholds=BROAD, delay=delay)
+    output = ss.Output(interval=case.drive.duration / samples)
+    return ss.simulate(ss.Rig(interface, case.slider, case.drive), method=method, output=output)
+
+
+def imbalance(run):
+    """Largest gap between the work of the drive and what became of it, as a fraction of all energy turned over."""
+    parts = ("kinetic_energy", "spring_energy", "contact_energy", "damped_energy", "broken_energy")
+    found = sum(run[name].to_numpy() for name in parts)
+    gap = run["work"].to_numpy() - found
+    return np.abs(gap - gap[0]).max() / max(found.max(), 1e-6)
+
+
+def cut(drive):
+    """The same motion of the drive, each piece cut in two where it turns."""
+    halves = []
+    for piece in drive.pieces:
+        first = piece.duration * piece.start / (piece.start - piece.end)
+        halves += [ss.ramp(piece.start, 0.0, first), ss.ramp(0.0, piece.end, piece.duration - first)]
+    return ss.Drive(tuple(piece for half in halves for piece in half.pieces))
+
+
+# ------------------------------------------------------------------------------------------------ a plain reference
+
+
+def plain(case, birth, threshold, newborn, delay, times):
+    """Position, force and number of attached contacts, in small steps, each contact looked at in each.
+
+    The slider's equation is linear while the contacts that hold are the same: a step is a matrix exponential. Where a
+    contact would be stretched beyond its threshold, or the slider turns close to it, the moment is found by bisection.
+    """
+    slider, N = case.slider, len(birth)
+    birth, threshold = np.array(birth), np.array(threshold)
+    holds, back = np.ones(N, bool), np.full(N, math.inf)
+    newborn = iter(newborn)
+    known = {}
+
+    def go(state, dt):
+        """Position, velocity, the drive's position, velocity and acceleration, and the contacts' pull, a time on."""
+        if (n, dt) not in known:
+            matrix = np.zeros((6, 6))
+            matrix[0, 1] = matrix[2, 3] = matrix[3, 4] = 1.0
+            matrix[1, :3] = -(slider.stiffness + n / N), -slider.damping * slider.mass, slider.stiffness
+            matrix[1, 5] = 1.0
+            matrix[1] /= slider.mass
+            known[n, dt] = expm(matrix * dt)
+        return known[n, dt] @ state
+
+    def broken(state, margin=0.0):
+        return holds & (np.abs(state[0] - birth) >= threshold - margin)
+
+    def first(state, dt, happens):
+        """Time in (0, dt] at which something first happens, known to hold at its end."""
+        low, high = 0.0, dt
+        while high - low > 1e-14 * dt and low < 0.5 * (low + high) < high:
+            middle = 0.5 * (low + high)
+            low, high = (low, middle) if happens(go(state, middle)) else (middle, high)
+            known.pop((n, middle), None)
+        return high
+
+    rows = []
+    t, n, state = 0.0, N, np.append(np.zeros(5), birth.sum() / N)
+    ends = np.cumsum([piece.duration for piece in case.drive.pieces])
+    for piece, end in zip(case.drive.pieces, ends, strict=True):
+        state[3], state[4] = piece.start, piece.acceleration
+        steps = piece.duration * case.omega / 0.2 if case.ratio < 3.0 else 0.0
+        pace = piece.duration / max(steps, 2000.0)
+        while t < end:
+            stop = min(end, back.min(), times[len(rows)] if len(rows) < len(times) else math.inf)
+            dt = pace if t + pace < stop else stop - t
+            if dt > 0.0:
+                there = go(state, dt)
+                if state[1] * there[1] < 0.0 and broken(there, dt * (abs(state[1]) + abs(there[1]))).any():
+                    # The farthest point lies within the step, and may be too far.
+                    sign = np.sign(there[1])
+                    dt = first(state, dt, lambda at, sign=sign: at[1] * sign >= 0.0)
+                    there = go(state, dt)
+                    there[1] = sign * 1e-300
+                if broken(there).any():
+                    dt = first(state, dt, lambda at: broken(at).any())
+                    there = go(state, dt)
+                t, state = (stop if t + dt >= stop else t + dt), there
+                for i in np.flatnonzero(broken(state)):
+                    holds[i], back[i] = False, t + delay
+                    n, state[5] = n - 1, birth[holds].sum() / N
+                if len(known) > 200:
+                    known.clear()
+            if back.min() <= t:
+                for i in np.flatnonzero(back <= t):
+                    holds[i], back[i] = True, math.inf
+                    birth[i], threshold[i] = state[0], next(newborn)
+                    n, state[5] = n + 1, birth[holds].sum() / N
+            while len(rows) < len(times) and times[len(rows)] <= t:
+                rows.append((state[0], np.sum(state[0] - birth[holds]) / N, holds.mean()))
+    return np.array(rows)
+
+
+@every_rig
+@pytest.mark.eq(11)
+def test_contacts_move_as_in_a_plain_loop(seed):
+    case = case_of(seed)
+    rng = np.random.default_rng([seed, 7])
+    N = int(rng.integers(1, 7))
+    birth, threshold = -rng.normal(0.0, 0.1, N), rng.uniform(0.4, 1.6, N)
+    newborn = rng.uniform(0.3, 1.7, 4000)
+    delay = [math.inf, 0.03][seed % 2] * case.drive.pieces[0].duration
+    times = case.drive.duration * np.linspace(0.0, 0.999, 200)
+    slider = case.slider
+    state = kernel.make_state(birth, threshold, np.zeros(0), 0.1)
+    slider = Slider(slider.stiffness, slider.mass, slider.damping)
+    samples = np.full((times.size, len(kernel.COLUMNS)), np.nan)
+    sampling, draws = kernel.Sampling(times, samples), kernel.Draws(newborn, np.empty(0), delay)
+    begin, place = 0.0, 0.0
+    for piece in case.drive.pieces:
+        end = begin + piece.duration
+        drive = kernel.Piece(Quadratic(begin, place, piece.start, piece.acceleration), end)
+        assert kernel.advance(state, slider, drive, sampling, draws, 10**8) == kernel.REACHED_END
+        begin, place = end, place + 0.5 * (piece.start + piece.end) * piece.duration
+    exact = plain(case, birth, threshold, newborn, delay, times)
+    assert np.abs(samples[:, [0, 2, 3]] - exact).max() < 1e-6
+
+
+# ------------------------------------------------------------------------------------------------ what always holds
+
+
+@every_rig
+@pytest.mark.parametrize(
+    ("method", "slack"),
+    [(ss.Contacts(500, seed=3), 1e-9), (COARSE, 2.0 / COARSE.cells**2)],
+    ids=["contacts", "master equation"],
+)
+@pytest.mark.eq(4, 11)
+def test_forces_stay_within_the_thresholds_and_balances_close(seed, method, slack):
+    case = case_of(seed)
+    delay = delay_of(seed, case.drive)
+    run = run_of(case, delay, method)
+    attached = run["attached"].to_numpy()
+    force = np.abs(run["friction_force"].to_numpy())
+    assert np.all(force <= BROAD.high * attached + slack)
+    assert imbalance(run) < slack
+    assert np.all((attached >= 0.0) & (attached <= 1.0 + 1e-11))
+    if delay.time == 0.0:
+        assert attached == pytest.approx(1.0, abs=1e-11)
+    if delay.time == math.inf:
+        assert np.all(np.diff(attached) <= 1e-12)
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("damping", "velocity", "duration"),
+    [(3.0 * math.sqrt(2e4), 0.17, 80.0), (200.0, 0.01, 1200.0), (1e5, 1e-3, 1e5)],
+    ids=["overdamped", "ringing", "overdamped a hundredfold"],
+)
+@pytest.mark.parametrize("method", [ss.Contacts(2000, seed=1), COARSE], ids=["contacts", "master equation"])
+@pytest.mark.eq(11)
+def test_a_drive_that_ends_where_it_began_has_broken_contacts_on_the_way(
+    direction, damping, velocity, duration, method
+):
+    """Without a break the force would go to 2/3 of the drive's farthest place, above 2 mean thresholds."""
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1))
+    slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=damping)
+    there = ss.ramp(direction * velocity, 0.0, duration / 2).then(ss.ramp(0.0, -direction * velocity, duration / 2))
+    whole, halves = (
+        ss.simulate(ss.Rig(interface, slider, drive), method=method, output=ss.Output(interval=duration / 2000))
+        for drive in (ss.ramp(direction * velocity, -direction * velocity, duration), there)
+    )
+    assert float(whole["broken_energy"][-1]) > 0.4
+    assert float(np.abs(whole["friction_force"]).max()) == pytest.approx(0.796, abs=0.01)
+    assert float(np.abs(whole["friction_force"] - halves["friction_force"]).max()) < (
+        2.0 * ONE_RUN if method is COARSE else 1e-9
+    )
+
+
+# ------------------------------------------------------------------------------------------------ one against another
+
+
+@every_rig
+@pytest.mark.eq(1, 2, 3, 4, 11)
+def test_contacts_scatter_about_the_master_equation(seed):
+    """On springs too stiff for an elastic instability, by what independent contacts scatter, and no more."""
+    N = 4000
+    case = case_of(seed, softest=4.0)
+    delay = ss.Delay([0.0, math.inf][seed % 2])
+    many, limit = (run_of(case, delay, method) for method in (ss.Contacts(N, seed=seed), COARSE))
+    # One contact's force has the variance <x^2> - <x>^2. The force of all falls no faster than 1.7/1.4 f_s/x_s, so that
+    # the spring lets what scatters grow by at most K/(K - 1.7/1.4) < 1.5.
+    variance = float((2.0 * limit["contact_energy"] - limit["friction_force"] ** 2).max())
+    apart = float(np.abs(many["friction_force"] - limit["friction_force"]).max())
+    assert apart < 1.5 * 5.0 * math.sqrt(variance / N) + ONE_RUN
+
+
+@every_rig
+@pytest.mark.eq(11)
+def test_a_piece_can_be_cut_where_it_turns(seed):
+    case = case_of(seed, softest=4.0)
+    delay = ss.Delay([0.0, math.inf][seed % 2])
+    halves = Case(case.slider, case.ratio, cut(case.drive))
+    for method, slack in ((ss.Contacts(500, seed=3), 1e-9), (COARSE, 2.0 * ONE_RUN)):
+        one, two = (run_of(drive, delay, method) for drive in (case, halves))
+        for name in ("displacement", "friction_force", "attached"):
+            assert np.abs(one[name].to_numpy() - two[name].to_numpy()).max() < slack
+
+
+# ------------------------------------------------------------------------------------------------ ageing contacts
+
+
+@pytest.mark.parametrize("damping", [10.0, 1e3, 1e4, 1e6])
+@pytest.mark.parametrize(
+    ("ageing", "method"),
+    [
+        (ss.Langevin(rate=0.1), ss.Contacts(50, seed=1)),
+        (ss.Langevin(rate=0.1), COARSE),
+        (ss.LogarithmicGrowth(slope=0.1, time=1.0), ss.Contacts(50, seed=1)),
+    ],
+    ids=["contacts", "kinetic equation", "growing"],
+)
+@pytest.mark.eq(11)
+def test_ageing_contacts_hold_an_overdamped_slider_as_springs_do(damping, ageing, method):
+    """Far below all thresholds the contacts are springs, over times up to 5e5 of the fastest relaxation."""
+    interface = ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=0.02), initial=ss.Gaussian(mean=0.0, std=1e-9), ageing=ageing
+    )
+    slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=damping)
+    duration = max(1.0, 5e-5 * damping)
+    drive = ss.ramp(1.2 / duration, -1.2 / duration, duration)
+    run = ss.simulate(ss.Rig(interface, slider, drive), method=method, output=ss.Output(interval=duration / 20))
+    matrix = np.zeros((5, 5))
+    matrix[0, 1] = matrix[2, 3] = matrix[3, 4] = 1.0
+    matrix[1, :3] = -(slider.stiffness + 1.0) / slider.mass, -damping, slider.stiffness / slider.mass
+    start = np.array([0.0, 0.0, 0.0, drive.pieces[0].start, drive.pieces[0].acceleration])
+    exact = [(expm(matrix * t) @ start)[0] for t in run["time"].to_numpy()]
+    assert run["displacement"].to_numpy() == pytest.approx(exact, abs=1e-7)
+    assert run["friction_force"].to_numpy() == pytest.approx(exact, abs=1e-7)
