@@ -120,7 +120,7 @@ def imbalance(progress, slider):
 
 
 @pytest.mark.parametrize(
-    ("time", "eta", "w"),
+    ("t", "eta", "w"),
     [(0.01, 200, 2e4), (0.3, 42, 2e4), (1, 200, 1e4), (0.2, 10, -300), (0.5, 0, 0), (100, 200, 3e4), (5, 1e4, 1)],
 )
 def test_response_is_the_matrix_exponential_for_every_kind_of_damping(t, eta, w):

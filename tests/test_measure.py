@@ -471,6 +471,12 @@ RIGS = {
         ss.Slider(stiffness=0.022419, mass=2.958e-7, damping=346.81),
         200.0,
     ),
+    # Stable, and so lightly damped that it amplifies the noise of its contacts, in proportion to it.
+    "amplified": (
+        ss.Interface(thresholds=ss.Uniform(low=0.4198931804924777, high=1.5801068195075223), delay=ss.Delay(0.746365)),
+        ss.Slider(stiffness=3.695489, mass=8.567306e-4, damping=1.688416),
+        360.0,
+    ),
     # Four growing modes; the noise of 2000 contacts shakes a sustained oscillation.
     "perturbed 67": (
         ss.Interface(thresholds=ss.Gamma(mean=1.0, std=0.077), delay=ss.Delay(0.03931)),
@@ -493,6 +499,8 @@ RIGS = {
         pytest.param("noise 64", 100_000, 3, "smooth sliding", None, marks=pytest.mark.slow),
         ("noise 0", 2000, 3, "smooth sliding", None),
         ("noise 0", 10_000, 3, "smooth sliding", None),
+        ("amplified", 2000, 5, "smooth sliding", None),
+        ("amplified", 8000, 5, "smooth sliding", None),
         ("perturbed 67", 2000, 67, "sustained oscillation", None),
         ("perturbed 67", 2000, 2, "sustained oscillation", None),
         ("perturbed 67", 2000, 3, "sustained oscillation", None),

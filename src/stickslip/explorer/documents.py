@@ -57,7 +57,9 @@ DEEPEST = 12
 LONGEST_TEXT = 2_000
 """Characters of a text in a message."""
 
-QUANTITIES: Mapping[str, Quantity] = {parameter.name: quantity(parameter.unit) for parameter in PARAMETERS}
+QUANTITIES: Mapping[str, Quantity] = {
+    parameter.name: "length" if parameter.unit == "1" else quantity(parameter.unit) for parameter in PARAMETERS
+}
 """Parameters of the theory of stability, and what they are."""
 
 _BENCH = Scales(force=768.0, stretching=2e-6, time=5e-3)

@@ -118,7 +118,7 @@ class Trace:
 def _contacts(data: xr.Dataset) -> int | None:
     """How many contacts a run was made with, as its provenance says; None for other data."""
     try:
-        count = read_provenance(data)["arguments"]["method"]["count"]
+        count = read_provenance(data)["arguments"]["rig"]["method"]["count"]
     except (InputError, KeyError, TypeError):
         return None
     return count if isinstance(count, int) and count > 0 else None

@@ -23,7 +23,9 @@ REGULAR_PERIOD, REGULAR_DROP = 0.15, 0.25  # coefficients of variation below whi
 FEWEST_IN_A_DROP = 4  # samples, for the velocity of a slip to be seen
 EDGE = 0.05  # a slip starts and ends within this part of its drop from the peak and from the trough
 CONTACT_NOISE = 0.5  # standard deviation of the force of N contacts over static friction, times sqrt(N): at most that
-NO_MORE_THAN_NOISE, MORE_THAN_NOISE = 2.0, 3.0  # times that: below the one noise, above the other motion
+NO_MORE_THAN_NOISE, MORE_THAN_NOISE = 2.0, 3.0  # times that: below the one noise, above the other motion; a lightly
+# damped slider amplifies noise to what lies between, and it stays distributed as noise is
+NORMAL = 2.4  # fourth moment over the squared variance: 3 for noise, 1.5 for a sine
 COHERENT = 0.97  # autocorrelation at one period that even amplified noise does not reach
 CLEAR = 3.0  # drops this many times what noise may show need no smoothing
 _FOR_NOISE = 500_000  # samples from which noise is read
@@ -128,6 +130,12 @@ def contact_noise(trace: Trace) -> float:
     return float(rest.std()) / (CONTACT_NOISE * abs(trace.largest) / math.sqrt(trace.contacts))
 
 
+def is_normal(force: Array) -> bool:
+    """Whether a force is distributed as noise is, and not as an oscillation."""
+    rest = force - force.mean()
+    return float(np.mean(rest**4)) >= NORMAL * float(np.mean(rest**2)) ** 2
+
+
 def _quantum(force: Array) -> float:
     """Step in which a trace was recorded, or 0 if its values lie on no coarse grid."""
     force = force[:: max(1, force.size // 50_000)]
@@ -204,7 +212,8 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
     )
     found = _fast(trace, _joined(trace, force, smallest, criterion, noise, cycles, among))
     excess = contact_noise(trace)
-    if excess <= NO_MORE_THAN_NOISE and cycles.correlation < COHERENT:
+    amplified = excess < MORE_THAN_NOISE and is_normal(trace.force)
+    if (excess <= NO_MORE_THAN_NOISE or amplified) and cycles.correlation < COHERENT:
         return found.none(f"{found.size} {criterion}, but no more than {trace.contacts} contacts make as noise")
     phase = _typical_phase(trace, found)
     known = trace.contacts is not None and excess >= MORE_THAN_NOISE

@@ -24,6 +24,7 @@ from stickslip.measure.slips import (
     Slips,
     contact_noise,
     find_slips,
+    is_normal,
     mean_and_std,
     speeds,
 )
@@ -37,8 +38,7 @@ LONG_TRANSIENT = 50  # cycles: 40 to 100 x_s, in the model
 STEADY = 0.05  # change of ln(drop) from the first half of the window to the second, beyond three standard errors
 TINY = 0.02  # an oscillation below this part of static friction is smooth sliding
 SMALL = 0.10  # ... and one that decays, below this
-MOST_NOISE = 0.6  # irregular fluctuation below this part of static friction may be noise ...
-NORMAL = 2.4  # ... if it is as peaked as noise: fourth moment over the squared variance, 3 for noise, 1.5 for a sine
+MOST_NOISE = 0.6  # irregular fluctuation below this part of static friction may be noise, if it is distributed so
 MOST_STROKES = 0.75  # part of the strokes that must agree
 STUCK, STICKS = 0.05, 0.1  # a slider slower than this many times the drive sticks; part of the time for which it must
 
@@ -385,7 +385,7 @@ def _verdict(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]:
     if found.periodic or contact_noise(trace) < math.inf:
         manner = "periodic" if found.periodic else "irregular"
         return "sustained oscillation", f"{manner}, {oscillation}, peak to peak; {_whether_it_sticks(seen)}: {how}"
-    if seen.peak_to_peak < MOST_NOISE * seen.static_friction and _is_normal(trace.force):
+    if seen.peak_to_peak < MOST_NOISE * seen.static_friction and is_normal(trace.force):
         return "smooth sliding", f"the force fluctuates by {oscillation}, without a period, as noise does"
     return "undecided", (
         f"irregular oscillation of {oscillation} that is neither slips nor small: {how}; about "
@@ -430,12 +430,6 @@ def _time(value: float, trace: Trace) -> str:
     return f"{value:.2g}{trace.time_unit}"
 
 
-def _is_normal(force: Array) -> bool:
-    """Whether a force is distributed as noise is, and not as an oscillation."""
-    rest = force - force.mean()
-    return float(np.mean(rest**4)) >= NORMAL * float(np.mean(rest**2)) ** 2
-
-
 def _about_the_drive(trace: Trace) -> str:
     """What forbids a verdict, or nothing."""
     if trace.drive is None:
@@ -471,7 +465,7 @@ def _without_drops(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]
                     f"{_time(2.0 * span, trace)} more would tell"
                 )
             return "smooth sliding", f"{relative}, as the noise of {trace.contacts} contacts does"
-        if oscillation > MOST_NOISE * friction or not _is_normal(trace.force):
+        if oscillation > MOST_NOISE * friction or not is_normal(trace.force):
             return "undecided", (
                 f"{relative}: too much for noise, and no slips that stand out; about {_time(4.0 * span, trace)} more "
                 "would tell"

@@ -142,8 +142,9 @@ def _weigh(run: xr.Dataset) -> tuple[str, dict[str, float]]:
 def _period(run: xr.Dataset) -> tuple[float, float]:
     """Mean and coefficient of variation of the period after the transient; NaN where nothing stands out."""
     late = run.sel(time=slice(_BEGIN, None))
-    cycles = find_cycles(late["time"].to_numpy(), late["spring_force"].to_numpy())
-    if float(np.ptp(late["spring_force"])) < 0.3 or not cycles.periodic:
+    force = late["spring_force"].to_numpy()
+    cycles = find_cycles(late["time"].to_numpy(), force)
+    if float(np.ptp(force)) < 0.3 or not cycles.periodic:
         return np.nan, np.nan
     return cycles.period, cycles.variation
 
