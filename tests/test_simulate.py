@@ -628,11 +628,10 @@ def test_progress_rises_to_one(method):
 
 
 def test_progress_is_told_on_the_way():
-    """100,000 contacts break and re-attach some three times each: a million events, half a second."""
+    """100,000 contacts break and re-attach some six times each: more than a million events, half a second."""
     fractions = []
-    run_of(
-        replace(FIG4, count=100_000, drive=constant(1.0, 4.0)), output=Output(interval=0.1), progress=fractions.append
-    )
+    case = replace(FIG4, count=100_000, drive=constant(1.0, 8.0))
+    run_of(case, output=Output(interval=0.1), progress=fractions.append)
     assert len([fraction for fraction in fractions if 0 < fraction < 1]) >= 2
 
 
