@@ -444,7 +444,7 @@ def _dies(parameter: Parameter, setting: Rig, value: float) -> bool:
     """Whether stick-slip is known to die from a start at rest."""
     turned = parameter.set(setting, value)
     assert isinstance(turned.slider, Slider)
-    return is_sustained(turned).lasts is False
+    return is_sustained(turned).sustained is False
 
 
 def _run_from(start: Start, setting: Rig, method: Method, extensions: int = _EXTENSIONS) -> Regime:
