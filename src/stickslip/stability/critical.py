@@ -1,7 +1,7 @@
-"""Critical values: where smooth sliding loses or regains stability as one parameter is turned.
+"""Critical values: where smooth sliding loses or regains stability as one parameter is varied.
 
-`critical` finds every crossing along a parameter of a rig. All is linear: it says where smooth sliding is unstable to the
-smallest disturbance, not where stick-slip, once started, decays.
+`critical` finds every crossing along a parameter of a rig. All is linear: it says where smooth sliding is unstable to
+the smallest disturbance, not where stick-slip, once started, decays.
 """
 
 from __future__ import annotations
@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 from stickslip.errors import UndecidedError, instance, number
 from stickslip.model.parameters import Parameter, check_range, parameter_named
 from stickslip.model.rig import Rig
-from stickslip.stability.aged import AgedResponse
 from stickslip.stability.impedances import impedance
-from stickslip.stability.modes import Neutral, neutral_frequencies
-from stickslip.stability.response import respond
+from stickslip.stability.modes import respond
+from stickslip.stability.neutral import Neutral, neutral_frequencies
 
 Array = NDArray[np.float64]
 
@@ -132,8 +131,8 @@ def critical(rig: Rig, parameter: Parameter | str, *, between: tuple[float, floa
     rig : Rig
         The parameter's own value in it does not matter.
     parameter : Parameter or str
-        What to vary: ``"stiffness"``, ``"velocity"``, ``"mass"``, ``"damping"``, ``"delay"``, ``"std"``, ``"ageing"``, or
-        a parameter of your own.
+        What to vary: ``"stiffness"``, ``"velocity"``, ``"mass"``, ``"damping"``, ``"delay"``, ``"std"``, ``"ageing"``,
+        or a parameter of your own.
     between : (float, float)
         Range searched, in the rig's own units, both above 0.
 
@@ -203,8 +202,8 @@ def critical_spring(rig: Rig) -> float:
     Returns
     -------
     float
-        In the rig's own units; 0 if smooth sliding is stable on any spring (down to 1e-6 ``k``). Linear: stick-slip once
-        started may live on stiffer ones.
+        In the rig's own units; 0 if smooth sliding is stable on any spring (down to 1e-6 ``k``). Linear: stick-slip
+        once started may live on stiffer ones.
 
     Raises
     ------
@@ -297,7 +296,7 @@ def _between(parameter: Parameter, rig: Rig, left: _Point, right: _Point) -> lis
     if left.unstable == right.unstable and not changing:
         return []
     width = math.log(right.value / left.value)
-    slack = 1e-12 if rig.interface.ageing is None else 1e-3  # counts come from a table, crossings do not
+    slack = respond(rig.interface).precision.slack
     if abs(left.unstable - right.unstable) == 2 and len(changing) <= 1:
         starts = [(e / (e - f), w, u) for w, e, u, f in changing]
         if width < 1e-3:
@@ -379,8 +378,7 @@ def residual_and_slopes(
     parameters: Sequence[Parameter], rig: Rig, logs: Sequence[float], log_omega: float
 ) -> tuple[complex, list[complex]]:
     """Return ``Z + kappa`` at ``s = i omega`` and its slopes in the logarithm of each parameter and of omega."""
-    # The response of ageing contacts is computed on grids that vary with the rig.
-    d, here = 1e-6 if rig.interface.ageing is None else 1e-3, rig
+    d, here = respond(rig.interface).precision.step, rig
     for parameter, log in zip(parameters, logs, strict=True):
         here = parameter.set(here, math.exp(log))
     # The point itself, omega turned both ways, then each parameter varied both ways.
@@ -395,9 +393,7 @@ def residual_and_slopes(
         values[own] = impedance(body)(s[own])
     for interface in dict.fromkeys(each.interface for each in there):
         own = np.array([each.interface == interface for each in there])
-        response = respond(interface)
-        kappa = response.exact if isinstance(response, AgedResponse) else response.stiffness
-        values[own] += kappa(speed[own], s[own])
+        values[own] += respond(interface).exact(speed[own], s[own])
     slopes = ((values[1::2] - values[2::2]) / (2 * d)).tolist()
     return complex(values[0]), [*slopes[1:], slopes[0]]
 
@@ -407,7 +403,7 @@ def polish(
 ) -> tuple[float, float] | None:
     """Newton's method in (log value, log omega) for ``Z + kappa = 0`` at ``i omega``; None if it does not settle."""
     x, y, last = log_value, log_omega, math.inf
-    aged = rig.interface.ageing is not None
+    settled = max(1e-14, respond(rig.interface).precision.settled)
     for _ in range(12):
         f, (fx, fy) = residual_and_slopes([parameter], rig, [x], y)
         det = (fx.conjugate() * fy).imag
@@ -418,7 +414,7 @@ def polish(
         x, y = x + dx, y + dy
         if not (step < 1.0 and abs(x - log_value) < furthest):
             return None
-        if step < 1e-14 or (step < 1e-10 and step >= 0.5 * last) or (step < 1e-5 and aged):
+        if step < settled or (step < 1e-10 and step >= 0.5 * last):
             return math.exp(x), math.exp(y)
         last = step
     return None

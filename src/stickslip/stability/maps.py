@@ -16,8 +16,7 @@ from stickslip.model.parameters import STIFFNESS, VELOCITY, Parameter, check_ran
 from stickslip.model.rig import Rig
 from stickslip.stability.critical import neutral_along, residual_and_slopes, search
 from stickslip.stability.impedances import impedance
-from stickslip.stability.modes import rightmost_root, track_roots
-from stickslip.stability.response import respond
+from stickslip.stability.modes import respond, rightmost_root
 
 if TYPE_CHECKING:
     import xarray
@@ -148,7 +147,7 @@ def _counts(inner: Parameter, outer: Parameter, rig: Rig, a: Array, b: Array) ->
 
 
 def _is_free(parameter: Parameter, rig: Rig) -> bool:
-    """Whether the parameter adds the same to ``Z`` at every frequency: one set of neutral frequencies for all values."""
+    """Whether the parameter adds the same to ``Z`` at every frequency: one set of neutral frequencies for all."""
     return parameter is STIFFNESS and hasattr(rig.slider, "stiffness")
 
 
@@ -166,7 +165,7 @@ def _roots_on_grid(
             # Every few points the search starts afresh, for a root that overtakes from outside the ones carried along.
             starts = known[:8] if i % 16 else known[:0]
             for attempt in (starts, known[:0]):
-                known = track_roots(response, body, here.velocity, attempt)
+                known = response.roots(body, here.velocity, attempt)
                 growing = sum(2 if root.imag > 0 else 1 for root in known if root.real > 0)
                 if growing == counts[i, j] and known.size:
                     roots[i, j] = known[0]
@@ -300,7 +299,7 @@ def _correct(
         if size > 0.5:
             return None
         z = z + step
-        enough = 1e-13 if rig.interface.ageing is None else 1e-10
+        enough = max(1e-13, respond(rig.interface).precision.settled ** 2)
         if size < 1e-12 or (size < 1e-9 and size > 0.1 * last) or size**2 < enough:
             return z, _tangent(jacobian)
         last = size
