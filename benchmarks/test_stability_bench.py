@@ -33,7 +33,7 @@ def test_plain_loop_over_a_hundredth_of_the_map(benchmark):
     benchmark.pedantic(run, rounds=2)
 
 
-def test_boundary_by_continuation(benchmark):
+def test_boundary(benchmark):
     found = benchmark(boundary, RIG, between=WINDOW)
     assert found.sizes["point"] > 100
 

@@ -227,7 +227,7 @@ def test_random_delays_keep_their_weight_and_order(mean, std, negative):
 
 
 @dataclass(frozen=True)
-class TwoDelays:
+class TwoDelays(DelayModel):
     """A delay distribution of the user's own: either of two times."""
 
     first: float

@@ -58,7 +58,7 @@ def _stretching(place: str, value: object, *, above: float | None = None, at_lea
 @register("gaussian")
 @dataclass(frozen=True, kw_only=True)
 class Gaussian(Distribution):
-    """Gaussian distribution, optionally cut off from below; with a standard deviation of 0 all stretchings are the mean.
+    """Gaussian distribution, optionally cut off from below; with a standard deviation of 0 all values are the mean.
 
     Parameters
     ----------

@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError, instance
-from stickslip.model.distribution import Distribution
+from stickslip.model.distribution import Distribution, register
 from stickslip.model.quadrature import laplace_of_nodes, panels
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 
+@register("steady state")
 @dataclass(frozen=True, kw_only=True)
 class SteadyState(Distribution):
     """Stretchings of smooth sliding without delay: ``Q_s(x) = J_c(x)/<x_s>``, the fixed point of Eq. (1).

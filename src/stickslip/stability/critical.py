@@ -238,7 +238,7 @@ def _range(rig: Rig, parameter: Parameter | str, between: tuple[float, float]) -
 # ---------------------------------------------------------------- the search
 
 
-class _Point(NamedTuple):
+class Point(NamedTuple):
     """The neutral frequencies at one value of the parameter."""
 
     value: float
@@ -258,9 +258,9 @@ def neutral_along(
     return found
 
 
-def _look(parameter: Parameter, rig: Rig, values: Sequence[float]) -> list[_Point]:
+def _look(parameter: Parameter, rig: Rig, values: Sequence[float]) -> list[Point]:
     along = neutral_along(parameter, rig, values)
-    return [_Point(value, neutral, neutral.unstable()) for value, neutral in zip(values, along, strict=True)]
+    return [Point(value, neutral, neutral.unstable()) for value, neutral in zip(values, along, strict=True)]
 
 
 def search(
@@ -276,7 +276,7 @@ def search(
         ahead = values[len(points) : len(points) + (6 if first else count)]
         points += _look(parameter, rig, ahead)
         for k in range(len(points) - len(ahead), len(points)):
-            found += _between(parameter, rig, points[k - 1], points[k])
+            found += crossings_between(parameter, rig, points[k - 1], points[k])
             if k >= 2:
                 found += _hidden(parameter, rig, points[k - 2], points[k - 1], points[k], 6)
         if first and (points[0].unstable > 0 or any(c.unstable_below * c.unstable_above == 0 for c in found)):
@@ -290,8 +290,8 @@ def search(
     )
 
 
-def _between(parameter: Parameter, rig: Rig, left: _Point, right: _Point) -> list[Crossing]:
-    """Crossings between two points, by quartering until each part holds at most one branch that changes sign."""
+def crossings_between(parameter: Parameter, rig: Rig, left: Point, right: Point) -> list[Crossing]:
+    """Return the crossings between two points, by quartering until a part holds one branch that changes sign."""
     changing = [branch for branch in _matched(left, right) if (branch[1] > 0) != (branch[3] > 0)]
     if left.unstable == right.unstable and not changing:
         return []
@@ -316,10 +316,10 @@ def _between(parameter: Parameter, rig: Rig, left: _Point, right: _Point) -> lis
         return [] if left.unstable == right.unstable else [_crossing(at, left, right)]
     inner = (left.value * np.exp(width * np.array([0.25, 0.5, 0.75]))).tolist()
     points = [left, *_look(parameter, rig, inner), right]
-    return [c for pair in pairwise(points) for c in _between(parameter, rig, *pair)]
+    return [c for pair in pairwise(points) for c in crossings_between(parameter, rig, *pair)]
 
 
-def _crossing(at: tuple[float, float], left: _Point, right: _Point) -> Crossing:
+def _crossing(at: tuple[float, float], left: Point, right: Point) -> Crossing:
     return Crossing(value=at[0], frequency=at[1], unstable_below=left.unstable, unstable_above=right.unstable)
 
 
@@ -330,7 +330,7 @@ def _nearest(neutral: Neutral) -> Array:
     return omega[np.isfinite(omega)][:4]
 
 
-def _matched(one: _Point, two: _Point) -> list[tuple[float, float, float, float]]:
+def _matched(one: Point, two: Point) -> list[tuple[float, float, float, float]]:
     """Branches present at both points, each the other's nearest: frequency and lacking spring at one, then at two."""
     furthest = 0.02 + 2.5 * abs(math.log(two.value / one.value))
     pairs = []
@@ -348,7 +348,7 @@ def _matched(one: _Point, two: _Point) -> list[tuple[float, float, float, float]
     return pairs
 
 
-def _hidden(parameter: Parameter, rig: Rig, before: _Point, here: _Point, after: _Point, depth: int) -> list[Crossing]:
+def _hidden(parameter: Parameter, rig: Rig, before: Point, here: Point, after: Point, depth: int) -> list[Crossing]:
     """Pairs of crossings about a point where a branch comes near to changing sign and turns back."""
     if not before.unstable == here.unstable == after.unstable or depth == 0:
         return []
@@ -365,7 +365,7 @@ def _hidden(parameter: Parameter, rig: Rig, before: _Point, here: _Point, after:
         fine = np.geomspace(before.value, after.value, 9)[1:-1].tolist()
         points = [before, *_look(parameter, rig, fine), after]
         if any(p.unstable != here.unstable for p in points):
-            return [c for pair in pairwise(points) for c in _between(parameter, rig, *pair)]
+            return [c for pair in pairwise(points) for c in crossings_between(parameter, rig, *pair)]
         return [
             c
             for triple in zip(points, points[1:], points[2:], strict=False)

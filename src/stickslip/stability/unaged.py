@@ -172,9 +172,7 @@ class UnagedResponse:
             return Scan(np.empty(0), np.empty(0))
         axis = self.axis(velocity, top)
         stop = int(np.searchsorted(velocity * axis.y, top)) + 2
-        part = Axis(
-            y=axis.y[:stop], complement=axis.complement[:stop], shape=axis.shape[:stop], centre=axis.centre[:stop]
-        )
+        part = axis.up_to(stop)
         omega = velocity * part.y
         z = body(1j * omega)
         numerator, denominator = self.axis_parts(velocity, part)
