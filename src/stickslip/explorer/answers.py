@@ -215,7 +215,6 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 1.0
     shade = _shade(values / largest)
     levels = np.array([-1.0, -0.1, -0.01, 0.0, 0.01, 0.1, 1.0])
-    edge = found["other_unstable"].to_numpy() == 0
     yield {
         "x": _map_axis(found[over[0]]),
         "y": _map_axis(found[over[1]]),
@@ -226,8 +225,8 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
         "levels": {"at": _list(_shade(levels)), "text": [f"{level * largest:.2g}" for level in levels]},
         "curves": [
             {
-                "x": _list(np.where(edge[mine], found[f"edge_{over[0]}"].to_numpy()[mine], np.nan)),
-                "y": _list(np.where(edge[mine], found[f"edge_{over[1]}"].to_numpy()[mine], np.nan)),
+                "x": _list(found[f"edge_{over[0]}"].to_numpy()[mine]),
+                "y": _list(found[f"edge_{over[1]}"].to_numpy()[mine]),
             }
             for mine in (found["curve"].to_numpy() == curve for curve in np.unique(found["curve"].to_numpy()))
         ],

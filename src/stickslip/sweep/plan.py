@@ -650,8 +650,6 @@ def _theory_in_plane(
     interface, slider, velocity = setting.interface, setting.slider, setting.velocity
     over = (parameters[0], parameters[1])
     edge = boundary(Rig(interface, slider, constant(velocity)), over=over, between=(ranges[0], ranges[1]))
-    # Where another mode grows beside the neutral one, nothing changes for smooth sliding.
-    edge = edge.isel(point=edge["other_unstable"].to_numpy() == 0)
     found = edge[[*over, "curve"]].rename({name: f"edge_{name}" for name in (*over, "curve")})
     if bistable:
         assert isinstance(slider, Slider)
