@@ -94,7 +94,7 @@ def _fold(plan: Plan) -> Claim:
             seen = plan.study(stiffness=stiffness, velocity=velocity, start=start, seed=1)["regime"]
             cases.append(seen == expected)
     return finding(
-        "From rest stick-slip persists down to the fold of its cycle; between fold and linear boundary both regimes last",
+        "From rest stick-slip persists down to the fold of its cycle; up to the linear boundary both regimes are stable",
         near("fraction of the runs that do as computed", sum(cases) / len(cases), 1.0, 0.0),
         evidence=f"{len(cases)} runs of {_CONTACTS:,} contacts at two stiffnesses, on both sides of the fold",
     )
