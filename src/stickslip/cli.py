@@ -607,10 +607,10 @@ def _cut(result: xr.Dataset, at: str | None) -> xr.Dataset:
 def _draw_sweep(result: xr.Dataset, picture: Path, *, bistable: bool) -> str:
     """Draw a sweep with what theory says on top; return what that is, or why there is nothing."""
     from stickslip import plot as drawing
-    from stickslip.sweep import plan as plans
+    from stickslip.sweep.theory import with_theory
 
     with _bar("drawing") as progress:
-        result = plans.with_theory(result, bistable=bistable, progress=progress)
+        result = with_theory(result, bistable=bistable, progress=progress)
     drawing.save(drawing.sweep_picture(result), picture)
     return str(result.attrs["theory"])
 

@@ -197,7 +197,7 @@ def _smooth_again(data: xr.Dataset) -> Claim:
     measured: list[Measured] = []
     lasts_within = True
     for name in data["case"].to_numpy().tolist():
-        std = float(name.split()[0])
+        std = float(name.split(",")[0])
         low, high = data["sustained"].sel(case=name).to_numpy().tolist()
         oscillation = data["oscillation"].sel(case=name)
         for v in _ON.get(std, ()):
@@ -338,7 +338,8 @@ def _draw_windows(ax: Axes, data: xr.Dataset) -> None:
     ax.set_yticks(range(len(names)), names[::-1])
     plot.dress(ax.xaxis, data["v"])
     ax.legend(loc="center right", bbox_to_anchor=(1.0, 0.36), handlelength=1.2)
-    plot.letter(ax, f"(e) random delays of mean {_MEAN:g}: std, negative draws")
+    ax.set_ylabel("std of the delays,\nnegative draws")
+    plot.letter(ax, f"(e) random delays of mean {_MEAN:g}")
 
 
 FIGURE = Figure(

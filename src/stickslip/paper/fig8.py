@@ -223,7 +223,7 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
     amplitudes = figure.add_subplot(grid[:, 1])
     low, high = data["unstable"].to_numpy().tolist()
     amplitudes.axvspan(low, high, color=plot.GREY, alpha=0.15, linewidth=0)
-    amplitudes.text(0.5 * (low + high), 1.58, "smooth\nsliding\nunstable", ha="center", va="top", fontsize=8)
+    amplitudes.text(0.5 * (low + high), 0.04, "smooth\nsliding\nunstable", ha="center", va="bottom", fontsize=8)
     for start, colour in zip(_STARTS, (plot.VERMILLION, plot.BLUE), strict=True):
         for solver, mark in (("contacts", "o"), ("kinetic equation", "x")):
             oscillation = data["amplitude"].sel(start=start, solver=solver)

@@ -125,8 +125,9 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
         if np.isfinite(v):
             at = _time_of(data, v, down=name.endswith("down"))
             sweep.axvline(at, 0.0, 0.82, color=plot.BLACK, linewidth=0.9, linestyle=(0, (4, 2)))
-            height = 1.14 if name.startswith("v2") else 1.0  # v1 and v2 may be too close together for one line
-            sweep.text(at, height, f"${_SYMBOLS[name]}$ = {v:.3g}", ha="center", fontsize=8)
+            # The transitions may be close together: two lines of text, v2 and v2' to either side.
+            height, side = {"v2": (1.14, "right"), "v2_down": (1.14, "left")}.get(name, (1.0, "center"))
+            sweep.text(at, height, f"${_SYMBOLS[name]}$ = {v:.3g}", ha=side, fontsize=8)
     plot.letter(sweep, r"(a) up and down, $\beta$ = 1.5")
     _draw_inset(figure.add_subplot(grid[1, 0]), data, float(data["v1"][0]), "(b) at $v_1$", 24.0)
     _draw_inset(figure.add_subplot(grid[1, 1]), data, float(data["v2"][0]), "(c) at $v_2$", 10.0)
