@@ -1,8 +1,8 @@
 """Sweeps of a rig: from a file in TOML (rig, parameters to vary, what to measure) to a `Plan`, or from Python.
 
 >>> from stickslip.sweep.plan import read_plan
->>> from stickslip.io.rig_files import example
->>> plan = read_plan(example("phase_diagram"))
+>>> from stickslip.io.rig_files import example_file
+>>> plan = read_plan(example_file("phase_diagram"))
 >>> plan.parameters, plan.total
 (('stiffness', 'velocity'), 3200)
 
