@@ -412,50 +412,34 @@ def paper(
     *,
     check: Annotated[bool, Parameter(help="Check the paper's claims; exit code 1 if one fails.", negative="")] = False,
     quick: Annotated[bool, Parameter(help="Fewer points and contacts.", negative="")] = False,
-    directory: Annotated[Path, Parameter(alias="-d", help="Where picture and data go.")] = Path(),
+    output: Annotated[Path, Parameter(alias="-o", help="Directory for pictures and data; made if missing.")] = Path(),
+    formats: Annotated[
+        list[Literal["png", "pdf", "svg"]] | None,
+        Parameter(name="--format", help="Of the picture; may be given more than once.", negative=""),
+    ] = None,
     json: Json = False,
 ) -> int:
-    """Make a figure of the paper: picture, data and, with --check, its claims with verdicts.
+    """Make a figure of the paper, or all: picture, data, caption and, with --check, its claims with verdicts.
 
     Parameters
     ----------
     figure
-        fig1, fig2 ...
+        fig1, fig2 ... or all
     """
-    from stickslip import plot as drawing
-    from stickslip.io import datasets as store
-    from stickslip.paper import FIGURES
+    from stickslip.paper import figures_named, places, reproduce
 
-    if figure not in FIGURES:
-        raise InputError(f"{figure}: no such figure; there are {', '.join(FIGURES)}")
-    if not directory.is_dir():
-        raise InputError(f"--directory {directory}: no such directory")
-    picture, file = directory / f"{figure}.png", directory / f"{figure}.nc"
-    _check_outputs(picture, file)
-    chosen = FIGURES[figure]
-    with _bar(figure) as progress:
-        data = chosen.compute(progress=progress, quick=quick)
-    drawing.save(chosen.draw(data), picture)
-    store.save(data, file)
-    claims = chosen.check(data) if check else ()
-    failed = [claim for claim in claims if not claim.ok]
+    kinds, chosen = formats or ["png"], figures_named(figure)
+    for one in chosen:  # before any work is done
+        places(one, output, kinds)
+    made = []
+    for one in chosen:
+        with _bar(one.name) as progress:
+            made.append(reproduce(one, output, formats=kinds, check=check, quick=quick, progress=progress))
+        if not json:
+            print(made[-1], end="\n\n" if one is not chosen[-1] else "\n", flush=True)
     if json:
-        _print_json(
-            {
-                "picture": str(picture),
-                "data": str(file),
-                "claims": [claim.plain() for claim in claims],
-                "ok": not failed,
-            }
-        )
-        return 1 if failed else 0
-    for claim in claims:
-        print(claim)
-        print()
-    print(f"picture: {picture}\ndata: {file}")
-    if failed:
-        print(f"{len(failed)} of {len(claims)} claims did not come out as settled", file=sys.stderr)
-    return 1 if failed else 0
+        _print_json({"figures": [one.to_dict() for one in made], "ok": all(one.ok for one in made)})
+    return 0 if all(one.ok for one in made) else 1
 
 
 @app.command
@@ -623,10 +607,10 @@ def _cut(result: xr.Dataset, at: str | None) -> xr.Dataset:
 def _draw_sweep(result: xr.Dataset, picture: Path, *, bistable: bool) -> str:
     """Draw a sweep with what theory says on top; return what that is, or why there is nothing."""
     from stickslip import plot as drawing
-    from stickslip.sweep import plan as plans
+    from stickslip.sweep.theory import with_theory
 
     with _bar("drawing") as progress:
-        result = plans.with_theory(result, bistable=bistable, progress=progress)
+        result = with_theory(result, bistable=bistable, progress=progress)
     drawing.save(drawing.sweep_picture(result), picture)
     return str(result.attrs["theory"])
 
