@@ -12,11 +12,14 @@ from stickslip.simulation.run import (
     slider_constants,
     survival_table,
 )
+from stickslip.simulation.work import Work, estimate
 
 __all__ = [
     "LABELS",
     "Progress",
+    "Work",
     "check_method",
+    "estimate",
     "initial_nodes",
     "pull_rigidly",
     "rerun",

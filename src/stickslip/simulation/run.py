@@ -46,6 +46,7 @@ from stickslip.model import (
 from stickslip.model.distributions import Distribution, SteadyState, panels
 from stickslip.model.drive import Drive, ForceAbove, ForceBelow, Piece, Travel, constant
 from stickslip.model.rig import Rig
+from stickslip.simulation.work import estimate
 from stickslip.theory import ageing_constants, gaussian_ageing, growth_model, lives
 
 if TYPE_CHECKING:
@@ -76,6 +77,7 @@ def simulate(
     start: Start | None = None,
     output: Output | None = None,
     progress: Progress | None = None,
+    long: bool = False,
 ) -> xr.Dataset:
     """Pull a slider on an interface by a spring, Eq. (11).
 
@@ -92,6 +94,8 @@ def simulate(
         that do not age; those that age are followed in steps, which end at the samples.
     progress : callable, optional
         Called with the fraction of the drive that is done.
+    long : bool
+        Whether it may take more than an hour, or 4 GB of memory, by the estimate made before it starts.
 
     Returns
     -------
@@ -109,7 +113,7 @@ def simulate(
     InputError
         If the rig cannot be simulated: no mass, thresholds without a density for the master equation, a snapshot
         beyond the end; `Langevin` ageing of thresholds that are no Gaussian; ageing for which the method has no
-        solver.
+        solver; if it would take too long and `long` is not set.
 
     Examples
     --------
@@ -123,6 +127,9 @@ def simulate(
     told = rig.replace(**{name: value for name, value in changes.items() if value is not None})
     case = told.natural
     _check(case)
+    instance("simulate: long", long, bool, "True or False")
+    if not long:
+        estimate(told).check()
     if progress is not None and not callable(progress):
         raise InputError(f"simulate: progress = {shown(progress)}: must be a function of the fraction that is done")
     # Ageing contacts are followed in steps; samples finer than these show no more.
@@ -169,7 +176,7 @@ def rerun(run: xr.Dataset, progress: Progress | None = None) -> xr.Dataset:
     InputError
         If the Dataset carries no provenance of `simulate`.
     """
-    return simulate(rig_of(run), progress=progress)
+    return simulate(rig_of(run), progress=progress, long=True)
 
 
 def rig_of(run: xr.Dataset) -> Rig:

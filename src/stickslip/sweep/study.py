@@ -78,7 +78,7 @@ class Study:
         for extension in range(self.extensions + 1):
             drive = constant(setting.velocity, duration * 2.0**extension)
             run = simulate(
-                Rig(setting.interface, setting.slider, drive), method=method, start=_beginning(start, method)
+                Rig(setting.interface, setting.slider, drive), method=method, start=_beginning(start, method), long=True
             )
             seen = regime(run)
             if seen.kind != "undecided":
