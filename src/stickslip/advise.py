@@ -252,7 +252,9 @@ class Prediction:
             yield " ".join(words).replace(" ;", ";")
 
 
-def predict(rig: Rig, *, verify: bool = False, progress: Progress | None = None) -> Prediction:
+def predict(
+    rig: Rig, *, verify: bool = False, progress: Progress | None = None, long: bool = False
+) -> Prediction:
     """Say what a rig does at its speed, how safely, and what would make it slide smoothly.
 
     Parameters
@@ -262,17 +264,19 @@ def predict(rig: Rig, *, verify: bool = False, progress: Progress | None = None)
         Simulate the rig with its own method after each change that a mitigation proposes.
     progress : callable, optional
         Called with the fraction of the work that is done.
+    long : bool
+        Whether the simulation of the rig may take more than an hour; see `simulate`.
 
     Raises
     ------
     InputError
-        If the rig's speed is not above 0.
+        If the rig's speed is not above 0, or its simulation would take too long and `long` is not set.
     """
     setting = rig.natural
     if setting.velocity <= 0:
         raise InputError(f"drive: the speed is {setting.velocity:g}: a prediction needs a speed above 0")
     report = progress or (lambda _share: None)
-    run, seen = _watch(rig, lambda share: report(0.4 * share))
+    run, seen = _watch(rig, lambda share: report(0.4 * share), long=long)
     modes, growth, note = _linear(setting)
     margins = tuple(_margins(setting)) if not note else ()
     aged = replace(rig.interface, ageing=None)  # rigid motion from contacts at rest finds thresholds that have grown up
@@ -299,11 +303,12 @@ def predict(rig: Rig, *, verify: bool = False, progress: Progress | None = None)
     return found
 
 
-def _watch(rig: Rig, progress: Progress) -> tuple[xr.Dataset, Regime]:
+def _watch(rig: Rig, progress: Progress, *, long: bool) -> tuple[xr.Dataset, Regime]:
     """Simulate the rig as its file says, longer if that cannot be judged; the last stretch of drive is held."""
     drive = rig.drive
     for attempt in range(_EXTENSIONS + 1):
-        run = simulate(replace(rig, drive=drive), progress=progress)
+        # A run that was short enough to begin with may be made longer.
+        run = simulate(replace(rig, drive=drive), progress=progress, long=long or attempt > 0)
         seen = regime(run)
         last = drive.pieces[-1]
         if seen.kind != "undecided" or last.start != last.end or attempt == _EXTENSIONS:

@@ -66,6 +66,7 @@ def _told(read: Callable[[str], Value], text: str) -> Value:
 
 
 Json = Annotated[bool, Parameter(help="Print JSON for a machine to read.", negative="")]
+Long = Annotated[bool, Parameter(help="Even if it takes more than an hour, or 4 GB of memory.", negative="")]
 Step = Annotated[
     float | None,
     Parameter(help="Time from one row to the next, where there is none: 0.5 ms, or in s.", converter=_seconds),
@@ -103,7 +104,7 @@ def _fail(message: str, code: int = 2) -> int:
 
 
 @app.command
-def predict(rig: Path, *, verify: bool = False, json: Json = False, plot: Plot = None) -> None:
+def predict(rig: Path, *, verify: bool = False, long: Long = False, json: Json = False, plot: Plot = None) -> None:
     """Say whether a rig will stick-slip, with margins and mitigations.
 
     Parameters
@@ -119,7 +120,7 @@ def predict(rig: Path, *, verify: bool = False, json: Json = False, plot: Plot =
     _check_outputs(plot, read=rig)
     described = rigs.read_rig(rig)
     with _bar("predicting") as progress:
-        found = advise.predict(described, verify=verify, progress=progress)
+        found = advise.predict(described, verify=verify, progress=progress, long=long)
     if plot is not None:
         from stickslip import plot as drawing
 
@@ -156,6 +157,7 @@ def simulate(
         Path | None, Parameter(alias="-o", help="Write the run as NetCDF; it can be made again from it.")
     ] = None,
     again: Annotated[bool, Parameter(help="RIG is a run: make it again from its provenance.", negative="")] = False,
+    long: Long = False,
     json: Json = False,
     plot: Plot = None,
 ) -> None:
@@ -179,7 +181,7 @@ def simulate(
             run.attrs.update({key: value for key, value in before.attrs.items() if key not in run.attrs})
         else:
             described = rigs.read_rig(rig)
-            run = run_case(described, progress=progress)
+            run = run_case(described, progress=progress, long=long)
             run.attrs["rig"] = rigs.to_toml(described)
     if output is not None:
         store.save(run, output)
