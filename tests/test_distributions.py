@@ -101,7 +101,7 @@ def largest_rate(distribution: Distribution) -> float:
 
 
 def test_the_list_of_distributions_holds_every_kind(distributions):
-    assert {type(distribution) for distribution in distributions.values()} == set(thresholds.DISTRIBUTIONS)
+    assert {type(distribution) for distribution in distributions.values()} == set(thresholds.DISTRIBUTIONS.values())
 
 
 def test_the_list_in_the_module_holds_every_record():
@@ -110,7 +110,7 @@ def test_the_list_in_the_module_holds_every_record():
         for kind in vars(thresholds).values()
         if isinstance(kind, type) and kind is not Distribution and Distribution in kind.__mro__
     }
-    assert records == set(thresholds.DISTRIBUTIONS)
+    assert records == set(thresholds.DISTRIBUTIONS.values())
 
 
 def test_distributions_of_thresholds_are_positive(distribution):
@@ -650,7 +650,7 @@ def test_bad_distributions(make, message):
         make()
 
 
-@pytest.mark.parametrize("kind", thresholds.DISTRIBUTIONS)
+@pytest.mark.parametrize("kind", thresholds.DISTRIBUTIONS.values())
 def test_distributions_are_made_by_keyword_only(kind):
     with pytest.raises(TypeError):
         kind(1.0)

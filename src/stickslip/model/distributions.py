@@ -751,16 +751,17 @@ class SteadyState(Distribution):
         return 0.0, self.thresholds.support[1]
 
 
-DISTRIBUTIONS: tuple[type[Distribution], ...] = (
-    Gaussian,
-    Uniform,
-    Exponential,
-    Gamma,
-    LogNormal,
-    Weibull,
-    Empirical,
-    SteadyState,
-)
+DISTRIBUTIONS: dict[str, type] = {
+    "gaussian": Gaussian,
+    "uniform": Uniform,
+    "exponential": Exponential,
+    "gamma": Gamma,
+    "lognormal": LogNormal,
+    "weibull": Weibull,
+    "empirical": Empirical,
+    "steady state": SteadyState,
+}
+"""Distributions by the names that rig files call them by."""
 
 
 @lru_cache(maxsize=16)
