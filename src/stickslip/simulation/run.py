@@ -99,7 +99,6 @@ def simulate(
         estimate(told).check()
     if progress is not None and not callable(progress):
         raise InputError(f"simulate: progress = {shown(progress)}: must be a function of the fraction that is done")
-    _check(case)
     solver = engine_of(case.interface, case.method)
     beginning = Beginning(case.interface, case.slider, case.velocity, case.start)
     times = _sample_times(case.slider, case.drive, case.output, solver.angle)
