@@ -288,16 +288,14 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
     found = advise.predict(rig, progress=watch)
     mitigations = []
     for mitigation, words in zip(found.mitigations, found.mitigation_lines(), strict=True):
+        name, *others = mitigation.parameters
         targets = (("smooth sliding stays", mitigation.keeps), ("stick-slip decays", mitigation.stops))
         steps = [
-            {
-                "title": f"{advise.amount(rig, mitigation.parameter, value)}: {title}",
-                "value": value * _unit(rig, mitigation.parameter),
-            }
-            for title, value in targets
-            if value is not None
+            {"title": f"{advise.amount(rig, name, values[0])}: {title}", "value": values[0]}
+            for title, values in targets
+            if values is not None and not others  # a button varies one parameter
         ]
-        mitigations.append({"parameter": mitigation.parameter, "words": words, "steps": steps})
+        mitigations.append({"parameter": name, "words": words, "steps": steps})
     yield {
         "name": rig.name,
         "verdict": found.verdict,

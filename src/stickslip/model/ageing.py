@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Annotated
 
+from stickslip.model.records import Number, check
 from stickslip.model.registry import registrar
 
 AGEING_MODELS: dict[str, type] = {}
@@ -12,7 +13,6 @@ AGEING_MODELS: dict[str, type] = {}
 
 register = registrar(AGEING_MODELS, "ageing model")
 """Class decorator: ``@register("langevin")`` gives an ageing model the name that rig files use."""
-from stickslip.model.records import Number, check
 
 
 @register("langevin")
