@@ -79,10 +79,3 @@ class LogarithmicGrowth:
 
 
 Strengthening = Langevin | ExponentialGrowth | LogarithmicGrowth
-
-AGEING_MODELS: dict[str, type] = {
-    "langevin": Langevin,
-    "exponential": ExponentialGrowth,
-    "logarithmic": LogarithmicGrowth,
-}
-"""Models of ageing by the names that rig files call them by."""
