@@ -238,8 +238,7 @@ def bistable_region(
     import xarray as xr
 
     across, up = (parameter_named(name) for name in over)
-    stable = edge["other_unstable"].to_numpy() == 0
-    reached = edge[across.name].to_numpy()[stable]
+    reached = edge[across.name].to_numpy()
     values = np.geomspace(reached.min(), reached.max(), places + 2)[1:-1] if reached.size else np.empty(0)
     rows = []
     for i, value in enumerate(values.tolist()):

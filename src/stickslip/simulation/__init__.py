@@ -10,6 +10,7 @@ from stickslip.simulation.engines.population import Population
 from stickslip.simulation.follow import Progress, follow_leg
 from stickslip.simulation.result import LABELS, labelled
 from stickslip.simulation.run import check_method, pull_rigidly, rerun, rig_of, simulate
+from stickslip.simulation.work import Work, estimate
 
 __all__ = [
     "LABELS",
@@ -17,7 +18,9 @@ __all__ = [
     "Leg",
     "Population",
     "Progress",
+    "Work",
     "check_method",
+    "estimate",
     "follow_leg",
     "initial_nodes",
     "labelled",

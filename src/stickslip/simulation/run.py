@@ -29,6 +29,7 @@ from stickslip.model.rig import Rig
 from stickslip.simulation.engines import Beginning, engine_of
 from stickslip.simulation.follow import Progress, follow
 from stickslip.simulation.result import dataset_of, labelled
+from stickslip.simulation.work import estimate
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -43,6 +44,7 @@ def simulate(
     start: Start | None = None,
     output: Output | None = None,
     progress: Progress | None = None,
+    long: bool = False,
 ) -> xr.Dataset:
     """Pull a slider on an interface by a spring, Eq. (11).
 
@@ -59,6 +61,8 @@ def simulate(
         contacts that do not age; those that age are followed in steps, which end at the samples.
     progress : callable, optional
         Called with the fraction of the drive that is done.
+    long : bool
+        Whether it may take more than an hour, or 4 GB of memory, by the estimate made before it starts.
 
     Returns
     -------
@@ -76,7 +80,7 @@ def simulate(
     InputError
         If the rig cannot be simulated: no mass, thresholds without a density for the master equation, a snapshot
         beyond the end; `Langevin` ageing of thresholds that are no Gaussian; ageing for which the method has no
-        solver. If the numbers of the run stop being finite.
+        solver; if it would take too long and `long` is not set; if the numbers of the run stop being finite.
 
     Examples
     --------
@@ -89,9 +93,12 @@ def simulate(
     changes = {"method": method, "start": start, "output": output}
     told = rig.replace(**{name: value for name, value in changes.items() if value is not None})
     case = told.natural
+    _check(case)
+    instance("simulate: long", long, bool, "True or False")
+    if not long:
+        estimate(told).check()
     if progress is not None and not callable(progress):
         raise InputError(f"simulate: progress = {shown(progress)}: must be a function of the fraction that is done")
-    _check(case)
     solver = engine_of(case.interface, case.method)
     beginning = Beginning(case.interface, case.slider, case.velocity, case.start)
     times = _sample_times(case.slider, case.drive, case.output, solver.angle)
@@ -147,7 +154,7 @@ def rerun(run: xr.Dataset, progress: Progress | None = None) -> xr.Dataset:
     >>> ss.rerun(run).identical(run)
     True
     """
-    return simulate(rig_of(run), progress=progress)
+    return simulate(rig_of(run), progress=progress, long=True)
 
 
 def rig_of(run: xr.Dataset) -> Rig:
