@@ -94,12 +94,12 @@ def simulate(
     told = rig.replace(**{name: value for name, value in changes.items() if value is not None})
     case = told.natural
     _check(case)
+    solver = engine_of(case.interface, case.method)
     instance("simulate: long", long, bool, "True or False")
     if not long:
         estimate(told).check()
     if progress is not None and not callable(progress):
         raise InputError(f"simulate: progress = {shown(progress)}: must be a function of the fraction that is done")
-    solver = engine_of(case.interface, case.method)
     beginning = Beginning(case.interface, case.slider, case.velocity, case.start)
     times = _sample_times(case.slider, case.drive, case.output, solver.angle)
     engine = solver(beginning, case.method)
