@@ -95,13 +95,13 @@ def simulate(
     case = told.natural
     _check(case)
     solver = engine_of(case.interface, case.method)
+    beginning = Beginning(case.interface, case.slider, case.velocity, case.start)
+    times = _sample_times(case.slider, case.drive, case.output, solver.angle)
     instance("simulate: long", long, bool, "True or False")
     if not long:
         estimate(told).check()
     if progress is not None and not callable(progress):
         raise InputError(f"simulate: progress = {shown(progress)}: must be a function of the fraction that is done")
-    beginning = Beginning(case.interface, case.slider, case.velocity, case.start)
-    times = _sample_times(case.slider, case.drive, case.output, solver.angle)
     engine = solver(beginning, case.method)
     origin = beginning.drive_position(engine.contact_force())
     track = follow(engine, case.drive, origin, times, case.output.snapshots, progress)
