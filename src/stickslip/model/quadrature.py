@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import NamedTuple, Protocol, cast
 
@@ -174,10 +174,10 @@ _NODES = 1 << 20
 """Most nodes of a transform."""
 
 
-def laplace_of(distribution: HasDensity, q: ArrayLike, order: int) -> ComplexArray:
-    """Mean of ``x**order * exp(-q x)``, on panels as fine as `q` needs them."""
+def laplace_of(distribution: HasDensity, q: ArrayLike, orders: Sequence[int]) -> ComplexArray:
+    """Mean of ``x**order * exp(-q x)`` for each order, shape (orders, *q), on panels as fine as `q` needs them."""
     q = np.asarray(q, dtype=complex)
-    flat, result = q.ravel(), np.empty(q.size, dtype=complex)
+    flat, result = q.ravel(), np.empty((len(orders), q.size), dtype=complex)
     scale = np.ceil(np.log2(np.maximum(np.abs(flat), 2.0**-20)))
     for power in np.unique(scale).tolist():
         own = np.flatnonzero(scale == power)
@@ -185,12 +185,12 @@ def laplace_of(distribution: HasDensity, q: ArrayLike, order: int) -> ComplexArr
         x, weight = _fine_nodes(
             distribution, power, least if least < 0 else 2.0 ** math.floor(math.log2(max(least, 2.0**-20)))
         )
-        weight = weight * x**order
+        kernel = np.stack([weight * x**order for order in orders], axis=1)
         for start in range(0, own.size, 128):
             some = own[start : start + 128]
             with np.errstate(over="ignore", invalid="ignore"):  # too far left is no number, as for closed forms
-                result[some] = np.exp(-np.multiply.outer(flat[some], x)) @ weight
-    return result.reshape(q.shape)
+                result[:, some] = (np.exp(-np.multiply.outer(flat[some], x)) @ kernel).T
+    return result.reshape(len(orders), *q.shape)
 
 
 @lru_cache(maxsize=64)
