@@ -1,4 +1,4 @@
-"""The door for rigs: a TOML file in SI units (or natural ones) in, records of the model out, and back.
+"""Rig files: a TOML file in SI units (or natural ones) in, records of the model out, and back.
 
 >>> from stickslip.io.rig_files import read_rig
 >>> rig = read_rig("pmma_slider")

@@ -2,7 +2,7 @@
 
 Drives are values: comparable, printable, joined by `Drive.then`.
 
->>> from stickslip import hold, ramp
+>>> from stickslip import constant, ramp
 >>> loop = ramp(0.1, 3.0, duration=200).then(ramp(3.0, 0.1, duration=200))
 >>> loop.then(constant(0.1, duration=50)).duration
 450.0
