@@ -63,11 +63,15 @@ ZETA = Parameter(
 @pytest.fixture(scope="module", autouse=True)
 def _registered() -> Iterator[None]:
     """As the decorators do it; other tests see only what comes with the package."""
-    distributions.register("triangular")(Triangular)
-    delays.register("constant rate")(ConstantRate)
+    distributions.register("triangle of a test")(Triangular)
+    delays.register("rate of a test")(ConstantRate)
     parameters.register(ZETA)
     yield
-    del distributions.DISTRIBUTIONS["triangular"], delays.DELAYS["constant rate"], parameters.BY_NAME[ZETA.name]
+    del (
+        distributions.DISTRIBUTIONS["triangle of a test"],
+        delays.DELAYS["rate of a test"],
+        parameters.BY_NAME[ZETA.name],
+    )
 
 
 THRESHOLDS = Triangular(mean=1.0, half_width=0.25)
@@ -179,4 +183,4 @@ def test_a_registration_names_one_frozen_dataclass():
         ageing.register("none")(int)
     with pytest.raises(InputError, match="comes with the package"):
         parameters.register(replace(ZETA, name="mass"))
-    assert distributions.register("triangular")(Triangular) is Triangular
+    assert distributions.register("triangle of a test")(Triangular) is Triangular

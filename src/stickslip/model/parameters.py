@@ -140,8 +140,9 @@ def parameter_named(parameter: Parameter | str, place: str = "parameter") -> Par
     """
     if isinstance(parameter, Parameter):
         return parameter
-    if isinstance(parameter, str) and parameter in BY_NAME:
-        return BY_NAME[parameter]
+    for name, known in BY_NAME.items():
+        if name == parameter:
+            return known
     raise InputError(f"{place} = {shown(parameter)}: must be one of {', '.join(BY_NAME)}, or a Parameter")
 
 
