@@ -62,7 +62,7 @@ class Study:
         duration = max(distance / rig.velocity, self.duration)
         for extension in range(self.extensions + 1):
             drive = constant(rig.velocity, duration * 2.0**extension)
-            seen = regime(simulate(replace(rig, drive=drive)))
+            seen = regime(simulate(replace(rig, drive=drive), long=True))
             if seen.kind != "undecided":
                 break
         numbers = _numbers(seen) | {"travel": drive.duration * rig.velocity}

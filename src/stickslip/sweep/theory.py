@@ -90,8 +90,6 @@ def _in_plane(
 ) -> xr.Dataset:
     over = (parameters[0], parameters[1])
     edge = boundary(rig, over=over, between=(ranges[0], ranges[1]))
-    # Where another mode grows beside the neutral one, nothing changes for smooth sliding.
-    edge = edge.isel(point=edge["other_unstable"].to_numpy() == 0)
     found = edge[[*over, "curve"]].rename({name: f"edge_{name}" for name in (*over, "curve")})
     if bistable:
         bands = bistable_region(rig, over=over, edge=edge, between=ranges[1], places=17, progress=progress)
