@@ -74,8 +74,8 @@ def test_picture_has_ink_and_every_panel_names_its_quantities(quick, name):
     canvas = FigureCanvasAgg(picture)
     canvas.draw()
     image = np.asarray(canvas.buffer_rgba())[..., :3]
-    share = np.mean(np.any(image < 250, axis=-1))
-    assert 0.01 < share < 0.5
+    inked = np.mean(np.any(image < 250, axis=-1))
+    assert 0.01 < inked < 0.5
     for panel in picture.axes:
         assert panel.has_data() or not panel.axison
     words = [text for ax in picture.axes for text in (ax.get_xlabel(), ax.get_ylabel())]
