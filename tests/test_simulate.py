@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+import reference
 import xarray as xr
 from scipy.integrate import solve_ivp
 
@@ -518,7 +519,7 @@ def test_fig4_stick_slip(method):
     run = fig4(2.0, 0.2, method)
     assert peak_to_peak(run, 80, 100) == pytest.approx(0.77, abs=0.02)
     times = periods(run, 70, 100)
-    assert times.mean() == pytest.approx(1.487, abs=0.010)
+    assert times.mean() == pytest.approx(reference.PERIOD, abs=0.010)
     assert times.std() < (0.02 if isinstance(method, Contacts) else 2e-3)  # strictly periodic
     assert float(run["velocity"].sel(time=slice(80, 100)).max()) == pytest.approx(13.0, abs=0.7)
 

@@ -174,7 +174,7 @@ class Document(Part):
 
                 near = difflib.get_close_matches(name, MEASURES, n=1, cutoff=0.5)
                 remedy = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(MEASURES)}"
-                raise InputError(f"measure: {name!r} is nothing that can be measured; {remedy}")
+                raise InputError(f"measure: {name!r} is not measured in a sweep; {remedy}")
         always = ["regime", *(["seed"] if own_seed else [])]
         return tuple(dict.fromkeys([*always, *(name for name in names if name != "seed")]))
 
