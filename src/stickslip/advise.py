@@ -23,7 +23,7 @@ import numpy as np
 
 from stickslip import stability
 from stickslip.cycles import bistable_region, is_sustained
-from stickslip.errors import InputError, UndecidedError, number, whole
+from stickslip.errors import InputError, UndecidedError, instance, number, whole
 from stickslip.measure import Regime, regime
 from stickslip.model import Contacts, FromRest, FromSliding, Method, Slider, Start
 from stickslip.model.drive import constant
@@ -272,6 +272,7 @@ def predict(
     InputError
         If the rig's speed is not above 0, or its simulation would take too long and `long` is not set.
     """
+    instance("predict: rig", rig, Rig, "a Rig(interface, slider, drive)")
     setting = rig.natural
     if setting.velocity <= 0:
         raise InputError(f"drive: the speed is {setting.velocity:g}: a prediction needs a speed above 0")

@@ -120,6 +120,11 @@ def excess(distribution: Distribution, x: ArrayLike, order: int) -> Array:
     return total
 
 
+def one_valued(distribution: Distribution) -> bool:
+    """Whether thresholds are too close to each other for anything to be computed from their density."""
+    return distribution.standard_deviation() <= 1e-7 * distribution.moment(1)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Gaussian(Distribution):
     """Gaussian distribution, optionally cut off from below; a standard deviation of zero puts all stretchings at the mean.

@@ -43,7 +43,7 @@ from stickslip.model import (
     Slider,
     Start,
 )
-from stickslip.model.distributions import Distribution, SteadyState, panels
+from stickslip.model.distributions import Distribution, SteadyState, one_valued, panels
 from stickslip.model.drive import Drive, ForceAbove, ForceBelow, Piece, Travel, constant
 from stickslip.model.rig import Rig
 from stickslip.simulation.work import estimate
@@ -191,7 +191,8 @@ def rig_of(run: xr.Dataset) -> Rig:
     if content["call"] != "simulate":
         raise InputError(f"this file was made by {content['call']!r}, not by `simulate`")
     try:
-        rig = store.decode(content["arguments"], store.records()).get("rig")
+        arguments = store.decode(content["arguments"], store.records())
+        rig = arguments["rig"] if arguments.keys() == {"rig"} else None
     except RecursionError:
         rig = None
     instance("the provenance in this file", rig, Rig, "that of a rig; make the run again")
@@ -226,6 +227,11 @@ def check_method(interface: Interface, method: object) -> None:
         raise InputError("PaperClosure: is for thresholds that age by Langevin; use MasterEquation")
     elif not isinstance(method, Contacts):
         interface.threshold_distribution.density(0.0)  # complains of a distribution without a density
+        if one_valued(interface.threshold_distribution):
+            raise InputError(
+                f"Interface.thresholds = {interface.thresholds}: all thresholds are next to equal, and no density "
+                "resolves them; give them a larger standard deviation, or use the method Contacts"
+            )
 
 
 def _check_ageing(interface: Interface, method: object) -> None:

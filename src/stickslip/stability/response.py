@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError, UndecidedError, instance, number, shown
 from stickslip.model import Delay, DelayModel, Interface
-from stickslip.model.distributions import Distribution, Exponential, Gamma, Gaussian, LogNormal, Weibull
+from stickslip.model.distributions import Distribution, Exponential, Gamma, Gaussian, LogNormal, Weibull, one_valued
 from stickslip.stability.aged import AgedResponse, aged_response
 
 Array = NDArray[np.float64]
@@ -194,7 +194,7 @@ def _respond(distribution: Distribution, delay: DelayModel) -> Response:
             "Interface.delay: contacts never re-attach, so there is no smooth sliding to be stable or not; "
             "give a finite delay"
         )
-    if mean > 0 and _one_valued(distribution):
+    if mean > 0 and one_valued(distribution):
         raise InputError(
             "Interface.thresholds: all contacts share one threshold and are slow to forget how they started; "
             "stability is not computed for them: give the thresholds a standard deviation above 0"
@@ -346,16 +346,12 @@ def _abscissa(distribution: Distribution) -> float:
     return -math.inf if math.isfinite(distribution.support[1]) else 0.0
 
 
-def _one_valued(distribution: Distribution) -> bool:
-    return distribution.standard_deviation() <= 1e-7 * distribution.moment(1)
-
-
 @lru_cache(maxsize=256)
 def _largest(distribution: Distribution) -> float:
     # One contact in 1e5 beyond it moves the response by no more than 1e-5.
     return (
         float(distribution.inverse_survival(np.array(1e-5)))
-        if not _one_valued(distribution)
+        if not one_valued(distribution)
         else distribution.moment(1)
     )
 
