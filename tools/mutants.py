@@ -87,7 +87,7 @@ class Mutant:
 def tests_of(file: Path) -> list[str]:
     """Return the tests of the room that a module belongs to; none if it has none here."""
     name = file.relative_to(PACKAGE).as_posix()
-    fits = [room for room in TESTS if name == room or name.startswith(f"{room}/") or name.startswith(f"{room}_")]
+    fits = [room for room in TESTS if name == room or name.startswith((f"{room}/", f"{room}_"))]
     return [f"tests/{test}.py" for test in TESTS[max(fits, key=len)].split()] if fits else []
 
 
