@@ -187,7 +187,7 @@ def test_what_is_not_there_is_named(run, trace):
         plot.stretchings(trace)
     with pytest.raises(InputError, match="no variable spring_force"):
         plot.overview(xr.Dataset())
-    with pytest.raises(InputError, match="along t alone"):
+    with pytest.raises(InputError, match="along time alone"):
         plot.force_trace(xr.concat([run, run], "case"))
 
 

@@ -728,7 +728,7 @@ def _read_data(
     if data.is_file() and store.is_netcdf(data):
         run = store.load(data)
         if "spring_force" not in run or "time" not in run.coords:
-            raise InputError(f"{data}: holds no run: there is no force F_d along a time t in it")
+            raise InputError(f"{data}: holds no run: there is no spring_force along a time in it")
         return run
     return measures.read_trace(data, force=force, time=time, displacement=displacement, load=load, step=step, flip=flip)
 

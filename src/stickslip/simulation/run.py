@@ -176,7 +176,8 @@ def rig_of(run: xr.Dataset) -> Rig:
     if content["call"] != "simulate":
         raise InputError(f"this file was made by {content['call']!r}, not by `simulate`")
     try:
-        rig = store.decode(content["arguments"], store.records()).get("rig")
+        arguments = store.decode(content["arguments"], store.records())
+        rig = arguments["rig"] if arguments.keys() == {"rig"} else None
     except RecursionError:
         rig = None
     instance("the provenance in this file", rig, Rig, "that of a rig; make the run again")
