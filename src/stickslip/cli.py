@@ -762,7 +762,7 @@ def _prediction_as_plain(found: Prediction, rig: Rig) -> dict[str, Any]:
         "bistable": found.bistable,
         "verdict": found.verdict,
         **keep,
-        "assumed": dict(rig.assumed),
+        "assumed": {key: str(item) for key, item in rig.assumed.items()},
     }
 
 

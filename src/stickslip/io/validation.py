@@ -1,4 +1,4 @@
-"""The door for TOML files: strict models in, every mistake in one line that names place, value and remedy.
+"""TOML files and the quantities in them: every mistake in one line that names place, value and remedy.
 
 Quantities in SI files are strings with a unit, ``"4 MN/m"``; a number without one is refused, because nobody can tell
 what it meant. Files in natural units hold plain numbers.
@@ -13,16 +13,13 @@ import tomllib
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, TypeAdapter, ValidationError, ValidationInfo
 
 from stickslip.errors import InputError, extreme, shortened, shown
 from stickslip.io import files
 from stickslip.model.quantities import read_quantity
-
-if TYPE_CHECKING:
-    pass
 
 LARGEST_FILE = 1_000_000
 """Bytes beyond which a file is no description of anything."""
@@ -107,29 +104,44 @@ def validate(kind: type[Document], content: Mapping[str, Any], place: str, *, na
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def quantity(unit: str, example: str, sign: Literal["above 0", "at least 0", ""] = "above 0") -> BeforeValidator:
-    """How a quantity is read: a string with a unit in SI files, a plain number in natural ones."""
+Sign = Literal["above 0", "at least 0", ""]
+
+
+def quantity_of(value: object, unit: str, example: str, sign: Sign = "above 0", *, natural: bool = False) -> float:
+    """Read a quantity: text with a unit in SI files, a plain number in natural ones.
+
+    Raises
+    ------
+    InputError
+        If it is anything else; the message does not name the place.
+    """
+    result = _number_of(value, unit, example, natural)
+    if not math.isfinite(result):
+        raise InputError("must be finite")
+    if refusal := extreme(result):
+        raise InputError(f"{refusal} (in {unit})")
+    if (sign == "above 0" and result <= 0) or (sign == "at least 0" and result < 0):
+        raise InputError(f"must be {sign}")
+    return result
+
+
+def _number_of(value: object, unit: str, example: str, natural: bool) -> float:
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        if natural:
+            return float(value) if abs(value) <= sys.float_info.max else math.inf
+        raise InputError(f"has no unit; write it as a string, such as {example!r}")
+    if not isinstance(value, str):
+        raise InputError(f"must be a quantity, such as {example!r}")
+    if natural:
+        raise InputError("must be a plain number, as the file says units = 'natural'")
+    return read_quantity(value, unit, example)
+
+
+def quantity(unit: str, example: str, sign: Sign = "above 0") -> BeforeValidator:
+    """How a model reads a quantity, as `quantity_of`."""
 
     def to_si(value: object, info: ValidationInfo) -> object:
-        result = _read(value, natural=bool(info.context and info.context["natural"]))
-        if not math.isfinite(result):
-            raise ValueError("must be finite")
-        if refusal := extreme(result):
-            raise ValueError(f"{refusal} (in {unit})")
-        if (sign == "above 0" and result <= 0) or (sign == "at least 0" and result < 0):
-            raise ValueError(f"must be {sign}")
-        return result
-
-    def _read(value: object, natural: bool) -> float:
-        if isinstance(value, (int, float)) and not isinstance(value, bool):
-            if natural:
-                return float(value) if abs(value) <= sys.float_info.max else math.inf
-            raise ValueError(f"has no unit; write it as a string, such as {example!r}")
-        if not isinstance(value, str):
-            raise ValueError(f"must be a quantity, such as {example!r}")
-        if natural:
-            raise ValueError("must be a plain number, as the file says units = 'natural'")
-        return read_quantity(value, unit, example)
+        return quantity_of(value, unit, example, sign, natural=bool(info.context and info.context["natural"]))
 
     return BeforeValidator(to_si)
 

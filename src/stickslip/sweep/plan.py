@@ -252,7 +252,7 @@ def sweep(
     for name, length, unit in (("distance", distance, "m"), ("duration", duration, "s")):
         if length is not None:
             run[name] = _written(length, "" if scales is None else unit)
-    document: dict[str, Any] = {"name": rig.name, "rig": dict(rig.document), "run": run, "axes": {}}
+    document: dict[str, Any] = {"name": rig.name, "rig": rigs.to_document(rig), "run": run, "axes": {}}
     for name, given in axes.items():
         unit = unit_of(name, scales)[1] if scales is not None and name in _PARAMETERS and name != "std" else ""
         if isinstance(given, Span):
@@ -328,7 +328,7 @@ def from_document(document: Mapping[str, Any], place: str = "sweep", directory: 
     axes = {name: {"values": axis} if isinstance(axis, list) else axis for name, axis in document["axes"].items()}
     content = validate(_Document, document, place, natural=rig.scales is None)
     try:
-        return content.plan(rig, document | {"axes": axes, "rig": dict(rig.document)})
+        return content.plan(rig, document | {"axes": axes, "rig": rigs.to_document(rig)})
     except InputError as error:
         raise InputError(f"{place}: {error}") from None
 
