@@ -46,8 +46,8 @@ DIGITS = 5
 DECADES = 15
 """Powers of ten of a number of the model, in natural units."""
 NARROWEST, WIDEST = 2e-3, 5.0
-"""Bounds on the standard deviation of the thresholds over their mean, and on both in ``x_s``: theory takes its steps by the
-narrowest distribution and goes as far as the widest."""
+"""Bounds on the standard deviation of the thresholds over their mean, and on both in ``x_s``: theory takes its steps by
+the narrowest distribution and goes as far as the widest."""
 
 LARGEST_REQUEST = 1_000_000
 """Bytes of a message from the page, and of a document."""

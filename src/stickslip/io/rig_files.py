@@ -166,7 +166,7 @@ class _MistakesError(Exception):
     """What stands in the file cannot be read on."""
 
 
-class _Missing(InputError):
+class _MissingError(InputError):
     """A key is missing; the example is a value that it could have."""
 
     def __init__(self, place: str, example: Any) -> None:
@@ -180,8 +180,8 @@ _MOST_TOLD = 320
 
 def _told(mistakes: list[InputError], place: str) -> InputError:
     """One error for every mistake in a file, as far as a line reaches."""
-    missing = [mistake for mistake in mistakes if isinstance(mistake, _Missing)]
-    lines = [str(mistake) for mistake in mistakes if not isinstance(mistake, _Missing)]
+    missing = [mistake for mistake in mistakes if isinstance(mistake, _MissingError)]
+    lines = [str(mistake) for mistake in mistakes if not isinstance(mistake, _MissingError)]
     if len(missing) == 1:
         lines.append(str(missing[0]))
     elif missing:
@@ -222,7 +222,7 @@ class _Reader:
         for name, key in keys.items():
             if name not in content:
                 if key.required and not key.is_table:
-                    self.mistakes.append(_Missing(path + name, self._example(key)))
+                    self.mistakes.append(_MissingError(path + name, self._example(key)))
                 elif key.required:
                     found[name] = {}
                 elif key.default is not None:
@@ -284,14 +284,14 @@ class _Reader:
                 self.wrong("interface.thresholds", "leave it out beside mu_s and mu_k, which say how wide it is")
         elif not coefficients:
             example = rig_keys.INTERFACE["thresholds"].example
-            self.mistakes.append(_Missing("interface.thresholds", example))
+            self.mistakes.append(_MissingError("interface.thresholds", example))
         given = document.get("interface", {})
         if isinstance(given, Mapping) and "delay" in given and "v_half" in given:
             self.wrong("interface", "give delay or v_half, not both")
         delay = self._part(self.delay, interface.get("delay", 0.0), "interface.delay")
         ageing = self._part(self.ageing, interface.get("ageing"), "interface.ageing")
         pieces = self._part(self.pieces, drive.get("pieces"), "drive.pieces")
-        assumed = self._assumed(top.get("assumed", {}), document, interface)
+        assumed = self._assumed(top.get("assumed", {}), document)
         self.stop()
 
         if coefficients:
@@ -355,7 +355,7 @@ class _Reader:
         if not isinstance(given, Mapping):
             return
         if not {"damping", "damping_ratio", "relative_damping"} & set(given):
-            self.mistakes.append(_Missing("slider.damping_ratio", rig_keys.SLIDER["damping_ratio"].example))
+            self.mistakes.append(_MissingError("slider.damping_ratio", rig_keys.SLIDER["damping_ratio"].example))
         elif "damping" in given and "damping_ratio" in given:
             self.wrong("slider", "needs one of damping (eta of Eq. (11)) and damping_ratio (zeta), not both")
         elif "damping_ratio" in given and slider.get("mass") == 0:
@@ -376,17 +376,17 @@ class _Reader:
             self.wrong("interface", f"give contact_strength, or {', '.join(by_load)}, not both")
         elif by_load:
             for name in {"normal_load", "mu_s", "mu_k"} - set(by_load):
-                self.mistakes.append(_Missing(f"interface.{name}", rig_keys.INTERFACE[name].example))
+                self.mistakes.append(_MissingError(f"interface.{name}", rig_keys.INTERFACE[name].example))
         for name in ("contact_strength", "breaking_displacement"):
             if name not in interface and not (name == "contact_strength" and by_load):
-                self.mistakes.append(_Missing(f"interface.{name}", rig_keys.INTERFACE[name].example))
+                self.mistakes.append(_MissingError(f"interface.{name}", rig_keys.INTERFACE[name].example))
 
     def _check_drive(self, drive: dict[str, Any], document: Mapping[str, Any]) -> None:
         given = document.get("drive", {})
         if not isinstance(given, Mapping):
             return
         if "velocity" not in given and "pieces" not in given:
-            self.mistakes.append(_Missing("drive.velocity", self._example(rig_keys.DRIVE["velocity"])))
+            self.mistakes.append(_MissingError("drive.velocity", self._example(rig_keys.DRIVE["velocity"])))
         elif "velocity" in given and "pieces" in given:
             self.wrong("drive", "needs either velocity, or pieces (each with start, end and duration)")
         elif "pieces" in given and ("distance" in given or "duration" in given):
@@ -401,9 +401,9 @@ class _Reader:
         kind = self._kind(content, place, "distribution", DISTRIBUTIONS, rig_keys.INTERFACE["thresholds"].example)
         before = len(self.mistakes)
         values = self.table(_without(content, "distribution"), keys_of(kind), place)
-        if kind is Empirical and ("samples" in values) == ("edges" in values and "weights" in values):
-            if len(self.mistakes) == before:
-                self.wrong(place, "needs either samples, or edges and weights")
+        two_ways = kind is Empirical and ("samples" in values) == ("edges" in values and "weights" in values)
+        if two_ways and len(self.mistakes) == before:
+            self.wrong(place, "needs either samples, or edges and weights")
         values = {
             name: self.distribution(value, f"{place}.{name}") if isinstance(value, Mapping) else value
             for name, value in values.items()
@@ -474,9 +474,7 @@ class _Reader:
             raise _MistakesError
         return found
 
-    def _assumed(
-        self, content: object, document: Mapping[str, Any], interface: Mapping[str, Any]
-    ) -> dict[str, Assumption]:
+    def _assumed(self, content: object, document: Mapping[str, Any]) -> dict[str, Assumption]:
         """What the file marks as assumed, then the defaults that were taken; each with its value."""
         found: dict[str, Assumption] = {}
         if not isinstance(content, Mapping):

@@ -126,18 +126,17 @@ def _pure(value: object, place: str, sign: Sign) -> float:
 LONGEST_TEXT = 2_000
 """Characters of a text in a file."""
 
-_HALVED = "the speed at which the kinetic friction has fallen to half its value in slow sliding"
-
 NO_DELAY = (
-    "hold the rig at rest for longer and longer, or slide it at several speeds: without delay and ageing contacts never "
-    f"strengthen with rest and nothing can stick-slip; {_HALVED} is v_half"
+    "hold the rig at rest for longer and longer, or slide it at several speeds: without delay and ageing contacts "
+    "never strengthen with rest and nothing can stick-slip; the speed at which the kinetic friction has fallen to half "
+    "its value in slow sliding is v_half"
 )
 
 TOP: Mapping[str, Key] = {
     "name": Key("What to call the rig.", "Brake pad", default="rig"),
     "units": Key(
-        "The system of units. `natural`: plain numbers; the mean threshold force, stiffness and breaking displacement of "
-        "a contact are 1, and mass and stiffness are per contact.",
+        "The system of units. `natural`: plain numbers; the mean threshold force, stiffness and breaking displacement "
+        "of a contact are 1, and mass and stiffness are per contact.",
         "SI",
         choices=("SI", "natural"),
         default="SI",
@@ -188,8 +187,8 @@ SLIDER: Mapping[str, Key] = {
 
 INTERFACE: Mapping[str, Key] = {
     "contact_strength": Key(
-        "Sum of the threshold forces of all contacts, `N f_s`. The static friction is smaller, as contacts do not break "
-        "all at once.",
+        "Sum of the threshold forces of all contacts, `N f_s`. The static friction is smaller, as contacts do not "
+        "break all at once.",
         "768 N",
         unit="f_s",
         sign="above 0",
@@ -203,21 +202,22 @@ INTERFACE: Mapping[str, Key] = {
         otherwise="`contact_strength`",
     ),
     "mu_s": Key(
-        "With `normal_load` and `mu_k`: coefficient of static friction, the largest force of a slow pull over the load.",
+        "With `normal_load` and `mu_k`: coefficient of static friction, the largest force of a slow pull over the "
+        "load.",
         0.32,
         sign="above 0",
         otherwise="`contact_strength`",
     ),
     "mu_k": Key(
-        "With `normal_load` and `mu_s`: coefficient of kinetic friction in slow sliding. The two give the contact strength "
-        "and the standard deviation of Gaussian thresholds.",
+        "With `normal_load` and `mu_s`: coefficient of kinetic friction in slow sliding. The two give the contact "
+        "strength and the standard deviation of Gaussian thresholds.",
         0.2,
         sign="above 0",
         otherwise="`contact_strength`",
     ),
     "breaking_displacement": Key(
-        "Mean displacement `x_s` at which a contact breaks; close to static friction over the slope of the force at the "
-        "start of a slow pull.",
+        "Mean displacement `x_s` at which a contact breaks; close to static friction over the slope of the force at "
+        "the start of a slow pull.",
         "2 um",
         unit="x_s",
         sign="above 0",
@@ -231,7 +231,7 @@ INTERFACE: Mapping[str, Key] = {
         "Distribution of the stretchings of the contacts at the start, in the same unit.",
         {"distribution": "gaussian", "mean": 0.0, "std": 0.05},
         default={"distribution": "gaussian", "mean": 0.0, "std": 0.01},
-        measure="repeat a slow pull after unloading and reloading: a rounder first peak means a wider initial distribution",
+        measure="repeat a slow pull after unloading and reloading: a rounder first peak means a wider distribution",
     ),
     "delay": Key(
         'Time until a broken contact is attached again: a time, a table for a random one, or `"never"`.',
@@ -361,7 +361,7 @@ def time_of(record: Any) -> float:
 
 
 def rate_of(record: type, time: float) -> float:
-    """Rate of a model of ageing of this time: that of the record whose ``with_time`` says otherwise, else ``1/time``."""
+    """Rate of a model of ageing that takes this time: ``time**-0.5`` for `Langevin`, else ``1/time``."""
     return time**-0.5 if record is Langevin else 1.0 / time
 
 

@@ -149,11 +149,9 @@ def quantity(unit: str, example: str, sign: Sign = "above 0") -> BeforeValidator
 Mass = Annotated[float, quantity("kg", "75.6 g", "at least 0")]
 Stiffness = Annotated[float, quantity("N/m", "4 MN/m")]
 Rate = Annotated[float, quantity("1/s", "200 1/s", "at least 0")]
-Force = Annotated[float, quantity("N", "768 N")]
 Length = Annotated[float, quantity("m", "2 um")]
 Time = Annotated[float, quantity("s", "2 ms")]
 Lag = Annotated[float, quantity("s", "2 ms", "at least 0")]
-Velocity = Annotated[float, quantity("m/s", "0.4 mm/s", "")]
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -161,10 +159,7 @@ Velocity = Annotated[float, quantity("m/s", "0.4 mm/s", "")]
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-_TAGS = {
-    *("random", "fixed", "never", "gaussian", "uniform", "exponential", "gamma", "lognormal", "weibull", "empirical"),
-    *("langevin", "logarithmic", "as list", "as table", "as range"),
-}
+_TAGS = ("as list", "as table", "as range")
 """Names of the alternatives of a union: no keys of a file."""
 
 
@@ -195,8 +190,6 @@ def _one_mistake(item: Any, document: type[Part]) -> str:
         return f"{key}: unknown key{remedy}"
     if kind == "missing":
         return f"{key}: is missing"
-    if kind in ("union_tag_not_found", "union_tag_invalid"):
-        return f"{key}: must name its distribution, such as {{distribution = 'gaussian', std = 0.1}}; known distributions: {_tags(item)}"
     if kind == "literal_error":
         return f"{key} = {shown(value)}: must be {item['ctx']['expected']}"
     if kind == "value_error":
@@ -215,13 +208,6 @@ def _one_mistake(item: Any, document: type[Part]) -> str:
         "string_too_long": f"must be at most {item.get('ctx', {}).get('max_length')} characters long",
     }
     return f"{key} = {shown(value)}: {words.get(kind, item['msg'].lower())}"
-
-
-_DISTRIBUTIONS = ("gaussian", "uniform", "exponential", "gamma", "lognormal", "weibull", "empirical")
-
-
-def _tags(item: Any) -> str:
-    return str(item.get("ctx", {}).get("expected_tags", ", ".join(_DISTRIBUTIONS)))
 
 
 def _keys_beside(path: list[str], document: type[Part]) -> list[str]:

@@ -105,7 +105,7 @@ VELOCITY = Parameter(name="velocity", unit="x_s/time", title="speed", get=_get_v
 DELAY = _of_interface("delay", "time", "delay of re-attachment", "delay", "mean", "with_mean")
 """Delay time; for a `RandomDelay` its mean, the standard deviation kept in proportion."""
 STD = _of_interface("std", "1", "standard deviation of the thresholds", "thresholds", "own_std", "with_std")
-"""Standard deviation of the thresholds at constant mean: the distribution's own ``std``, else its standard deviation."""
+"""Standard deviation of the thresholds at constant mean: the distribution's own ``std``, else that."""
 AGEING = _of_interface("ageing", "time", "time of ageing of the thresholds", "ageing", "time", "with_time")
 """Time in which thresholds age: ``rate**-2`` for `Langevin`."""
 
