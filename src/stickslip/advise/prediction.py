@@ -6,6 +6,7 @@ import html
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from stickslip import stability
@@ -180,7 +181,9 @@ class Prediction:
         if self.regime.kind in _OSCILLATES:
             if self.frequency is not None:
                 parts[0] += f", {self._frequency(self.frequency)}"
-            parts[0] += f", force ±{self._said(self.amplitude, 'force', digits=3)} ({100 * self.relative_amplitude:.0f} % of "
+            parts[0] += (
+                f", force ±{self._said(self.amplitude, 'force', digits=3)} ({100 * self.relative_amplitude:.0f} % of "
+            )
             parts[0] += "static friction peak to peak)"
         parts.append(f"at {speed}: {self._here()}")
         return "; ".join(parts)
@@ -190,7 +193,9 @@ class Prediction:
         if self.bistable:
             return f"{kind} from this start, but smooth sliding, once reached, is linearly stable: bistable"
         if kind == "undecided":
-            theory = {None: "", 0: "; linearly stable"}.get(self.unstable_modes, "; smooth sliding is linearly unstable")
+            theory = {None: "", 0: "; linearly stable"}.get(
+                self.unstable_modes, "; smooth sliding is linearly unstable"
+            )
             return f"undecided, {self.regime.reason}{theory}"
         if kind == "smooth sliding" and self.unstable_modes:
             return (
@@ -262,7 +267,9 @@ class Prediction:
         """What the verdict would be over a range of delays."""
         words = []
         for band in self.delays:
-            what = "smooth sliding" if band.kind == "smooth sliding" else "linearly unstable, so stick-slip or oscillation"
+            what = (
+                "smooth sliding" if band.kind == "smooth sliding" else "linearly unstable, so stick-slip or oscillation"
+            )
             words.append(f"{what} from {self._said(band.low, 'time')} to {self._said(band.high, 'time')}")
         return "with a delay of re-attachment it would be, at this speed, " + ", ".join(words)
 
@@ -326,7 +333,9 @@ class Prediction:
         for each in self.attempts:
             name, now, reached = each.parameter, each.value, each.reached
             way = "up" if reached > now else "down"
-            after = f"{100 * each.amplitude:.0f} % of static friction peak to peak, now {100 * each.amplitude_before:.0f} %"
+            after = (
+                f"{100 * each.amplitude:.0f} % of static friction peak to peak, now {100 * each.amplitude_before:.0f} %"
+            )
             better = "better" if each.amplitude < 0.9 * each.amplitude_before else "no better"
             yield (
                 f"{_TITLES[name]}: no smooth sliding found {way} to {amount(self.rig, name, reached)}; there it is "
@@ -345,9 +354,9 @@ class Prediction:
     def measure_note(self) -> str:
         """How to measure what is missing, where there is no verdict."""
         return (
-            "give interface.delay (pull at several speeds: where the friction has fallen to half of its slow value, the "
-            "speed times the delay is the breaking displacement) or interface.ageing (hold for a while, then pull: how the "
-            "static peak grows with the time of rest)"
+            "give interface.delay (pull at several speeds: where the friction has fallen to half of its slow value, "
+            "the speed times the delay is the breaking displacement) or interface.ageing (hold for a while, then pull: "
+            "how the static peak grows with the time of rest)"
         )
 
     def __str__(self) -> str:
@@ -449,7 +458,7 @@ def amount(rig: Rig, parameter: str, value: float) -> str:
 
 
 def predict(rig: Rig, *, fast: bool = False, progress: Progress | None = None) -> Prediction:
-    """Say at which speeds a rig stick-slips, what it does at its own, how safely, and what would make it slide smoothly.
+    """Say at which speeds a rig stick-slips, what it does at its own, how safely, and what would stop it.
 
     Parameters
     ----------
@@ -537,7 +546,9 @@ def complete(found: Prediction, *, progress: Progress | None = None) -> Predicti
     )
     report(0.4)
     if found.ill:
-        found = _with_mitigations(found, setting, Budget((1.0 - _FOR_SPEEDS) * left), lambda share: report(0.4 + 0.6 * share))
+        found = _with_mitigations(
+            found, setting, Budget((1.0 - _FOR_SPEEDS) * left), lambda share: report(0.4 + 0.6 * share)
+        )
     report(1.0)
     return found
 
@@ -644,7 +655,7 @@ def _over_delays(rig: Rig) -> tuple[Band, ...]:
     ends = sorted({low, high, *(end for pair in stable for end in pair)})
     size = rig.unit("time")
     found = []
-    for a, b in zip(ends, ends[1:], strict=False):
+    for a, b in pairwise(ends):
         inside = any(x < math.sqrt(a * b) < y for x, y in stable)
         found.append(Band(kind="smooth sliding" if inside else "unstable", bistable=False, low=a * size, high=b * size))
     return tuple(found)

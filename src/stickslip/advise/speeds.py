@@ -17,7 +17,7 @@ from stickslip.model.rig import Rig
 RANGE, AGED_RANGE = 100.0, 10.0
 """Speeds are looked at within this factor of those of the drive."""
 _INSIDE = 5
-"""Speeds that are simulated where smooth sliding is unstable, and over the whole range where it is stable everywhere."""
+"""Speeds simulated where smooth sliding is unstable, and over the whole range where it is stable everywhere."""
 _DEAREST = 0.5
 """Seconds that a run at another speed may take: slow drives of light sliders are told by theory alone."""
 
@@ -46,9 +46,7 @@ def bands_by_theory(setting: Rig, low: float, high: float) -> tuple[Band, ...]:
     constant_speed = at_speed(setting, low)
     stable = stable_ranges(VELOCITY, constant_speed, low, high)
     ends = sorted({low, high, *(end for pair in stable for end in pair)})
-    return tuple(
-        Band(kind=_kind_of(a, b, stable), bistable=False, low=a, high=b) for a, b in pairwise(ends) if b > a
-    )
+    return tuple(Band(kind=_kind_of(a, b, stable), bistable=False, low=a, high=b) for a, b in pairwise(ends) if b > a)
 
 
 def _kind_of(low: float, high: float, stable: list[tuple[float, float]]) -> str:
@@ -59,7 +57,7 @@ def _kind_of(low: float, high: float, stable: list[tuple[float, float]]) -> str:
 def bands_by_runs(
     setting: Rig, linear: tuple[Band, ...], here: Regime, budget: Budget, report: Callable[[float], None]
 ) -> tuple[Band, ...]:
-    """Tell what the motion is where smooth sliding is unstable, and how far it persists from rest where that is stable."""
+    """Tell the motion where smooth sliding is unstable, and how far it persists from rest where that is stable."""
     method = contacts_of(setting)
     known: dict[float, str] = {setting.velocity: here.kind}
 
@@ -115,9 +113,7 @@ def _oscillation(kind: str) -> str:
     return kind if kind in ("stick-slip", "sustained oscillation") else "unstable"
 
 
-def _beside(
-    band: Band, kind: Callable[[float], str], known: dict[float, str], below: bool, above: bool
-) -> list[Band]:
+def _beside(band: Band, kind: Callable[[float], str], known: dict[float, str], below: bool, above: bool) -> list[Band]:
     """How far an oscillation from rest persists into a range of speeds where smooth sliding is stable."""
     seeds = sorted(speed for speed in known if band.low < speed < band.high and _persists(known[speed]))
     if not below and not above and not seeds:  # an oscillation without a boundary of smooth sliding beside it
@@ -136,7 +132,9 @@ def _beside(
         inside = [what for speed, what in known.items() if part.low <= speed <= part.high and _persists(what)]
         if part.low > at:
             found.append(replace(band, low=at, high=part.low))
-        found.append(replace(part, kind=max(inside, key=inside.count) if inside else "stick-slip", low=max(at, part.low)))
+        found.append(
+            replace(part, kind=max(inside, key=inside.count) if inside else "stick-slip", low=max(at, part.low))
+        )
         at = part.high
     if at < high:
         found.append(replace(band, low=at, high=high))
