@@ -80,7 +80,7 @@ def simulate(
     InputError
         If the rig cannot be simulated: no mass, thresholds without a density for the master equation, a snapshot
         beyond the end; `Langevin` ageing of thresholds that are no Gaussian; ageing for which the method has no
-        solver; if it would take too long and `long` is not set; if the numbers of the run stop being finite.
+        solver; if it would take too long and `long` is not set; if its numbers stop being finite.
 
     Examples
     --------
@@ -96,12 +96,12 @@ def simulate(
     _check(case)
     solver = engine_of(case.interface, case.method)
     beginning = Beginning(case.interface, case.slider, case.velocity, case.start)
-    times = _sample_times(case.slider, case.drive, case.output, solver.angle)
     instance("simulate: long", long, bool, "True or False")
     if not long:
         estimate(told).check()
     if progress is not None and not callable(progress):
         raise InputError(f"simulate: progress = {shown(progress)}: must be a function of the fraction that is done")
+    times = _sample_times(case.slider, case.drive, case.output, solver.angle)
     engine = solver(beginning, case.method)
     origin = beginning.drive_position(engine.contact_force())
     track = follow(engine, case.drive, origin, times, case.output.snapshots, progress)
@@ -176,7 +176,8 @@ def rig_of(run: xr.Dataset) -> Rig:
     if content["call"] != "simulate":
         raise InputError(f"this file was made by {content['call']!r}, not by `simulate`")
     try:
-        rig = store.decode(content["arguments"], store.records()).get("rig")
+        arguments = store.decode(content["arguments"], store.records())
+        rig = arguments["rig"] if arguments.keys() == {"rig"} else None
     except RecursionError:
         rig = None
     instance("the provenance in this file", rig, Rig, "that of a rig; make the run again")
