@@ -78,16 +78,16 @@ def stretchings(request: Plain, watch: Watch) -> Iterator[Plain]:
 def edit(request: Plain, watch: Watch) -> Iterator[Plain]:
     """A document with parameters varied, in other units, or with the damping given in the other way."""
     del watch
-    rig = documents.rig_of(request.get("document"))
+    document = request.get("document")
     if "turn" in request:
         instance("turn", values := request["turn"], dict, "a table of parameters and values")
-        yield {"document": documents.turned(rig, values)}
+        yield {"document": documents.turned(document, values)}
     elif "units" in request:
-        yield {"document": documents.in_units(rig, request["units"])}
+        yield {"document": documents.in_units(document, request["units"])}
     else:
-        relative = request.get("relative_damping")
-        instance("relative_damping", relative, bool, "true or false")
-        yield {"document": documents.with_damping(rig, relative is True)}
+        ratio = request.get("damping_ratio")
+        instance("damping_ratio", ratio, bool, "true or false")
+        yield {"document": documents.with_damping(document, ratio is True)}
 
 
 def _knobs(rig: Rig) -> dict[str, float]:
@@ -288,16 +288,14 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
     found = advise.predict(rig, progress=watch)
     mitigations = []
     for mitigation, words in zip(found.mitigations, found.mitigation_lines(), strict=True):
+        name, *others = mitigation.parameters
         targets = (("smooth sliding stays", mitigation.keeps), ("stick-slip decays", mitigation.stops))
         steps = [
-            {
-                "title": f"{advise.amount(rig, mitigation.parameter, value)}: {title}",
-                "value": value * _unit(rig, mitigation.parameter),
-            }
-            for title, value in targets
-            if value is not None
+            {"title": f"{advise.amount(rig, name, values[0])}: {title}", "value": values[0]}
+            for title, values in targets
+            if values is not None and not others  # a button varies one parameter
         ]
-        mitigations.append({"parameter": mitigation.parameter, "words": words, "steps": steps})
+        mitigations.append({"parameter": name, "words": words, "steps": steps})
     yield {
         "name": rig.name,
         "verdict": found.verdict,
@@ -306,7 +304,7 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
         "numbers": [list(pair) for pair in found.numbers()],
         "margins": [list(row) for row in found.margin_rows()],
         "mitigations": mitigations,
-        "assumed": dict(rig.assumed),
+        "assumed": {key: str(item) for key, item in rig.assumed.items()},
     }
 
 

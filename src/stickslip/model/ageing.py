@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
-from stickslip.errors import number
+from stickslip.model.records import Number, check
 from stickslip.model.registry import registrar
 
 AGEING_MODELS: dict[str, type] = {}
@@ -30,12 +31,11 @@ class Langevin:
         Threshold force of a newborn contact, in units of ``f_s``.
     """
 
-    rate: float
-    newborn: float = 0.0
+    rate: Annotated[float, Number("1/time^(1/2)", above=0, hint="beta")]
+    newborn: Annotated[float, Number(at_least=0)] = 0.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "rate", number("Langevin.rate", self.rate, above=0, hint="beta"))
-        object.__setattr__(self, "newborn", number("Langevin.newborn", self.newborn, at_least=0))
+        check(self)
 
     @property
     def time(self) -> float:
@@ -56,12 +56,11 @@ class ExponentialGrowth:
     ``f_s``.
     """
 
-    rate: float
-    newborn: float = 0.0
+    rate: Annotated[float, Number("1/time", above=0)]
+    newborn: Annotated[float, Number(at_least=0)] = 0.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "rate", number("ExponentialGrowth.rate", self.rate, above=0))
-        object.__setattr__(self, "newborn", number("ExponentialGrowth.newborn", self.newborn, at_least=0))
+        check(self)
 
 
 @register("logarithmic")
@@ -72,12 +71,11 @@ class LogarithmicGrowth:
     ``f_0`` is drawn from the interface's distribution of thresholds at birth; `slope` is in ``f_s``, `time` in time.
     """
 
-    slope: float
-    time: float
+    slope: Annotated[float, Number(at_least=0)]
+    time: Annotated[float, Number("time", above=0)]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "slope", number("LogarithmicGrowth.slope", self.slope, at_least=0))
-        object.__setattr__(self, "time", number("LogarithmicGrowth.time", self.time, above=0))
+        check(self)
 
 
 Strengthening = Langevin | ExponentialGrowth | LogarithmicGrowth

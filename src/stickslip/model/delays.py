@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal, Protocol, get_args, runtime_checkable
+from typing import Annotated, Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
-from stickslip.errors import InputError, number, shown
+from stickslip.errors import InputError, shown
 from stickslip.model.distributions import Gaussian
+from stickslip.model.records import Number, check
 from stickslip.model.registry import registrar
 
 Array = NDArray[np.float64]
@@ -68,11 +69,10 @@ register = registrar(DELAYS, "delay")
 class Delay(DelayModel):
     """The same delay time for every broken contact: 0 for none, infinity for contacts that never re-attach."""
 
-    time: float
+    time: Annotated[float, Number("time", at_least=0, infinite=True, hint="the delay time tau_d")]
 
     def __post_init__(self) -> None:
-        checked = number("Delay.time", self.time, at_least=0, infinite=True, hint="the delay time tau_d")
-        object.__setattr__(self, "time", checked)
+        check(self)
 
     @property
     def mean(self) -> float:
@@ -122,13 +122,12 @@ class RandomDelay(DelayModel):
         Fig. 7b depends on it.
     """
 
-    mean: float
-    std: float
+    mean: Annotated[float, Number("time", at_least=0)]
+    std: Annotated[float, Number("time", above=0)]
     negative: NegativeDelay = "clip"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "mean", number("RandomDelay.mean", self.mean, at_least=0))
-        object.__setattr__(self, "std", number("RandomDelay.std", self.std, above=0))
+        check(self)
         if self.std < 1e-9 * self.mean:
             raise InputError(f"RandomDelay.std = {self.std:g}: too small beside {self.mean:g}; use Delay instead")
         if self.negative not in get_args(NegativeDelay):

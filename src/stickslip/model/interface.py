@@ -55,7 +55,8 @@ class Interface:
         if lost > 1e-3:
             raise InputError(
                 f"Interface.initial = {self.initial}: {100 * lost:.3g} % of the contacts would start beyond the "
-                f"largest threshold ({self.threshold_distribution.support[1]:g}); narrow it or bring it nearer to 0"
+                f"largest threshold ({self.threshold_distribution.support[1]:g}); narrow it or bring it nearer to 0",
+                "Interface.initial",
             )
 
     @cached_property

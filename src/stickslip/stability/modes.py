@@ -131,6 +131,7 @@ def growth_rate(rig: Rig) -> complex:
     With thresholds that age growing modes are confirmed by their count; a negative real part is that of the mode
     nearest to the axis among those found.
     """
+    instance("growth_rate: rig", rig, Rig, "a Rig(interface, slider, drive)")
     return rightmost_root(rig.natural) * rig.unit("1/time")
 
 
