@@ -191,9 +191,9 @@ def laplace_of(distribution: HasDensity, q: ArrayLike, orders: Sequence[int]) ->
     for power in np.unique(scale).tolist():
         own = np.flatnonzero(scale == power)
         least = float(np.min(flat[own].real))
-        x, weight = _fine_nodes(
-            distribution, power, least if least < 0 else 2.0 ** math.floor(math.log2(max(least, 2.0**-20)))
-        )
+        if least >= 0:  # few different ones: the nodes are kept
+            least = 2.0 ** math.floor(math.log2(max(least, 2.0**-20)))
+        x, weight = _fine_nodes(hashable(distribution), power, least)
         kernel = np.stack([weight * x**order for order in orders], axis=1)
         for start in range(0, own.size, 128):
             some = own[start : start + 128]
