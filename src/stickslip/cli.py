@@ -6,7 +6,7 @@ import json as jsonlib
 import math
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from functools import partial
@@ -728,7 +728,7 @@ def _read_data(
     if data.is_file() and store.is_netcdf(data):
         run = store.load(data)
         if "spring_force" not in run or "time" not in run.coords:
-            raise InputError(f"{data}: holds no run: there is no force F_d along a time t in it")
+            raise InputError(f"{data}: holds no run: there is no spring_force along a time in it")
         return run
     return measures.read_trace(data, force=force, time=time, displacement=displacement, load=load, step=step, flip=flip)
 
@@ -828,22 +828,12 @@ def _print_prediction(found: Prediction, picture: Path | None) -> None:
         table.add_column("key", min_width=max(map(len, rig.assumed)))
         for title in ("assumed", "how to measure it"):
             table.add_column(title)
-        for key, how in rig.assumed.items():
-            table.add_row(Text(key), Text(_assumed_value(rig.document, key)), Text(how))
+        for key, item in rig.assumed.items():
+            value = f"{item.value} (default)" if item.default else item.value
+            table.add_row(Text(key), Text(value), Text(item.how))
         console.print(table)
     if picture is not None:
         console.print(f"\npicture: {picture}", soft_wrap=True)
-
-
-def _assumed_value(document: Any, key: str) -> str:
-    """What a rig file holds at a dotted key."""
-    for part in key.split("."):
-        if not isinstance(document, Mapping) or part not in document:
-            return "default"
-        document = document[part]
-    if isinstance(document, Mapping):
-        return ", ".join(f"{name} {value}" for name, value in document.items())
-    return str(document)
 
 
 _PIPE_WIDTH = 80

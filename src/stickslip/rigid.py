@@ -233,8 +233,8 @@ def _points(interface: Interface, distance: float) -> int:
     return 16 * points if kinked else points
 
 
-_MOST_WORK = 1e8
-"""Nodes of the start times positions: half a minute."""
+_MOST_WORK = 2e7
+"""Nodes of the start times positions: some ten seconds."""
 
 
 class _Solution:

@@ -70,12 +70,26 @@ def _ageing_friction(interface: Interface, velocity: float | Array) -> float | A
     speed = numbers("velocity", velocity, above=0, hint="in x_s per time; ageing thresholds have no slow limit")
     delay = interface.delay.moment(1)
     if isinstance(interface.ageing, Langevin):
+        _check_ageing_speeds(speed, interface.ageing)
         force = langevin_steady.steady_friction(speed.ravel(), ageing_constants(interface), delay)
     else:
         strength = np.linspace(0.0, interface.threshold_distribution.support[1], 8001)
         survival = interface.threshold_distribution.survival(strength)
         force = growth.growing_friction(speed.ravel(), growth_model(interface), strength, survival, delay)
     return float(force[0]) if speed.ndim == 0 else np.asarray(force.reshape(speed.shape))
+
+
+_SLOWEST, _FASTEST = 1e-12, 1e6
+"""Speeds against the rate of ageing, ``v/rate**2``, between which the stationary kinetic equation is resolved."""
+
+
+def _check_ageing_speeds(speed: Array, ageing: Langevin) -> None:
+    for value in (float(speed.min()), float(speed.max())):
+        if not _SLOWEST <= (relative := value / ageing.rate**2) <= _FASTEST:
+            raise InputError(
+                f"kinetic_friction: velocity = {value:g} is {relative:.3g} times rate**2 = {ageing.rate**2:.3g} of the "
+                f"ageing: must be between {_SLOWEST:g} and {_FASTEST:g} times; beyond, the force cannot be resolved"
+            )
 
 
 @overload

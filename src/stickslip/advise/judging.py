@@ -28,7 +28,7 @@ PRECISION = 0.05
 _USUAL, _MOST_AGED = Contacts(10_000, seed=1), 2_000
 
 
-class Spent(Exception):
+class Spent(Exception):  # noqa: N818 - not an error: it ends a search
     """The work that was allowed is done."""
 
 
@@ -52,7 +52,7 @@ def contacts_of(rig: Rig) -> Contacts:
 
 
 def cycle_of(setting: Rig) -> float:
-    """Travel of the drive in the slowest cycle that a rig can have: loading to the thresholds, or a free oscillation."""
+    """Travel of the drive in the slowest cycle of a rig: loading to the thresholds, or a free oscillation."""
     slider = setting.slider
     stretch = setting.interface.threshold_distribution.moment(1)
     period = 2.0 * math.pi / slider.frequency if slider.mass > 0 else 0.0

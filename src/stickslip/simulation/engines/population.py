@@ -59,6 +59,11 @@ class Population(Engine):
     def check(interface: Interface, method: MasterEquation) -> None:  # noqa: ARG004
         """Raise `InputError` for thresholds without a density."""
         interface.threshold_distribution.density(0.0)
+        if interface.threshold_distribution.single:
+            raise InputError(
+                f"Interface.thresholds = {interface.thresholds}: all thresholds are next to equal, and no density "
+                "resolves them; give them a larger standard deviation, or use the method Contacts"
+            )
 
     def _thresholds(self) -> kernel.Table:
         from stickslip.kernels import cohorts as kernel
