@@ -408,7 +408,7 @@ def told(answer):
 
 def quick_rig(**parts):
     """The bench among the examples, in a short run of few contacts."""
-    document = json.loads(json.dumps(rigs.read(PMMA).document))
+    document = json.loads(json.dumps(rigs.read_rig(PMMA).document))
     document |= {"simulation": {"contacts": 100}, "drive": {"velocity": "0.4 mm/s", "distance": "10 um"}}
     return changed(document, parts)
 

@@ -12,6 +12,7 @@ from stickslip.model.interface import Interface
 from stickslip.model.methods import Contacts, FromRest, FromSliding, MasterEquation, Method, Output, PaperClosure, Start
 from stickslip.model.parameters import Parameter, parameter_named
 from stickslip.model.quantities import read_quantity
+from stickslip.model.records import Record, rescaled
 from stickslip.model.units import Quantity, Scales, in_si, in_words
 
 if TYPE_CHECKING:
@@ -150,10 +151,13 @@ class Rig:
         return known.set(self, number(name, value, at_least=0) / self.unit(known.unit))
 
     def _natural_drive(self, drive: Drive) -> Drive:
-        return drive if self.scales is None or not isinstance(drive, Drive) else drive.scaled(self.scales)
+        return self._in_natural_units(drive) if isinstance(drive, Drive) else drive
 
     def _natural_output(self, output: Output) -> Output:
-        return output if self.scales is None or not isinstance(output, Output) else output.scaled(self.scales)
+        return self._in_natural_units(output) if isinstance(output, Output) else output
+
+    def _in_natural_units(self, record: Record) -> Record:
+        return record if self.scales is None else rescaled(record, lambda unit: 1.0 / self.unit(unit))
 
     def in_its_units(self, result: xr.Dataset) -> xr.Dataset:
         """Return a result in natural units in the rig's own."""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
-from stickslip.errors import InputError, number
+from stickslip.errors import InputError
+from stickslip.model.records import Number, check
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -28,14 +29,12 @@ class Scales:
         The unit of time, in s.
     """
 
-    force: float
-    stretching: float
-    time: float = 1.0
+    force: Annotated[float, Number(above=0, hint="in N")]
+    stretching: Annotated[float, Number(above=0, hint="in m")]
+    time: Annotated[float, Number(above=0, hint="in s")] = 1.0
 
     def __post_init__(self) -> None:
-        for name, unit in (("force", "N"), ("stretching", "m"), ("time", "s")):
-            checked = number(f"Scales.{name}", getattr(self, name), above=0, hint=f"in {unit}")
-            object.__setattr__(self, name, checked)
+        check(self)
 
     def unit(self, quantity: Quantity) -> float:
         """Size of one natural unit of the quantity, in SI units.
