@@ -151,6 +151,16 @@ register = registrar(DISTRIBUTIONS, "distribution")
 """Class decorator: ``@register("triangular")`` gives a distribution the name that rig files use."""
 
 
+def check_density(thresholds: Distribution) -> None:
+    """Raise `InputError` for thresholds without a density, or so close to each other that none resolves them."""
+    thresholds.density(0.0)
+    if thresholds.single:
+        raise InputError(
+            f"Interface.thresholds = {thresholds}: all thresholds are next to equal, and no density resolves them; give "
+            "them a larger standard deviation, or use the method Contacts"
+        )
+
+
 def excess(distribution: Distribution, x: ArrayLike, order: int) -> Array:
     """Mean of ``max(x_s - x, 0)**order / order!``: the survival function integrated `order` times from above."""
     x = np.asarray(x, dtype=float)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError
 from stickslip.model import Interface, MasterEquation, Slider
+from stickslip.model.distribution import check_density
 from stickslip.simulation.engines.base import (
     COLUMNS,
     Advance,
@@ -58,12 +59,7 @@ class Population(Engine):
     @staticmethod
     def check(interface: Interface, method: MasterEquation) -> None:  # noqa: ARG004
         """Raise `InputError` for thresholds without a density."""
-        interface.threshold_distribution.density(0.0)
-        if interface.threshold_distribution.single:
-            raise InputError(
-                f"Interface.thresholds = {interface.thresholds}: all thresholds are next to equal, and no density "
-                "resolves them; give them a larger standard deviation, or use the method Contacts"
-            )
+        check_density(interface.threshold_distribution)
 
     def _thresholds(self) -> kernel.Table:
         from stickslip.kernels import cohorts as kernel
