@@ -1,6 +1,7 @@
 """Predictions are true: verdicts against the settled cases, and every mitigation against a simulation after the change."""
 
 import math
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 import stickslip as ss
 from stickslip import advise
+from stickslip.advise.judging import Budget, judge
 from stickslip.io import rig_files as rigs
 from stickslip.model.parameters import parameter_named
 from stickslip.paper.cases import FIG8
@@ -26,9 +28,9 @@ def make(*, stiffness, damping_ratio=0.15, mass=1e-4, std=0.1, delay=0.1, veloci
     )
 
 
-def at(rig, remedy_knob, value):
+def at(rig, parameter, value):
     """The rig with one parameter varied."""
-    return parameter_named(remedy_knob).set(rig.natural, value)
+    return parameter_named(parameter).set(rig.natural, value)
 
 
 def motion_from_rest(setting, seed):
@@ -59,26 +61,127 @@ def test_the_paper_s_rig_is_bistable_with_its_margins():
     assert margins["velocity"].lower is None
 
 
+def changed(rig, mitigation, targets):
+    """The rig after a mitigation."""
+    for name, value in zip(mitigation.parameters, targets, strict=True):
+        rig = at(rig, name, value)
+    return rig
+
+
 def test_a_mitigation_leaves_the_bistable_band():
     rig = make(stiffness=2.0)
     found = advise.predict(rig)
-    assert found.mitigations
     # tau* = .0755 and v1' = .71 are where stick-slip decays from the narrow start.
-    stops = {mitigation.parameter: mitigation.stops for mitigation in found.mitigations}
-    assert stops["delay"] < 0.0755 + 0.003
-    assert stops["delay"] > 0.8 * 0.0755
-    assert stops["velocity"] < 0.73
+    stops = {mitigation.parameters: mitigation.stops for mitigation in found.mitigations}
+    assert 0.8 * 0.71 < stops["velocity",][0] < 0.73
+    if ("delay",) in stops:
+        assert 0.8 * 0.0755 < stops["delay",][0] < 0.0755 + 0.003
+    assert [mitigation.parameters[0] for mitigation in found.mitigations][0] != "delay"  # a machine has other handles
     for mitigation in found.mitigations:
-        assert motion_from_rest(at(rig, mitigation.parameter, mitigation.stops), seed=5).kind == "smooth sliding", (
-            mitigation
-        )
+        assert motion_from_rest(changed(rig, mitigation, mitigation.stops), seed=5).kind == "smooth sliding", mitigation
 
 
-def test_verification_runs_the_rig_s_own_method():
-    found = advise.predict(make(stiffness=2.0, contacts=2000), verify=True)
-    assert all(seen.kind == "smooth sliding" for mitigation in found.mitigations for seen in mitigation.checked)
-    assert all(mitigation.checked for mitigation in found.mitigations)
-    assert all("checked with the rig's own method" in line for line in found.mitigation_lines())
+def test_the_change_proposed_is_the_smallest_to_a_few_percent():
+    rig = make(stiffness=2.0)
+    found = advise.predict(rig)
+    speed = next(m.stops[0] for m in found.mitigations if m.parameters == ("velocity",))
+    assert motion_from_rest(at(rig, "velocity", 1.12 * speed), seed=5).kind == "stick-slip"
+
+
+def test_the_speeds_of_the_paper_s_rig():
+    found = advise.predict(make(stiffness=2.0))
+    kinds = [(band.kind, band.bistable) for band in found.bands]
+    assert kinds[:3] == [("smooth sliding", False), ("stick-slip", True), ("stick-slip", False)]
+    assert found.bands[1].low == pytest.approx(0.71, rel=0.06)  # v1', to the precision of the search
+    assert found.bands[1].high == pytest.approx(1.388221, abs=1e-6)  # v1
+    assert found.verdict.startswith("stick-slip from 1.39 ")
+    assert "from rest also down to 0.7" in found.verdict
+
+
+def test_a_prediction_is_in_the_units_of_its_rig_and_prints_as_its_answer():
+    rig = ss.example("brake_pad")
+    found = ss.predict(rig, fast=True)
+    assert str(found) == repr(found)
+    assert "stick-slip from 1.1 to 154 mm/s, 170 Hz, force ±1.2 kN" in str(found)
+    natural = ss.predict(rig.natural, fast=True)
+    assert found.critical_stiffness == pytest.approx(natural.critical_stiffness * rig.unit("k"))
+    assert found.frequency == pytest.approx(natural.frequency / rig.scales.time)
+    assert found.bands[1].high == pytest.approx(natural.bands[1].high * rig.unit("x_s/time"))
+    assert found.to_dict()["velocity"] == pytest.approx(0.02)
+    assert "Brake pad" in found._repr_html_()
+    assert not found.complete
+
+
+def test_a_rig_without_a_mechanism_is_not_judged_but_told_over_delays():
+    found = advise.predict(make(stiffness=2.0, delay=0.0))
+    assert not found.judged
+    assert found.smooth is None
+    assert found.mitigations == ()
+    assert found.verdict.startswith("cannot be judged: nothing says how contacts strengthen with rest")
+    # The linear limit by delay of this rig is .138218.
+    assert found.delays[0].kind == "smooth sliding"
+    assert found.delays[0].high == pytest.approx(0.138218, abs=1e-6)
+    assert found.delays[1].kind == "unstable"
+
+
+def test_where_nothing_helps_the_direction_and_the_best_reached_are_told():
+    found = advise.predict(ss.example("pmma_slider"))
+    assert not any(mitigation.stops for mitigation in found.mitigations)
+    damping = next(attempt for attempt in found.attempts if attempt.parameter == "damping")
+    assert damping.reached == pytest.approx(30 * damping.value)
+    assert damping.amplitude < damping.amplitude_before
+    assert any("there it is better" in line for line in found.attempt_lines())
+
+
+@pytest.mark.parametrize("name", ["brake_pad", "precision_stage", "teaching_bench", "wiper", "pmma_slider"])
+def test_the_verdict_on_the_examples_is_decided_and_quick(name):
+    rig = ss.example(name)
+    ss.predict(ss.example("brake_pad"), fast=True)  # the kernels are loaded
+    begin = time.process_time()
+    found = ss.predict(rig, fast=True)
+    assert time.process_time() - begin < 2.0
+    assert found.regime.kind in ("stick-slip", "sustained oscillation")
+
+
+RIG_17 = {
+    "stiffness": 0.3849,
+    "mass": 8.2693e-5,
+    "damping": 33.766,
+    "thresholds": ss.Gamma(mean=1.0, std=0.0896),
+    "delay": ss.RandomDelay(mean=0.05447, std=0.015955, negative="fold"),
+}
+RIG_247 = {
+    "stiffness": 0.195,
+    "mass": 1.6304e-4,
+    "damping": 19.031,
+    "thresholds": ss.Uniform(low=0.4729369, high=1.5270631),
+    "delay": ss.Delay(0.14152),
+}
+
+
+@pytest.mark.parametrize("case", [RIG_17, RIG_247], ids=["17", "247"])
+def test_smooth_sliding_is_said_to_stay_only_where_the_rig_s_own_contacts_stay(case):
+    """Where linear theory is right for ever more contacts, the 2000 of the rig leave smooth sliding."""
+    slider = ss.Slider(stiffness=case["stiffness"], mass=case["mass"], damping=case["damping"])
+    interface = ss.Interface(thresholds=case["thresholds"], delay=case["delay"])
+    rig = ss.Rig(interface, slider, ss.constant(1.0, 120.0), method=ss.Contacts(2000, seed=3))
+    found = ss.predict(rig)
+    for mitigation in found.mitigations:
+        if mitigation.keeps is not None:
+            there = changed(rig, mitigation, mitigation.keeps)
+            longer = replace(there, drive=ss.constant(there.velocity, 120.0 / there.velocity))
+            for seed in (3, 8):
+                run = ss.simulate(longer, method=ss.Contacts(2000, seed=seed), start=ss.FromSliding())
+                assert ss.regime(run).kind == "smooth sliding", mitigation
+
+
+def test_a_slow_decay_is_waited_for():
+    """After 120 x_s these runs cannot be judged; they are smooth after 600 and 1500."""
+    thresholds = ss.Gaussian(mean=1.0, std=0.1996)
+    interface = ss.Interface(thresholds=thresholds, delay=ss.RandomDelay(mean=0.7828, std=0.078629, negative="redraw"))
+    slider = ss.Slider(stiffness=0.45803, mass=1.6253e-6, damping=389.13)
+    rig = ss.Rig(interface, slider, ss.constant(14.8, 120 / 14.8), method=ss.Contacts(10_000, seed=20))
+    assert judge(rig, ss.Contacts(10_000, seed=20), Budget(10.0)).kind == "smooth sliding"
 
 
 def test_a_stable_rig_needs_no_mitigation():
@@ -86,14 +189,6 @@ def test_a_stable_rig_needs_no_mitigation():
     assert found.smooth
     assert not found.ill
     assert found.mitigations == ()
-
-
-def test_without_delay_nothing_can_grow():
-    found = advise.predict(make(stiffness=2.0, delay=0.0))
-    assert found.regime.kind == "smooth sliding"
-    assert found.unstable_modes == 0
-    assert "neutrally stable" in found.theory_note
-    assert found.margins == ()
 
 
 def test_contacts_that_never_come_back_have_no_theory():
@@ -114,8 +209,7 @@ def test_the_map_holds_boundary_growth_and_the_rig_itself():
     assert float(found["here_stiffness"]) == 2.0
     assert (found["growth_rate"] > 0).any()
     assert (found["growth_rate"] < 0).any()
-    edge = found.where(found["other_unstable"] == 0, drop=True)
-    nearest = float(edge["edge_velocity"][int(np.argmin(abs(edge["edge_stiffness"].to_numpy() - 2.0)))])
+    nearest = float(found["edge_velocity"][int(np.argmin(abs(found["edge_stiffness"].to_numpy() - 2.0)))])
     assert nearest == pytest.approx(1.388, rel=0.25)
 
 
@@ -132,13 +226,13 @@ def test_ageing_rigs_have_margins_and_mitigations_that_are_true():
     assert margins["ageing"].upper == pytest.approx(0.80**-2, rel=0.06)
     assert margins["velocity"].lower == pytest.approx(0.8687, abs=0.002)
     cures = [mitigation for mitigation in found.mitigations if mitigation.stops is not None]
-    assert {"ageing", "stiffness", "std"} <= {mitigation.parameter for mitigation in cures}
+    assert "stiffness" in {mitigation.parameters[0] for mitigation in cures}
     for mitigation in found.mitigations:
         if mitigation.keeps is not None:
-            here = at(rig, mitigation.parameter, mitigation.keeps)
+            here = changed(rig, mitigation, mitigation.keeps)
             assert ss.stability.count_unstable(here) == 0
     for mitigation in cures:
-        here = at(rig, mitigation.parameter, mitigation.stops)
+        here = changed(rig, mitigation, mitigation.stops)
         drive = ss.constant(here.velocity, 60.0 / here.velocity)
         run = ss.simulate(ss.Rig(here.interface, here.slider, drive), method=ss.Contacts(2_000, seed=77))
         late = run["spring_force"].to_numpy()[run["time"].to_numpy() > 36.0 / here.velocity]
@@ -162,8 +256,8 @@ def test_mitigations_of_rigs_drawn_at_random_are_true(number):
         assert motion_from_rest(at(rig, "velocity", rig.velocity), seed=3).kind in ("smooth sliding", "undecided")
     for mitigation in found.mitigations:
         if mitigation.keeps is not None:
-            kept = at(rig, mitigation.parameter, mitigation.keeps)
+            kept = changed(rig, mitigation, mitigation.keeps)
             assert ss.stability.count_unstable(kept) == 0
         if mitigation.stops is not None:
-            seen = motion_from_rest(at(rig, mitigation.parameter, mitigation.stops), seed=number)
+            seen = motion_from_rest(changed(rig, mitigation, mitigation.stops), seed=number)
             assert seen.kind == "smooth sliding", (mitigation, seen)

@@ -69,7 +69,7 @@ def test_simulate_writes_a_run_that_can_be_made_again(rig, tmp_path, capsys):
     one, two = tmp_path / "one.nc", tmp_path / "two.nc"
     assert run("simulate", rig, "-o", one, "--plot", tmp_path / "run.png") == 0
     assert "stick-slip" in capsys.readouterr().out
-    assert run("simulate", one, "--again", "-o", two) == 0
+    assert run("rerun", one, "-o", two) == 0
     assert ss.load(one).identical(ss.load(two))
     assert (tmp_path / "run.png").stat().st_size > 10_000
 
@@ -100,18 +100,40 @@ def test_predict_prints_a_verdict_and_leaves_a_picture(rig, tmp_path, capsys):
     picture = tmp_path / "predict.png"
     assert run("predict", rig, "--plot", picture) == 0
     printed = capsys.readouterr().out
-    assert "small: stick-slip at 1 x_s/time" in printed
-    assert "2.989 k (3.548 k without re-attachment)" in " ".join(printed.split())
+    words = " ".join(printed.split())
+    assert words.startswith("small: stick-slip from ")
+    assert "; at 1 x_s/time: stick-slip" in words
+    assert "2.989 k (3.548 k without re-attachment)" in words
     assert picture.stat().st_size > 10_000
 
 
-def test_predict_for_a_machine(rig, capsys):
-    assert run("predict", rig, "--json") == 0
+def test_predict_for_a_machine_is_in_the_units_of_the_rig(capsys):
+    assert run("predict", "brake_pad", "--fast", "--json") == 0
     found = json.loads(capsys.readouterr().out)
     assert found["regime"]["kind"] == "stick-slip"
     assert found["smooth"] is False
-    assert found["critical_stiffness"] == pytest.approx(2.989, abs=0.003)
-    assert found["unstable_modes"] >= 1
+    assert found["stiffness_margin"] == pytest.approx(30e6 / found["critical_stiffness"])
+    assert found["units"]["velocity"] == "m/s"
+    assert found["bands"][0]["high"] == pytest.approx(1.1e-3, rel=0.01)  # m/s
+    assert found["frequency"] == pytest.approx(170, rel=0.02)  # Hz
+    assert found["unstable_modes"] == 2
+
+
+def test_an_assumption_stands_with_its_value_and_sentences_fit_a_page(capsys):
+    assert run("predict", "brake_pad", "--fast") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assumed = lines[lines.index("Assumed, not measured") :]
+    assert any(line.startswith("interface.delay") and "1 ms" in line for line in assumed)
+    assert max(len(line.rstrip()) for line in assumed) <= 80
+    assert len(lines[0]) <= 80
+
+
+def test_a_rig_without_a_mechanism_is_not_judged(rig, capsys):
+    rig.write_text(SMALL.replace("delay = 0.2\n", ""))
+    assert run("predict", rig) == 0
+    words = " ".join(capsys.readouterr().out.split())
+    assert words.startswith("small: cannot be judged: nothing says how contacts strengthen with rest")
+    assert "give interface.delay" in words
 
 
 def test_map_draws_and_says_what_it_found(rig, tmp_path, capsys):
@@ -129,11 +151,22 @@ def test_plot_draws_each_kind(rig, tmp_path, kind):
 
 
 def test_paper_makes_a_figure_with_its_claims(tmp_path, capsys):
-    assert run("paper", "fig2", "--check", "--quick", "--json", "-d", tmp_path) == 0
+    folder = tmp_path / "new" / "folder"
+    formats = ("--format", "pdf", "--format", "svg")
+    assert run("paper", "fig2", "--check", "--quick", "--json", "-o", folder, *formats) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["ok"]
-    assert Path(found["picture"]).exists()
-    assert Path(found["data"]).exists()
+    (figure,) = found["figures"]
+    assert figure["ok"]
+    assert figure["caption"]
+    assert sorted(path.name for path in folder.iterdir()) == ["fig2.nc", "fig2.pdf", "fig2.svg"]
+    assert [Path(name).read_bytes()[:4] for name in figure["pictures"]] == [b"%PDF", b"<?xm"]
+
+
+def test_paper_all_is_refused_before_the_first_figure_if_the_last_cannot_be_written(tmp_path, capsys):
+    (tmp_path / "fig11.png").mkdir()
+    assert "fig11.png: is a directory" in refused(capsys, "paper", "all", "-o", tmp_path)
+    assert os.listdir(tmp_path) == ["fig11.png"]
 
 
 def test_unusable_files(tmp_path, rig, sawtooth, capsys):
@@ -151,7 +184,7 @@ def test_unusable_files(tmp_path, rig, sawtooth, capsys):
         ("predict", tmp_path),
         ("predict", sawtooth),
         ("simulate", tmp_path / "none.toml"),
-        ("simulate", sawtooth, "--again"),
+        ("rerun", sawtooth),
         ("measure", tmp_path / "none.csv"),
         ("measure", empty, "--step", 1),
         ("measure", binary, "--step", 1),
@@ -173,7 +206,8 @@ def test_unusable_files(tmp_path, rig, sawtooth, capsys):
         ("map", rig, "--around", 0.5),
         ("map", rig, "--points", 1),
         ("paper", "fig99"),
-        ("paper", "fig1", "-d", tmp_path / "nowhere"),
+        ("paper", "fig1", "-o", rig),
+        ("paper", "fig1", "--format", "gif"),
         ("measure", sawtooth, "--step", -1),
         ("predict", rig, "--jsn"),
         ("prdict", rig),

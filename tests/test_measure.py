@@ -50,7 +50,7 @@ def even_sawtooth(*, period=1.5, drop=0.7, cycles=12, step=0.01, fall=0.06, low=
 def with_motion(t, force, *, stiffness=2.0, velocity=1.0):
     """The slider that goes with a force: X = v t - F/K."""
     X = velocity * t - force / stiffness
-    return trace(t, force, X=X, velocity=np.gradient(X, t), drive_velocity=velocity, attached=0.9)
+    return trace(t, force, displacement=X, velocity=np.gradient(X, t), drive_velocity=velocity, attached=0.9)
 
 
 # ----------------------------------------------------------------------------------------------- events
@@ -180,11 +180,14 @@ def test_a_wrong_minimum_drop_is_refused(drop):
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda d: d.drop_vars("spring_force"), "F_d along t"),
+        (lambda d: d.drop_vars("spring_force"), "spring_force along time"),
         (lambda d: d.isel(time=slice(5)), "5 samples"),
-        (lambda d: d.assign(spring_force=d.spring_force.where(d.t != 3.0)), "F_d = nan at t = 3"),
-        (lambda d: d.assign_coords(time=d.t.values[::-1]), "rising"),
-        (lambda d: d.assign(X=d.spring_force.expand_dims(seed=2).transpose("time", "seed")), "X has shape"),
+        (lambda d: d.assign(spring_force=d.spring_force.where(d.time != 3.0)), "spring_force = nan at t = 3"),
+        (lambda d: d.assign_coords(time=d.time.values[::-1]), "rising"),
+        (
+            lambda d: d.assign(displacement=d.spring_force.expand_dims(seed=2).transpose("time", "seed")),
+            "displacement has shape",
+        ),
     ],
 )
 def test_data_that_cannot_be_measured_are_refused(measure, spoil, message):
@@ -283,7 +286,7 @@ def test_samples_that_step_over_slips_do_not_make_them_smooth():
     data = with_motion(t, force)
     for every in (1, 5, 10, 20):  # 150 to 7.5 samples in a cycle, 6 to .3 in a fall
         thin = data.isel(time=slice(None, None, every))
-        assert regime(thin.assign(velocity=("time", np.gradient(thin.X, thin.t)))).kind == "stick-slip"
+        assert regime(thin.assign(velocity=("time", np.gradient(thin.displacement, thin.time)))).kind == "stick-slip"
     assert regime(data.isel(time=slice(None, None, 60))).kind == "undecided"
     assert "record more often" in regime(wave().isel(time=slice(None, None, 40))).reason
 
@@ -640,7 +643,7 @@ def to_and_fro(each, *, strokes=6, displacement=False, samples=2000):
     force = np.concatenate([(-1) ** i * each(s) * np.minimum(s / 0.05, 1.0) for i in range(strokes)])
     way = np.concatenate([s if i % 2 == 0 else 10.0 - s for i in range(strokes)])
     t = np.arange(force.size) * 0.005
-    more = {"displacement": way} if displacement else {}
+    more = {"measured_displacement": way} if displacement else {}
     return trace(t, force, **more)
 
 

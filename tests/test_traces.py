@@ -119,7 +119,7 @@ TWO = "t,F_d\n" + rows(lambda t, f: f"{t},{f}")
         (NUMBERS, {"step": 0.25, "force": 2}, "no such column"),
         (NUMBERS, {"step": 0.25, "delimiter": ";;"}, "delimiter"),
         (NUMBERS, {"step": 0.25, "decimal": "x"}, "decimal"),
-        (TWO, {"force": "friction_force"}, "did you mean 'spring_force'"),
+        (TWO, {"force": "F_c"}, "did you mean 'F_d'"),
         (TWO, {"force": 0}, "counted from 1"),
         (TWO, {"force": 1, "time": 1}, "both time and force"),
         (TWO, {"step": 0.1, "time": "time"}, "leave one out"),
@@ -216,8 +216,8 @@ def test_units_in_a_row_of_their_own_are_used(tmp_path):
 
 def test_several_columns_are_told_by_their_names(tmp_path):
     data = read_trace(written(tmp_path, GERMAN, encoding="utf-8"))
-    np.testing.assert_allclose(data["displacement"], 2 * TIMES)
-    assert data["displacement"].attrs["units"] == "mm"
+    np.testing.assert_allclose(data["measured_displacement"], 2 * TIMES)
+    assert data["measured_displacement"].attrs["units"] == "mm"
     np.testing.assert_allclose(data["load"], 20.0)
     np.testing.assert_allclose(data["mu"], FORCES / 20.0)
     assert data["mu"].attrs == {"units": "1", "long_name": "coefficient of friction"}
@@ -243,7 +243,7 @@ def test_a_bare_friction_column_beside_units_is_a_coefficient(tmp_path):
     head = "Time(s)\tDispl(microns)\tFriction\tNormal_stress(MPa)\n"
     data = read_trace(written(tmp_path, head + rows(lambda t, f: f"{t}\t{3 * t}\t{f / 10:.4f}\t19.97")))
     assert data["spring_force"].attrs["long_name"] == "coefficient of friction"
-    assert data["displacement"].attrs["units"] == "microns"
+    assert data["measured_displacement"].attrs["units"] == "microns"
     assert data["load"].attrs["units"] == "MPa"
     assert "mu" not in data
 

@@ -13,6 +13,7 @@ from stickslip.paper import FIGURES
 fig8 = FIGURES["fig8"]
 data = fig8.compute(quick=True)
 figure = fig8.draw(data)
+print(fig8.caption)
 for claim in fig8.check(data):
     print(claim.title)
     print("   ", claim.verdict)

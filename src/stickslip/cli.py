@@ -6,7 +6,7 @@ import json as jsonlib
 import math
 import re
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from functools import partial
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from stickslip.advise import Prediction
-    from stickslip.model.rig import Rig
     from stickslip.sweep import Progress
 
 Value = TypeVar("Value")
@@ -66,6 +65,7 @@ def _told(read: Callable[[str], Value], text: str) -> Value:
 
 
 Json = Annotated[bool, Parameter(help="Print JSON for a machine to read.", negative="")]
+Long = Annotated[bool, Parameter(help="Even if it takes more than an hour, or 4 GB of memory.", negative="")]
 Step = Annotated[
     float | None,
     Parameter(help="Time from one row to the next, where there is none: 0.5 ms, or in s.", converter=_seconds),
@@ -103,15 +103,21 @@ def _fail(message: str, code: int = 2) -> int:
 
 
 @app.command
-def predict(rig: Path, *, verify: bool = False, json: Json = False, plot: Plot = None) -> None:
-    """Say whether a rig will stick-slip, with margins and mitigations.
+def predict(
+    rig: Path,
+    *,
+    fast: Annotated[bool, Parameter(help="Stop at the verdict: linear theory and one run.", negative="")] = False,
+    json: Json = False,
+    plot: Plot = None,
+) -> None:
+    """Say at which speeds a rig stick-slips, how safely it slides at its own, and what would stop it.
+
+    The verdict comes first, on standard error, while the rest is still sought.
 
     Parameters
     ----------
     rig
         A rig file in TOML, or the name of an example: `stickslip new` lists them.
-    verify
-        Simulate the rig after each mitigation with its own method.
     """
     from stickslip import advise
     from stickslip.io import rig_files as rigs
@@ -119,15 +125,20 @@ def predict(rig: Path, *, verify: bool = False, json: Json = False, plot: Plot =
     _check_outputs(plot, read=rig)
     described = rigs.read_rig(rig)
     with _bar("predicting") as progress:
-        found = advise.predict(described, verify=verify, progress=progress)
+        found = advise.predict(described, fast=True, progress=progress)
+    if not fast:
+        if sys.stderr.isatty():
+            print(f"{found.verdict}\n... looking for mitigations", file=sys.stderr)
+        with _bar("predicting") as progress:
+            found = advise.complete(found, progress=progress)
     if plot is not None:
         from stickslip import plot as drawing
 
-        drawing.save(drawing.overview(found.run), plot)
+        drawing.save(found.plot(), plot)
     if json:
-        _print_json(_prediction_as_plain(found, described))
+        _print_json(found.to_dict())
     else:
-        _print_prediction(found, described, plot)
+        _print_prediction(found, plot)
 
 
 @app.command
@@ -155,7 +166,7 @@ def simulate(
     output: Annotated[
         Path | None, Parameter(alias="-o", help="Write the run as NetCDF; it can be made again from it.")
     ] = None,
-    again: Annotated[bool, Parameter(help="RIG is a run: make it again from its provenance.", negative="")] = False,
+    long: Long = False,
     json: Json = False,
     plot: Plot = None,
 ) -> None:
@@ -164,23 +175,50 @@ def simulate(
     Parameters
     ----------
     rig
-        A rig file in TOML, or with --again a run that `simulate` wrote.
+        A rig file in TOML, or the name of an example.
     """
-    from stickslip import measure
-    from stickslip.io import datasets as store
     from stickslip.io import rig_files as rigs
-    from stickslip.simulation import rerun
     from stickslip.simulation import simulate as run_case
 
     _check_outputs(output, plot, read=rig)
+    described = rigs.read_rig(rig)
     with _bar("simulating") as progress:
-        if again:
-            run = rerun(before := store.load(rig), progress=progress)
-            run.attrs.update({key: value for key, value in before.attrs.items() if key not in run.attrs})
-        else:
-            described = rigs.read_rig(rig)
-            run = run_case(described, progress=progress)
-            run.attrs["rig"] = rigs.to_toml(described)
+        result = run_case(described, progress=progress, long=long)
+    result.attrs["rig"] = rigs.to_toml(described)
+    _keep_run(result, output, plot, json=json)
+
+
+@app.command
+def rerun(
+    run: Path,
+    *,
+    output: Annotated[Path | None, Parameter(alias="-o", help="Write the new run as NetCDF.")] = None,
+    json: Json = False,
+    plot: Plot = None,
+) -> None:
+    """Make a run again from its provenance, bit for bit, and say what it did.
+
+    Parameters
+    ----------
+    run
+        A run (NetCDF) that `stickslip simulate` wrote.
+    """
+    from stickslip import simulation
+    from stickslip.io import datasets as store
+
+    _check_outputs(output, plot, read=run)
+    before = store.load(run)
+    with _bar("simulating") as progress:
+        result = simulation.rerun(before, progress=progress)
+    result.attrs.update({key: value for key, value in before.attrs.items() if key not in result.attrs})
+    _keep_run(result, output, plot, json=json)
+
+
+def _keep_run(run: xr.Dataset, output: Path | None, plot: Path | None, *, json: bool) -> None:
+    """Write a run and its picture, and say what it did."""
+    from stickslip import measure
+    from stickslip.io import datasets as store
+
     if output is not None:
         store.save(run, output)
     seen = measure.regime(run)
@@ -412,50 +450,34 @@ def paper(
     *,
     check: Annotated[bool, Parameter(help="Check the paper's claims; exit code 1 if one fails.", negative="")] = False,
     quick: Annotated[bool, Parameter(help="Fewer points and contacts.", negative="")] = False,
-    directory: Annotated[Path, Parameter(alias="-d", help="Where picture and data go.")] = Path(),
+    output: Annotated[Path, Parameter(alias="-o", help="Directory for pictures and data; made if missing.")] = Path(),
+    formats: Annotated[
+        list[Literal["png", "pdf", "svg"]] | None,
+        Parameter(name="--format", help="Of the picture; may be given more than once.", negative=""),
+    ] = None,
     json: Json = False,
 ) -> int:
-    """Make a figure of the paper: picture, data and, with --check, its claims with verdicts.
+    """Make a figure of the paper, or all: picture, data, caption and, with --check, its claims with verdicts.
 
     Parameters
     ----------
     figure
-        fig1, fig2 ...
+        fig1, fig2 ... or all
     """
-    from stickslip import plot as drawing
-    from stickslip.io import datasets as store
-    from stickslip.paper import FIGURES
+    from stickslip.paper import figures_named, places, reproduce
 
-    if figure not in FIGURES:
-        raise InputError(f"{figure}: no such figure; there are {', '.join(FIGURES)}")
-    if not directory.is_dir():
-        raise InputError(f"--directory {directory}: no such directory")
-    picture, file = directory / f"{figure}.png", directory / f"{figure}.nc"
-    _check_outputs(picture, file)
-    chosen = FIGURES[figure]
-    with _bar(figure) as progress:
-        data = chosen.compute(progress=progress, quick=quick)
-    drawing.save(chosen.draw(data), picture)
-    store.save(data, file)
-    claims = chosen.check(data) if check else ()
-    failed = [claim for claim in claims if not claim.ok]
+    kinds, chosen = formats or ["png"], figures_named(figure)
+    for one in chosen:  # before any work is done
+        places(one, output, kinds)
+    made = []
+    for one in chosen:
+        with _bar(one.name) as progress:
+            made.append(reproduce(one, output, formats=kinds, check=check, quick=quick, progress=progress))
+        if not json:
+            print(made[-1], end="\n\n" if one is not chosen[-1] else "\n", flush=True)
     if json:
-        _print_json(
-            {
-                "picture": str(picture),
-                "data": str(file),
-                "claims": [claim.plain() for claim in claims],
-                "ok": not failed,
-            }
-        )
-        return 1 if failed else 0
-    for claim in claims:
-        print(claim)
-        print()
-    print(f"picture: {picture}\ndata: {file}")
-    if failed:
-        print(f"{len(failed)} of {len(claims)} claims did not come out as settled", file=sys.stderr)
-    return 1 if failed else 0
+        _print_json({"figures": [one.to_dict() for one in made], "ok": all(one.ok for one in made)})
+    return 0 if all(one.ok for one in made) else 1
 
 
 @app.command
@@ -623,10 +645,10 @@ def _cut(result: xr.Dataset, at: str | None) -> xr.Dataset:
 def _draw_sweep(result: xr.Dataset, picture: Path, *, bistable: bool) -> str:
     """Draw a sweep with what theory says on top; return what that is, or why there is nothing."""
     from stickslip import plot as drawing
-    from stickslip.sweep import plan as plans
+    from stickslip.sweep.theory import with_theory
 
     with _bar("drawing") as progress:
-        result = plans.with_theory(result, bistable=bistable, progress=progress)
+        result = with_theory(result, bistable=bistable, progress=progress)
     drawing.save(drawing.sweep_picture(result), picture)
     return str(result.attrs["theory"])
 
@@ -746,64 +768,74 @@ def _print_json(value: Any) -> None:
     print(jsonlib.dumps(value, indent=2))
 
 
-def _prediction_as_plain(found: Prediction, rig: Rig) -> dict[str, Any]:
-    keep = {
-        field.name: _plain(getattr(found, field.name)) for field in fields(found) if field.name not in ("rig", "run")
-    }
-    scales = None if rig.scales is None else _plain(rig.scales)
-    return {
-        "rig": rig.name,
-        "units": "natural, per contact; multiply by the scales for SI; each regime names its own",
-        "scales": scales,
-        "velocity": rig.natural.velocity,
-        "stiffness": rig.slider.stiffness,
-        "stiffness_margin": _plain(found.stiffness_margin),
-        "smooth": found.smooth,
-        "bistable": found.bistable,
-        "verdict": found.verdict,
-        **keep,
-        "assumed": {key: str(item) for key, item in rig.assumed.items()},
-    }
-
-
-def _print_prediction(found: Prediction, rig: Rig, picture: Path | None) -> None:
+def _print_prediction(found: Prediction, picture: Path | None) -> None:
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
-    # In a pipe nobody knows the width of the page: keep the lines of a table whole. What users write is no markup.
-    width = None if sys.stdout.isatty() else 140
-    console = Console(highlight=False, markup=False, emoji=False, soft_wrap=True, width=width)
+    # In a pipe nobody knows the width of the page: sentences are wrapped, the lines of a table kept whole. What users
+    # write is no markup.
+    terminal = sys.stdout.isatty()
+    console = Console(highlight=False, markup=False, emoji=False, width=None if terminal else _PIPE_WIDTH)
+    tables = console if terminal else Console(highlight=False, markup=False, emoji=False, width=2 * _PIPE_WIDTH)
 
-    def titled(title: str, rest: str) -> None:
-        console.print(Text.assemble((title, "bold"), rest))
+    def say(line: str, bold: str = "") -> None:
+        indent = "  " if line.startswith("- ") else ""
+        for text in Text.assemble((bold, "bold"), line).wrap(console, console.width - len(indent)):
+            text.rstrip()
+            console.print(text if text.plain.startswith("- ") or not indent else Text(indent) + text, soft_wrap=True)
 
-    titled(rig.name, f": {found.verdict}\n")
-    console.print(f"{found.regime}\n")
+    def bullets(title: str, rest: str, lines: Iterable[str]) -> None:
+        lines = list(lines)
+        if lines:
+            console.print()
+            say(rest, title)
+            for line in lines:
+                say(f"- {line}")
+
+    rig = found.rig
+    say(f": {found.verdict}", rig.name)
+    console.print()
+    if not found.judged:
+        say(f"To measure it, {found.measure_note()}")
+        console.print()
+    else:
+        for line in str(found.regime).splitlines():
+            say(line)
+        console.print()
     numbers = Table(box=None, show_header=False, pad_edge=False)
     for name, text in found.numbers():
-        numbers.add_row(name, text)
-    console.print(numbers)
+        numbers.add_row(Text(name), Text(text))
+    tables.print(numbers)
     if found.margins:
-        titled("\nMargins", " of smooth sliding, each parameter varied alone (linear stability)")
+        console.print()
+        say(" of smooth sliding, one parameter varied at a time (linear stability)", "Margins")
         table = Table(box=None, pad_edge=False)
-        for title in ("parameter", "now", "nearest edge below", "nearest edge above"):
+        for title in ("parameter", "now", "stability limit below", "stability limit above"):
             table.add_column(title)
         for row in found.margin_rows():
-            table.add_row(*row)
-        console.print(table)
-    if found.mitigations:
-        titled("\nRemedies", ", one change at a time, the smallest first")
-        for line in found.mitigation_lines():
-            console.print(f"- {line}")
-    elif found.ill:
-        console.print("\nNo single change within the ranges searched gives smooth sliding.")
+            table.add_row(*(Text(cell) for cell in row))
+        tables.print(table)
+    bullets("Mitigations", ", the smallest change first; simulated", found.mitigation_lines())
+    bullets("Tried", ", within the range searched", found.attempt_lines())
+    if note := found.search_note():
+        console.print()
+        say(note)
     if rig.assumed:
-        titled("\nAssumed", ", not measured:")
-        for key, how in rig.assumed.items():
-            console.print(f"- {key}: {how}")
+        console.print()
+        say(", not measured", "Assumed")
+        table = Table(box=None, pad_edge=False)
+        table.add_column("key", min_width=max(map(len, rig.assumed)))
+        for title in ("assumed", "how to measure it"):
+            table.add_column(title)
+        for key, item in rig.assumed.items():
+            table.add_row(Text(key), Text(item.said), Text(item.how))
+        console.print(table)
     if picture is not None:
-        console.print(f"\npicture: {picture}")
+        console.print(f"\npicture: {picture}", soft_wrap=True)
+
+
+_PIPE_WIDTH = 80
 
 
 if __name__ == "__main__":

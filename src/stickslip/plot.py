@@ -504,22 +504,18 @@ def chart(found: xr.Dataset) -> Figure:
         decades = 10.0 ** (np.floor(np.log10(largest)) - np.array([0.0, 1.0]))
         ticks = [*-decades, 0.0, *decades[::-1]]
         figure.colorbar(shade, ax=ax, label=label(found["growth_rate"]), ticks=ticks)
-        stable_edge = found["other_unstable"].to_numpy() == 0
         number_of = found["curve"].to_numpy()
         x, y = found[f"edge_{across}"].to_numpy(), found[f"edge_{up}"].to_numpy()
         named = False
         for curve in np.unique(number_of):
             mine = number_of == curve
-            inner = np.where(stable_edge[mine], y[mine], np.nan)
-            ax.plot(x[mine], y[mine], color="0.45", lw=0.6)
-            ax.plot(x[mine], inner, color="black", lw=1.6, label=None if named else "boundary of smooth sliding")
+            ax.plot(x[mine], y[mine], color="black", lw=1.6, label=None if named else "boundary of smooth sliding")
             named = True
             for i in np.linspace(0, mine.sum() - 1, 4).astype(int)[1:-1]:
-                if stable_edge[mine][i]:
-                    omega = float(found["edge_frequency"].to_numpy()[mine][i])
-                    box = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85}
-                    place_of = (x[mine][i], y[mine][i])
-                    ax.annotate(f"{omega / (2 * np.pi):.3g}", place_of, fontsize="small", bbox=box, ha="center")
+                omega = float(found["edge_frequency"].to_numpy()[mine][i])
+                box = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85}
+                place_of = (x[mine][i], y[mine][i])
+                ax.annotate(f"{omega / (2 * np.pi):.3g}", place_of, fontsize="small", bbox=box, ha="center")
         if "band" in found.dims and found.sizes["band"]:
             low, high = (found[f"band_{up}_{end}"].to_numpy() for end in ("low", "high"))
             place = found[f"band_{across}"].to_numpy()

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from stickslip.errors import InputError, instance, number, whole
 from stickslip.model import Contacts, Delay, Interface, MasterEquation
 from stickslip.model.distributions import SteadyState, excess
-from stickslip.simulation import LABELS, check_method, initial_nodes, pull_rigidly
+from stickslip.simulation import LABELS, initial_nodes, pull_rigidly
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -81,11 +81,11 @@ def rigid_slide(
     distance = number("slide: distance", distance, above=0, hint="in x_s")
     velocity = number("slide: velocity", velocity, above=0, hint="in x_s per time")
     instance("slide: interface", interface, Interface, "an Interface")
-    check_method(interface, method)
     if isinstance(method, (Contacts, MasterEquation)):
         return pull_rigidly(interface, distance, velocity, method, points=math.ceil(min(1000 * distance, 1e6)))
     if not isinstance(method, Renewal):
         raise InputError(f"slide: method = {method!r}: must be Renewal(), Contacts(...) or MasterEquation(...)")
+    _check_renewal(interface)
     import xarray as xr
 
     solution = _Solution(interface, distance, velocity, method.points)
@@ -110,6 +110,13 @@ def rigid_slide(
     )
 
 
+def _check_renewal(interface: Interface) -> None:
+    """Raise `InputError` for what the renewal equation cannot take: ageing, and thresholds without a density."""
+    if interface.ageing is not None:
+        raise InputError(f"Interface.ageing = {interface.ageing}: not available with Renewal; use Contacts")
+    interface.threshold_distribution.density(0.0)
+
+
 def effective_stiffness(interface: Interface, X: ArrayLike, *, velocity: float = 1.0) -> Array:
     """Effective stiffness of the interface ``K_eff = -dF_c/dX``, Eq. (7), per contact.
 
@@ -127,7 +134,7 @@ def effective_stiffness(interface: Interface, X: ArrayLike, *, velocity: float =
     X = np.atleast_1d(np.asarray(X, dtype=float))
     if X.size == 0 or not np.all(np.isfinite(X)) or X.min() < 0:
         raise InputError("effective_stiffness: X must be finite displacements of at least 0, in x_s")
-    check_method(interface, Renewal())
+    _check_renewal(interface)
     distance = max(float(X.max()), 1e-3)
     points = _points(interface, distance)
     return -_Solution(interface, distance, velocity, points).at(X).stiffness
@@ -165,7 +172,7 @@ def steepest_fall(interface: Interface, *, reattachment: bool = True) -> tuple[f
     """Return the largest effective stiffness and the displacement where it occurs; see `critical_stiffness`."""
     instance("critical_stiffness: interface", interface, Interface, "an Interface")
     instance("critical_stiffness: reattachment", reattachment, bool, "True or False")
-    check_method(interface, Renewal())
+    _check_renewal(interface)
     delay = Delay(0.0) if reattachment else Delay(math.inf)
     bare = Interface(thresholds=interface.thresholds, initial=interface.initial, delay=delay)
     distribution = bare.threshold_distribution

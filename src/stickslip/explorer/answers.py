@@ -215,7 +215,6 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 1.0
     shade = _shade(values / largest)
     levels = np.array([-1.0, -0.1, -0.01, 0.0, 0.01, 0.1, 1.0])
-    edge = found["other_unstable"].to_numpy() == 0
     yield {
         "x": _map_axis(found[over[0]]),
         "y": _map_axis(found[over[1]]),
@@ -226,8 +225,8 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
         "levels": {"at": _list(_shade(levels)), "text": [f"{level * largest:.2g}" for level in levels]},
         "curves": [
             {
-                "x": _list(np.where(edge[mine], found[f"edge_{over[0]}"].to_numpy()[mine], np.nan)),
-                "y": _list(np.where(edge[mine], found[f"edge_{over[1]}"].to_numpy()[mine], np.nan)),
+                "x": _list(found[f"edge_{over[0]}"].to_numpy()[mine]),
+                "y": _list(found[f"edge_{over[1]}"].to_numpy()[mine]),
             }
             for mine in (found["curve"].to_numpy() == curve for curve in np.unique(found["curve"].to_numpy()))
         ],
@@ -289,16 +288,14 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
     found = advise.predict(rig, progress=watch)
     mitigations = []
     for mitigation, words in zip(found.mitigations, found.mitigation_lines(), strict=True):
+        name, *others = mitigation.parameters
         targets = (("smooth sliding stays", mitigation.keeps), ("stick-slip decays", mitigation.stops))
         steps = [
-            {
-                "title": f"{advise.amount(rig, mitigation.parameter, value)}: {title}",
-                "value": value * _unit(rig, mitigation.parameter),
-            }
-            for title, value in targets
-            if value is not None
+            {"title": f"{advise.amount(rig, name, values[0])}: {title}", "value": values[0]}
+            for title, values in targets
+            if values is not None and not others  # a button varies one parameter
         ]
-        mitigations.append({"parameter": mitigation.parameter, "words": words, "steps": steps})
+        mitigations.append({"parameter": name, "words": words, "steps": steps})
     yield {
         "name": rig.name,
         "verdict": found.verdict,

@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from stickslip import model
 from stickslip.errors import InputError, number, shown
 from stickslip.io import rig_files as rigs
 from stickslip.model import Contacts, constant, parameter_named
@@ -21,20 +20,13 @@ from stickslip.model.rig import Rig
 from stickslip.model.units import Quantity, Scales, quantity
 from stickslip.paper import cases
 from stickslip.paper.cases import PaperCase
+from stickslip.simulation import estimate
 from stickslip.stability import PARAMETERS
 
 Document = dict[str, Any]
 
-MOST_BREAKS = 2e7
-"""Contacts times distance in ``x_s``: about as many breaks; a few seconds of work."""
-MOST_COHORTS = 1e5
-"""The same for the master equation: cells times distance."""
-MOST_AGES = 2e5
-"""With ageing thresholds: cells times the times of ageing in a run."""
-AGEING_COSTS = 20.0
-"""A contact whose threshold ages takes about this many times the work."""
-MOST_RADIANS = 2e6
-"""Angle that the held slider's oscillation turns through in a run."""
+LONGEST = 8.0
+"""Seconds of a run, as estimated before it starts."""
 MOST_SAMPLES = 200_000
 """Of a run; by default there are 50,000 at most, and a screen shows some thousands."""
 MOST_PIECES = 1_000
@@ -145,8 +137,6 @@ def of(rig: Rig) -> Document:
 def check_size(rig: Rig) -> None:
     """Raise `InputError` if a run would keep the page waiting."""
     pieces = rig.drive.pieces
-    distance = sum(0.5 * (abs(piece.start) + abs(piece.end)) * piece.duration for piece in pieces)
-    ageing = 1.0 if rig.interface.ageing is None else AGEING_COSTS
     elsewhere = "for longer ones use `stickslip simulate`"
     _check_decades(rig)
     if len(pieces) > MOST_PIECES:
@@ -169,42 +159,11 @@ def check_size(rig: Rig) -> None:
             f"samples), to stay live; {elsewhere}",
             "simulation.interval",
         )
-    if isinstance(rig.method, Contacts):
-        most = MOST_BREAKS / (ageing * max(distance, 1.0))
-        if rig.method.count > most:
-            raise InputError(
-                f"simulation.contacts = {rig.method.count:g}: must be at most {most:.3g} over a distance of "
-                f"{distance:.4g} x_s, to stay live; {elsewhere}",
-                "simulation.contacts",
-            )
-    elif rig.method.cells * distance > MOST_COHORTS:
-        raise InputError(
-            f"simulation.cells = {rig.method.cells:g}: must be at most {MOST_COHORTS / distance:.3g} over a distance "
-            f"of {distance:.4g} x_s, to stay live; {elsewhere}",
-            "simulation.cells",
-        )
-    if isinstance(rig.interface.ageing, model.Langevin):
-        # Thresholds take steps that are short against their time of ageing, at rest as in motion.
-        age = rig.interface.ageing.rate**-2
-        work = rig.method.count / MOST_BREAKS if isinstance(rig.method, Contacts) else rig.method.cells / MOST_AGES
-        if age < (least := work * rig.drive.duration):
-            raise InputError(
-                f"interface.ageing.time = {rig.in_units(age, 'time')}: must be at least {rig.in_units(least, 'time')} "
-                f"in a run of this length, to stay live; {elsewhere}",
-                "interface.ageing.time",
-            )
     if rig.slider.mass == 0:
         raise InputError(
             "slider.mass = 0: must be above 0 for a run; theory of stability takes a slider without", "slider.mass"
         )
-    turns = math.sqrt((rig.slider.stiffness + 1.0) / rig.slider.mass) * rig.drive.duration
-    if turns > MOST_RADIANS:
-        least = rig.slider.mass * (turns / MOST_RADIANS) ** 2
-        raise InputError(
-            f"slider.mass = {rig.in_units(rig.slider.mass, 'mass')}: must be at least "
-            f"{rig.in_units(least, 'mass')} in a run of this length, to stay live; {elsewhere}",
-            "slider.mass",
-        )
+    estimate(rig).check(LONGEST, otherwise="use `stickslip simulate`")
 
 
 def _check_decades(rig: Rig) -> None:

@@ -1,6 +1,6 @@
 """What a force trace shows: its slips, its regime, and where the regime changes on a ramp.
 
-Every function takes an `xarray.Dataset` with the coordinate `t` and the variable `F_d`, the force of the
+Every function takes an `xarray.Dataset` with the coordinate `time` and the variable `spring_force`, the force of the
 driving spring: a run of the model (which also has `X`, `velocity`, `drive_velocity`, `attached`) or a trace
 measured on a bench, read with `read_trace` (which has the force only). What is there is used. Units are those
 of the data.

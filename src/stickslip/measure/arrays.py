@@ -53,18 +53,29 @@ class Trace:
         """Take them from a Dataset; `InputError` if it holds no force, or values that are not finite."""
         instance("measure: data", data, xr.Dataset, "a Dataset, such as simulate() and read_trace() return")
         if "spring_force" not in data or "time" not in data["spring_force"].dims:
-            raise InputError("measure: need a Dataset with the variable F_d along t; read a file with read_trace()")
+            raise InputError(
+                "measure: need a Dataset with the variable spring_force along time; read a file with read_trace()"
+            )
         for name in ("time", "spring_force", "displacement", "velocity", "drive_velocity", "attached"):
             if name in data:
                 check_numbers("measure", data[name])
         t = np.asarray(data["time"].values, dtype=float)
         if t.size < FEWEST_READINGS:
-            raise InputError(f"measure: {t.size} samples of F_d are too few to judge; {FEWEST_READINGS} is the least")
+            raise InputError(
+                f"measure: {t.size} samples of spring_force are too few to judge; {FEWEST_READINGS} is the least"
+            )
         if not np.all(np.isfinite(t)) or not np.all(np.diff(t) > 0):
             raise InputError("measure: the times t must be finite and rising")
         arrays = {
             name: np.asarray(data[name].values, dtype=float) if name in data else None
-            for name in ("spring_force", "displacement", "velocity", "drive_velocity", "attached", "displacement")
+            for name in (
+                "spring_force",
+                "displacement",
+                "velocity",
+                "drive_velocity",
+                "attached",
+                "measured_displacement",
+            )
         }
         for name, values in arrays.items():
             if values is None:
@@ -92,7 +103,7 @@ class Trace:
             sign=sign,
             largest=top if (top := float(np.max(sign * force))) > 0 else float(np.max(np.abs(force))),
             contacts=_contacts(data),
-            displacement=arrays["displacement"],
+            displacement=arrays["measured_displacement"],
             time_unit={"": "", "time": " time units"}.get(unit := str(data["time"].attrs.get("units", "")), f" {unit}"),
         )
 

@@ -29,7 +29,7 @@ def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float |
     data : Dataset
         A run or a measured trace.
     minimum_drop : float, optional
-        Smallest drop that counts, in the unit of `F_d`. By default the larger of (a) the drop that the noise
+        Smallest drop that counts, in the unit of `spring_force`. By default the larger of (a) the drop that the noise
         from sample to sample could show by chance in so many samples, and (b) a tenth of the typical drop
         (the median, weighted by the squares of the drops). By default, too, noise of the contacts has no slips,
         and smooth sliding none; the attribute ``criterion`` says so.
@@ -57,14 +57,14 @@ def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float |
     --------
     >>> import numpy as np, xarray as xr, stickslip as ss
     >>> t = np.arange(0.0, 20.0, 0.01)
-    >>> trace = xr.Dataset({"spring_force": ("t", 3.0 + 2.0 * (t % 1.5), {"units": "N"})}, {"t": t})
+    >>> trace = xr.Dataset({"spring_force": ("time", 3.0 + 2.0 * (t % 1.5), {"units": "N"})}, {"time": t})
     >>> found = ss.drops(trace)
     >>> found.sizes["event"], round(found["drop"].attrs["mean"], 2)
     (13, 2.98)
     """
     trace = Trace.of(data)
     if minimum_drop is not None:
-        minimum_drop = number("minimum_drop", minimum_drop, above=0, hint="in the unit of F_d")
+        minimum_drop = number("minimum_drop", minimum_drop, above=0, hint="in the unit of spring_force")
     if after is not None:
         trace = since(trace, after)
     strokes = find_strokes(trace) if trace.drive is None else []

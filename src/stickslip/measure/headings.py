@@ -33,7 +33,7 @@ _WORDS: dict[str, tuple[str, float]] = {
     **dict.fromkeys(("deg", "°", "rad", "rpm"), ("angle", 1.0)),
 }
 _NAMES: dict[Quantity, set[str]] = {
-    "time": {"time", "times", "elapsed", "elapsed time", "seconds", "sec", "zeit", "x value", "timestamp"},
+    "time": {"t", "time", "times", "elapsed", "elapsed time", "seconds", "sec", "zeit", "x value", "timestamp"},
     "coefficient": {
         *("cof", "mu", "coefficient of friction", "friction coefficient", "friction coeff", "coeff of friction"),
         *("reibwert", "reibungszahl", "reibungskoeffizient", "reibkoeffizient", "coefficient de frottement"),
@@ -43,7 +43,7 @@ _NAMES: dict[Quantity, set[str]] = {
         *("force normale", "sigma n", "axial load"),
     },
     "force": {
-        *("f", "f d", "fd", "force", "pull", "friction", "friction force", "frictional force", "spring force"),
+        *("f", "f d", "fd", "force", "pull", "friction", "friction force", "frictional force", "driving force"),
         *("spring force", "tangential force", "shear force", "lateral force", "shear stress", "fx", "f x", "ft", "f t"),
         *("kraft", "reibkraft", "reibungskraft", "tangentialkraft", "zugkraft", "force de frottement", "ff", "f f"),
     },

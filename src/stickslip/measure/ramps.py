@@ -91,7 +91,7 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
         A run in which the drive speeds up, or slows down, or first speeds up and then slows down; it may also
         keep its velocity for a while.
     level : float, optional
-        In the unit of `F_d`; by default .4, in ``f_s`` per contact.
+        In the unit of `spring_force`; by default .4, in ``f_s`` per contact.
     window : float, optional
         In the unit of `X`; by default 4, in ``x_s``; it should hold two cycles or more. Both must be given for
         a run in SI units.
@@ -120,7 +120,7 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
         unit = str(run[of].attrs.get("units", "")) if of in run else ""
         if value is None and unit.strip().lower() in _SI_UNITS:
             raise InputError(f"transitions: {of} is in {unit}: give {name} in that unit (.4 f_s and 4 x_s are usual)")
-    level = 0.4 if level is None else number("level", level, above=0, hint="in the unit of F_d")
+    level = 0.4 if level is None else number("level", level, above=0, hint="in the unit of spring_force")
     oscillation = _swing(run, 4.0 if window is None else window)
     top = _turning_time(run)
     on = _settled(np.asarray(oscillation["peak_to_peak"].values > level), _PARTS // 2)

@@ -64,10 +64,10 @@ def read_trace(
     Returns
     -------
     Dataset
-        `F_d` along `t`, and `filled`, true where the force was interpolated; `displacement`, `load` and, with a
-        load, `mu`, the force over the load, where the file has them. Units are those of the file; N and s where
-        it says nothing. A coefficient of friction read as `F_d` has the unit 1. Attributes ``source``, ``rows``,
-        ``flipped``,
+        `spring_force` along `time`, and `filled`, true where the force was interpolated; `measured_displacement`,
+        `load` and, with a load, `mu`, the force over the load, where the file has them. Units are those of the file; N
+        and s where it says nothing. A coefficient of friction read as `spring_force` has the unit 1. Attributes
+        ``source``, ``rows``, ``flipped``,
         ``note`` (what was filled in and what was assumed, in words) and ``unreadable`` (JSON: a list of line
         numbers and texts).
 
@@ -84,7 +84,7 @@ def read_trace(
     >>> with open("bench.csv", "w") as file:
     ...     print("Zeit;Kraft", "ms;mN", *(f"{10 * i};{5 + i % 7},5" for i in range(40)), sep="\n", file=file)
     >>> trace = ss.read_trace("bench.csv")
-    >>> trace["spring_force"].attrs["units"], trace["t"].attrs["units"], float(trace["spring_force"].max())
+    >>> trace["spring_force"].attrs["units"], trace["time"].attrs["units"], float(trace["spring_force"].max())
     ('mN', 'ms', 11.5)
     """
     place = str(path)
@@ -160,8 +160,8 @@ def _dataset(
         assumed.append("the file names no unit of the time: s assumed")
     if chosen.displacement is not None:
         unit = read.units[chosen.displacement]
-        variables["displacement"] = (
-            "time", filled(read.values[chosen.displacement]), {"units": unit, "long_name": "displacement"}
+        variables["measured_displacement"] = (
+            "time", filled(read.values[chosen.displacement]), {"units": unit, "long_name": "displacement, as measured"}
         )  # fmt: skip
     if chosen.load is not None:
         load_unit, loads = read.units[chosen.load] or force_unit, filled(read.values[chosen.load])

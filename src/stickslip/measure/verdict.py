@@ -491,7 +491,8 @@ def _without_drops(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]
     if oscillation > MOST_NOISE * friction:
         return (
             "undecided",
-            f"noise of {oscillation:.3g} about a mean force of {abs(seen.mean_force):.3g} hides what there is: record more "
+            f"noise of {oscillation:.3g} about a mean force of {abs(seen.mean_force):.3g} hides what there is: record "
+            "more "
             "often",
         )
     return "smooth sliding", f"the force shows noise only, {part}"

@@ -6,11 +6,19 @@ from dataclasses import dataclass, replace
 from typing import Annotated
 
 from stickslip.model.records import Number, check
+from stickslip.model.registry import registrar
+
+AGEING_MODELS: dict[str, type] = {}
+"""The models of ageing that rig files can name."""
+
+register = registrar(AGEING_MODELS, "ageing model")
+"""Class decorator: ``@register("langevin")`` gives an ageing model the name that rig files use."""
 
 
+@register("langevin")
 @dataclass(frozen=True, kw_only=True)
 class Langevin:
-    """Thresholds that age towards the interface's Gaussian distribution as an Ornstein-Uhlenbeck process, Eqs. (13)-(16).
+    """Thresholds that age towards the interface's Gaussian as an Ornstein-Uhlenbeck process, Eqs. (13)-(16).
 
     ``df = beta^2 (f_0 - f) dt + beta delta f_0 sqrt(2) dW``, with ``f_0`` and ``delta`` the mean and the relative
     standard deviation of ``Interface.thresholds``.
@@ -39,6 +47,7 @@ class Langevin:
         return replace(self, rate=value**-0.5)
 
 
+@register("exponential")
 @dataclass(frozen=True, kw_only=True)
 class ExponentialGrowth:
     """Thresholds that grow as ``f(t) = f_end - (f_end - newborn) exp(-rate t)``.
@@ -54,6 +63,7 @@ class ExponentialGrowth:
         check(self)
 
 
+@register("logarithmic")
 @dataclass(frozen=True, kw_only=True)
 class LogarithmicGrowth:
     """Thresholds that grow as ``f(t) = f_0 + slope ln(1 + t/time)``, the ageing of creeping asperities.
@@ -69,10 +79,3 @@ class LogarithmicGrowth:
 
 
 Strengthening = Langevin | ExponentialGrowth | LogarithmicGrowth
-
-AGEING_MODELS: dict[str, type] = {
-    "langevin": Langevin,
-    "exponential": ExponentialGrowth,
-    "logarithmic": LogarithmicGrowth,
-}
-"""Models of ageing by the names that rig files call them by."""

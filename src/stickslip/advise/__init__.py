@@ -1,0 +1,17 @@
+"""The answer to: will this rig stick-slip, at which speeds, and what would stop it.
+
+`predict` answers for a `Rig`; `chart` draws up the map around it. Three questions are kept apart, because their answers
+differ:
+
+- *elastic instability*: is the spring softer than the steepest fall of the force, ``K < K*``, Eq. (8)? Needed for a
+  first slip, not enough for stick-slip to persist.
+- *linear stability*: does smooth sliding, once there, resist a small disturbance?
+- *sustained stick-slip*: does stick-slip go on from a start at rest? Between the last two the rig is bistable.
+"""
+
+from stickslip.advise.chart import chart
+from stickslip.advise.mitigations import Attempt, Mitigation
+from stickslip.advise.prediction import Margin, Prediction, amount, complete, predict
+from stickslip.advise.speeds import Band
+
+__all__ = ["Attempt", "Band", "Margin", "Mitigation", "Prediction", "amount", "chart", "complete", "predict"]

@@ -1,0 +1,250 @@
+"""What would stop it: the smallest changes that give smooth sliding, each judged by runs of the rig's own contacts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+from stickslip.advise.judging import Budget, Spent, contacts_of, first_smooth, judge, slides_smoothly
+from stickslip.advise.linear import is_stable, stable_ranges, together
+from stickslip.errors import InputError
+from stickslip.model import FromRest, FromSliding
+from stickslip.model.parameters import (
+    AGEING,
+    DAMPING,
+    DELAY,
+    MASS,
+    STD,
+    STIFFNESS,
+    VELOCITY,
+    Parameter,
+    parameter_named,
+)
+from stickslip.model.rig import Rig
+
+RANGE, AGED_RANGE = 30.0, 10.0
+"""Changes are looked for up to this factor."""
+_CLEARANCE = 1.03
+_CLEARANCES = (_CLEARANCE, 1.1, 1.25)
+"""How far past a linear boundary runs begin; and those that test whether smooth sliding stays."""
+Parts = tuple[tuple[Parameter, int], ...]
+"""Parameters varied together, each up (+1) or down (-1)."""
+TURNABLE: tuple[tuple[Parameter, tuple[int, ...]], ...] = (
+    (VELOCITY, (1, -1)),
+    (STIFFNESS, (1, -1)),
+    (DAMPING, (1, -1)),
+    (MASS, (1, -1)),
+)
+"""What can be changed on a machine, and which way is looked at first."""
+OTHERS: tuple[tuple[Parameter, tuple[int, ...]], ...] = ((DELAY, (-1,)), (STD, (1,)), (AGEING, (-1, 1)))
+"""What only another material or surface would change."""
+_WIDEST_STD = 0.5
+NATURAL_SIDES = {"stiffness": 1, "damping": 1}
+"""Ways to turn in pairs, unless runs have shown better ones."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mitigation:
+    """A change of one parameter, or of two together, that gives smooth sliding; in the rig's own units.
+
+    Attributes
+    ----------
+    parameters : tuple of str
+    values : tuple of float
+        Where they stand.
+    keeps : tuple of float or None
+        Smooth sliding, once reached, stays: it is linearly stable, and the rig's own contacts did not leave it in two
+        runs. None if that holds without a change, or is no nearer than `stops`.
+    stops : tuple of float or None
+        Stick-slip decays even from a start at rest, in two runs of the rig's own contacts; to within 5 % the smallest
+        such change. None if none was found.
+    """
+
+    parameters: tuple[str, ...]
+    values: tuple[float, ...]
+    keeps: tuple[float, ...] | None
+    stops: tuple[float, ...] | None
+
+    @property
+    def size(self) -> float:
+        """How far the parameters must be varied, as the sum of the logarithms of their factors."""
+        targets = self.stops if self.stops is not None else self.keeps
+        if targets is None:
+            return math.inf
+        return sum(abs(math.log(target / value)) for target, value in zip(targets, self.values, strict=True))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attempt:
+    """A change that does not give smooth sliding within the range searched: how far it was taken, and what is left.
+
+    Attributes
+    ----------
+    parameter : str
+    value, reached : float
+        Where it stands, and the end of the range in the better direction; in the rig's own units.
+    amplitude_before, amplitude : float
+        Peak-to-peak force from rest, as a fraction of static friction, now and at `reached`.
+    kind : str
+        Of the motion at `reached`.
+    """
+
+    parameter: str
+    value: float
+    reached: float
+    amplitude_before: float
+    amplitude: float
+    kind: str
+
+
+class Search:
+    """The search for changes of one rig; it stops when its budget is spent, and says what it left."""
+
+    def __init__(self, setting: Rig, unstable: bool, budget: Budget) -> None:
+        self.setting, self.unstable, self.budget = setting, unstable, budget
+        self.method = contacts_of(setting)
+        self.range = RANGE if setting.interface.ageing is None else AGED_RANGE
+        self.left_out: list[str] = []
+        self.known: dict[tuple[tuple[str, int], ...], list[tuple[float, float]]] = {}
+
+    def single(self, report: Callable[[float], None]) -> list[Mitigation]:
+        """The smallest change of each parameter, those that an engineer can turn first."""
+        choices = [(p, sides) for p, sides in (*TURNABLE, *OTHERS) if self._has(p)]
+        found: dict[str, list[Mitigation]] = {}
+        for i, (parameter, sides) in enumerate(choices):
+            report(i / len(choices))
+            found[parameter.name] = [m for side in sides if (m := self._stop(((parameter, side),))) is not None]
+        if self.unstable:
+            for parameter, sides in choices:
+                found[parameter.name] += [m for side in sides if (m := self._keep((parameter, side))) is not None]
+        return [_best(each) for each in found.values() if each]
+
+    def pairs(self, sides: dict[str, int]) -> list[Mitigation]:
+        """Two of the parameters that can be turned, each by the same factor, in the directions given."""
+        choices = [(p, sides[p.name]) for p, _ in TURNABLE if p.name in sides]
+        return [m for pair in combinations(choices, 2) if (m := self._stop(pair)) is not None]
+
+    def attempts(self, before: float, static_friction: float, cured: set[str]) -> Iterator[tuple[Attempt, int]]:
+        """How far each parameter gets that can be turned and does not give smooth sliding: the better end of its range."""
+        for parameter, sides in TURNABLE:
+            if parameter.name in cured or not self._has(parameter):
+                continue
+            value, ends = parameter.get(self.setting), []
+            for side in sides:
+                try:
+                    there = parameter.set(self.setting, value * self.range**side)
+                    seen = judge(there, self.method, self.budget)
+                except (Spent, InputError):
+                    continue
+                ends.append((seen.peak_to_peak, value * self.range**side, seen.kind, side))
+            if ends:
+                amplitude, reached, kind, side = min(ends)
+                yield (
+                    Attempt(
+                        parameter=parameter.name,
+                        value=value,
+                        reached=reached,
+                        amplitude_before=before,
+                        amplitude=amplitude / static_friction,
+                        kind=kind,
+                    ),
+                    side,
+                )
+
+    def _has(self, parameter: Parameter) -> bool:
+        try:
+            return parameter.get(self.setting) > 0
+        except InputError:
+            return False
+
+    def _stable(self, parts: Parts) -> tuple[Parameter, list[tuple[float, float]]]:
+        """The path along which parameters are varied together, and the factors at which smooth sliding is stable."""
+        path, furthest = together(parts), self._furthest(parts)
+        key = tuple((parameter.name, side) for parameter, side in parts)
+        if key not in self.known:
+            ranges = stable_ranges(path, self.setting, 1.0, furthest, exact=False) if furthest > 1.0 else []
+            self.known[key] = ranges
+        stable = self.known[key]
+        if stable and stable[0][0] == 1.0 and stable[0][1] < furthest:
+            stable = stable[1:]  # this way leads to the boundary
+        return path, stable
+
+    def _stop(self, parts: Parts) -> Mitigation | None:
+        """Vary parameters together until stick-slip decays from rest."""
+        path, stable = self._stable(parts)
+        try:
+            for low, high in stable:
+                if (begin := low * _CLEARANCE) < high:
+                    factor = first_smooth(*self._runs(path, FromRest()), begin, high, ill=low)
+                    if factor is not None:
+                        return self._mitigation(parts, stops=factor)
+        except Spent:
+            self.left_out.append(" and ".join(parameter.title for parameter, _ in parts))
+        return None
+
+    def _keep(self, part: tuple[Parameter, int]) -> Mitigation | None:
+        """Vary a parameter until smooth sliding, once reached, stays: just past its boundary, or a little further."""
+        path, stable = self._stable((part,))
+        try:
+            for low, high in stable[:1]:
+                for clearance in _CLEARANCES:
+                    if low * clearance < high and all(run(low * clearance) for run in self._runs(path, FromSliding())):
+                        return self._mitigation((part,), keeps=low * clearance)
+        except Spent:
+            pass
+        return None
+
+    def _mitigation(self, parts: Parts, *, stops: float | None = None, keeps: float | None = None) -> Mitigation:
+        def values(factor: float) -> tuple[float, ...]:
+            return tuple(p.get(self.setting) * factor**side for p, side in parts)
+
+        return Mitigation(
+            parameters=tuple(p.name for p, _ in parts),
+            values=values(1.0),
+            keeps=None if keeps is None else values(keeps),
+            stops=None if stops is None else values(stops),
+        )
+
+    def _furthest(self, parts: tuple[tuple[Parameter, int], ...]) -> float:
+        """Largest factor: a distribution wider than half its mean is no longer one of thresholds about a mean."""
+        furthest = self.range
+        for parameter, side in parts:
+            if parameter is STD and side > 0:
+                furthest = min(furthest, _WIDEST_STD / parameter.get(self.setting))
+        return furthest
+
+    def _runs(self, path: Parameter, start: FromRest | FromSliding) -> tuple[Callable[[float], bool], ...]:
+        """Whether a run slides smoothly, by the factor, and whether another one does, of other contacts and twice as long."""
+
+        def run(other: int) -> Callable[[float], bool]:
+            def smooth(factor: float) -> bool:
+                there = path.set(self.setting, factor)
+                return is_stable(there) and slides_smoothly(there, self.method, self.budget, start, other)
+
+            return smooth
+
+        return run(0), run(1)
+
+
+def _best(found: list[Mitigation]) -> Mitigation:
+    """Of the changes of one parameter the smallest that stops it, with a smaller one the same way that keeps it smooth."""
+    stops = min((m for m in found if m.stops is not None), key=lambda m: m.size, default=None)
+    keeps = min((m for m in found if m.keeps is not None), key=lambda m: m.size, default=None)
+    if stops is None or keeps is None:
+        return found[0] if stops is None and keeps is None else stops or keeps or found[0]
+    same_way = (stops.stops > stops.values) == (keeps.keeps > keeps.values)  # type: ignore[operator]
+    return replace(stops, keeps=keeps.keeps) if same_way and keeps.size < stops.size / _CLEARANCE else stops
+
+
+def in_units(mitigation: Mitigation, rig: Rig) -> Mitigation:
+    """Return a mitigation found in natural units in those of a rig."""
+    sizes = [rig.unit(parameter_named(name).unit) for name in mitigation.parameters]
+
+    def scaled(values: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        return None if values is None else tuple(v * size for v, size in zip(values, sizes, strict=True))
+
+    own = scaled(mitigation.values)
+    assert own is not None
+    return replace(mitigation, values=own, keeps=scaled(mitigation.keeps), stops=scaled(mitigation.stops))
