@@ -829,8 +829,7 @@ def _print_prediction(found: Prediction, picture: Path | None) -> None:
         for title in ("assumed", "how to measure it"):
             table.add_column(title)
         for key, item in rig.assumed.items():
-            value = f"{item.value} (default)" if item.default else item.value
-            table.add_row(Text(key), Text(value), Text(item.how))
+            table.add_row(Text(key), Text(item.said), Text(item.how))
         console.print(table)
     if picture is not None:
         console.print(f"\npicture: {picture}", soft_wrap=True)

@@ -391,7 +391,7 @@ class Prediction:
         units = {p.name: self.rig.unit_name(p.unit) for p in PARAMETERS}
         units |= {"force": self.rig.unit_name("f_s"), "frequency": self._frequency_unit()}
         plain = {"rig": self.rig.name, "verdict": self.verdict, "units": units, **mine, **kept}
-        found: dict[str, Any] = _plain(plain | {"assumed": dict(self.rig.assumed)})
+        found: dict[str, Any] = _plain(plain | {"assumed": {key: str(item) for key, item in self.rig.assumed.items()}})
         return found
 
     def _said(self, value: float, kind: Quantity, digits: int = 4) -> str:

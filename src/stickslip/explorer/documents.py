@@ -159,6 +159,10 @@ def check_size(rig: Rig) -> None:
             f"samples), to stay live; {elsewhere}",
             "simulation.interval",
         )
+    if rig.slider.mass == 0:
+        raise InputError(
+            "slider.mass = 0: must be above 0 for a run; theory of stability takes a slider without", "slider.mass"
+        )
     estimate(rig).check(LONGEST, otherwise="use `stickslip simulate`")
 
 

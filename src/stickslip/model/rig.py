@@ -37,9 +37,13 @@ class Assumption:
     how: str
     default: bool = False
 
+    @property
+    def said(self) -> str:
+        """The value, and whether it is a default."""
+        return f"{self.value} (default)" if self.default else self.value
+
     def __str__(self) -> str:
-        said = f"{self.value} (by default)" if self.default else self.value
-        return f"{said}; {self.how}" if said else self.how
+        return f"{self.said}; {self.how}" if self.said else self.how
 
 
 @dataclass(frozen=True)
