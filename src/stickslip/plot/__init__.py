@@ -21,7 +21,7 @@ from stickslip.plot.runs import (
     overview,
     phase_portrait,
     rigid_curve,
-    smooth_beside_stick_slip,
+    side_by_side,
     stretchings,
     velocity,
 )
@@ -79,7 +79,7 @@ __all__ = [
     "prediction",
     "rigid_curve",
     "save",
-    "smooth_beside_stick_slip",
+    "side_by_side",
     "stretchings",
     "sweep_picture",
     "unit_text",

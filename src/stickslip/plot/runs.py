@@ -15,6 +15,7 @@ from matplotlib.ticker import FuncFormatter
 from stickslip.errors import InputError
 from stickslip.measure import drops, regime
 from stickslip.measure.arrays import check_numbers
+from stickslip.model.units import engineering
 from stickslip.plot.style import (
     BLACK,
     BLUE,
@@ -267,23 +268,23 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None) -> Figure:
 
 
 @house_style()
-def smooth_beside_stick_slip(smooth: xr.Dataset, stick_slip: xr.Dataset, titles: tuple[str, str]) -> Figure:
-    """Draw the forces of two runs side by side on one scale.
-
-    Parameters
-    ----------
-    smooth, stick_slip : Dataset
-        Runs, or measured traces.
-    titles : (str, str)
-        What to call them.
-    """
+def side_by_side(left: xr.Dataset, right: xr.Dataset) -> Figure:
+    """Draw the forces of two runs on one scale, each under its regime and the speed of its drive."""
     figure = new_figure(PAGE, 2.3)
     axes = figure.subplots(1, 2, sharey=True)
-    for ax, run, title, colour in zip(axes, (smooth, stick_slip), titles, (GREEN, BLUE), strict=True):
-        force_trace(run, ax, color=colour)
-        ax.set_title(title)
+    for ax, run in zip(axes, (left, right), strict=True):
+        seen = regime(run)
+        force_trace(run, ax, color=GREEN if seen.kind == "smooth sliding" else BLUE)
+        speed = "" if seen.drive_velocity is None else f" at {_speed(seen.drive_velocity, run)}"
+        ax.set_title(f"{seen.kind}{speed}")
     axes[1].set_ylabel("")
     return figure
+
+
+def _speed(value: float, run: xr.Dataset) -> str:
+    unit = str(run["drive_velocity"].attrs.get("units", "")) if "drive_velocity" in run else ""
+    said = engineering(value, unit) if unit == "m/s" else f"{value:.4g} {unit_text(unit)}"
+    return said.replace(" um", " µm").strip()
 
 
 def _mark_slips(ax: Axes, events: xr.Dataset) -> None:
