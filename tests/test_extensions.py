@@ -170,6 +170,28 @@ def test_results_and_sweeps_keep_them(tmp_path):
     assert found["friction"].to_numpy() == pytest.approx([friction(velocity=v)["friction"] for v in (0.5, 1.0)])
 
 
+def test_a_rig_file_names_a_distribution_and_a_sweep_varies_its_rig(tmp_path):
+    file = tmp_path / "own.toml"
+    file.write_text("""
+units = "natural"
+slider = { mass = 1e-4, stiffness = 2.0, damping = 42.4 }
+drive = { velocity = 1.0, distance = 2.0 }
+[interface]
+thresholds = { distribution = "triangle of a test", mean = 1.0, half_width = 0.25 }
+delay = 0.1
+""")
+    rig = ss.read_rig(file)
+    assert rig.interface.thresholds == THRESHOLDS
+    found = ss.sweep(rig, {"stiffness": [1.0, 3.0]}, store=tmp_path / "own.sqlite")
+    assert found.sizes["stiffness"] == 2
+    assert np.all(np.isfinite(found["mean_force"]))
+    run = ss.simulate(rig)
+    assert ss.rerun(run).identical(run)
+    file.write_text(file.read_text().replace("half_width", "width"))
+    with pytest.raises(InputError, match=r"own\.toml: interface\.thresholds.*width"):
+        ss.read_rig(file)
+
+
 def _friction(velocity, interface):
     return {"friction": float(ss.kinetic_friction(interface, velocity))}
 
