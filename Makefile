@@ -11,7 +11,7 @@ PYTHON ?= $(shell for p in python3.11 python3 python3.12 python3.13 python; do \
 
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
-RIG := pmma_slider
+RIG := precision_stage
 
 help:
 	@echo 'make demo      predict and simulate $(RIG), with pictures in demo/'

@@ -15,9 +15,17 @@ AGEING = ss.Interface(thresholds=THRESHOLDS, ageing=ss.Langevin(rate=1.0))
 SLIDER = ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0)
 DRIVE = ss.constant(1.0, duration=1.0)
 
-NO_NUMBERS = ["1", b"1", None, True, [], np.array(["1"]), 1j, {}, object(), [1.0, "a"], [[1.0], [2.0, 3.0]], [True]]
+
+class Nothing:
+    """An object of no kind, named alike in every process."""
+
+    def __repr__(self):
+        return "nothing"
+
+
+NO_NUMBERS = ["1", b"1", None, True, [], np.array(["1"]), 1j, {}, Nothing(), [1.0, "a"], [[1.0], [2.0, 3.0]], [True]]
 NO_SIZES = [math.nan, [1.0, math.nan], 1e300, -1.0, [1.0, -1.0]]
-NO_RECORDS = [None, 3, "slider", [1.0], True, object(), 1j]
+NO_RECORDS = [None, 3, "slider", [1.0], True, Nothing(), 1j]
 
 RIG = ss.Rig(INTERFACE, SLIDER, DRIVE)
 
@@ -102,7 +110,7 @@ def test_what_is_no_record(call, value):
 
 
 @pytest.mark.parametrize("call", OTHERS.values(), ids=OTHERS)
-@pytest.mark.parametrize("value", [3.0, "no", b"no", 1j, object()], ids=repr)
+@pytest.mark.parametrize("value", [3.0, "no", b"no", 1j, Nothing()], ids=repr)
 def test_other_arguments(call, value):
     refused(call, value)
 

@@ -6,7 +6,7 @@ import json as jsonlib
 import math
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from functools import partial
@@ -312,6 +312,7 @@ def plot(
     output: Path,
     *,
     kind: Literal["overview", "phase", "stretchings", "energy"] = "overview",
+    beside: Annotated[Path | None, Parameter(help="Another run: draw both forces on one scale.")] = None,
     force: str | None = None,
     time: str | None = None,
     step: Step = None,
@@ -340,8 +341,11 @@ def plot(
         print(f"on top: {theory}\npicture: {output}")
         return
     trace = _read_data(data, force, time, step)
-    if kind == "overview":
-        figure: Any = drawing.overview(trace)
+    if beside is not None:
+        other = _read_data(beside, force, time, step)
+        figure: Any = drawing.side_by_side(trace, other)
+    elif kind == "overview":
+        figure = drawing.overview(trace)
     else:
         draw = {"phase": drawing.phase_portrait, "stretchings": drawing.stretchings, "energy": drawing.energy}[kind]
         figure = draw(trace).get_figure(root=True)
@@ -825,25 +829,14 @@ def _print_prediction(found: Prediction, picture: Path | None) -> None:
         console.print()
         say(", not measured", "Assumed")
         table = Table(box=None, pad_edge=False)
-        table.add_column("key", min_width=max(map(len, rig.assumed)))
+        table.add_column("key", min_width=max(len(key) for key in rig.assumed))
         for title in ("assumed", "how to measure it"):
             table.add_column(title)
-        for key, how in rig.assumed.items():
-            table.add_row(Text(key), Text(_assumed_value(rig.document, key)), Text(how))
+        for key, item in rig.assumed.items():
+            table.add_row(Text(key), Text(item.said), Text(item.how))
         console.print(table)
     if picture is not None:
         console.print(f"\npicture: {picture}", soft_wrap=True)
-
-
-def _assumed_value(document: Any, key: str) -> str:
-    """What a rig file holds at a dotted key."""
-    for part in key.split("."):
-        if not isinstance(document, Mapping) or part not in document:
-            return "default"
-        document = document[part]
-    if isinstance(document, Mapping):
-        return ", ".join(f"{name} {value}" for name, value in document.items())
-    return str(document)
 
 
 _PIPE_WIDTH = 80

@@ -20,6 +20,33 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
+class Assumption:
+    """A value of a rig that was not measured; in words, the value and how to measure it.
+
+    Parameters
+    ----------
+    value : str
+        As it stands in the rig's file; empty if the file does not say.
+    how : str
+        How to measure it.
+    default : bool
+        Whether it was taken because the file said nothing.
+    """
+
+    value: str
+    how: str
+    default: bool = False
+
+    @property
+    def said(self) -> str:
+        """The value, and whether it is a default."""
+        return f"{self.value} (default)" if self.default else self.value
+
+    def __str__(self) -> str:
+        return f"{self.said}; {self.how}" if self.said else self.how
+
+
+@dataclass(frozen=True)
 class Rig:
     """A slider on an interface, pulled by a drive through a spring: the noun of this package, which verbs take first.
 
@@ -45,10 +72,10 @@ class Rig:
         The rig's force, length and time in SI units; none for a rig in natural units.
     name : str
         What to call it.
-    assumed : mapping
-        Keys of the rig's file that were not measured, each with how to measure it.
-    document : mapping
-        What the rig's file holds.
+    assumed : mapping of str to Assumption
+        Keys of the rig's file that were not measured, and the defaults that were taken.
+    source : str
+        Where the numbers come from.
 
     Raises
     ------
@@ -73,8 +100,8 @@ class Rig:
     output: Output = Output()
     scales: Scales | None = None
     name: str = "rig"
-    assumed: Mapping[str, str] = field(default_factory=dict, compare=False)
-    document: Mapping[str, Any] = field(default_factory=dict, compare=False)
+    assumed: Mapping[str, Assumption] = field(default_factory=dict, compare=False)
+    source: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
         instance("Rig.interface", self.interface, Interface, "an Interface")

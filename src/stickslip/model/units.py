@@ -98,6 +98,8 @@ _SI_OF: dict[str, tuple[Quantity, int, str]] = {
 """Natural unit of a variable: its quantity, the power of it, and the SI unit."""
 SI: dict[Quantity, str] = {kind: unit for kind, power, unit in _SI_OF.values() if power == 1}
 """SI unit of each quantity."""
+SI_NAMES: dict[str, str] = {natural: name for natural, (_, _, name) in _SI_OF.items()}
+"""SI unit of each natural unit."""
 
 
 def quantity(unit: str) -> Quantity:
@@ -162,17 +164,17 @@ _NATURAL: dict[Quantity, str] = {
 }
 
 
-def engineering(value: float, unit: str) -> str:
-    """Four digits, a prefix and a unit: ``"4 MN/m"``."""
+def engineering(value: float, unit: str, digits: int = 4) -> str:
+    """Four digits (or as many as are asked for), a prefix and a unit: ``"4 MN/m"``."""
     if unit in ("1/s",) or value == 0 or not math.isfinite(value):
-        return f"{value:.4g} {unit}"
+        return f"{value:.{digits}g} {unit}"
     if unit == "kg":
         value, unit = value * 1e3, "g"
         if value >= 1e3:
-            return f"{value / 1e3:.4g} kg"
+            return f"{value / 1e3:.{digits}g} kg"
     power = min(max(math.floor(math.log10(abs(value)) / 3 + 1e-12), -5), 4)
     prefix = {-5: "f", -4: "p", -3: "n", -2: "u", -1: "m", 0: "", 1: "k", 2: "M", 3: "G", 4: "T"}[power]
-    return f"{value / 1000.0**power:.4g} {prefix}{unit}"
+    return f"{value / 1000.0**power:.{digits}g} {prefix}{unit}"
 
 
 def in_words(value: float, quantity: Quantity, scales: Scales | None) -> str:

@@ -115,7 +115,8 @@ class Work:
         bound = "at most" if worst.power > 0 else "at least"
         raise InputError(
             f"{worst.key} = {self._said(worst, worst.value)}: {amount}; give {bound} {self._said(worst, allowed)}, or "
-            f"a drive {excess:.2g} times shorter; or {otherwise}"
+            f"a drive {excess:.2g} times shorter; or {otherwise}",
+            worst.key,
         )
 
     def _said(self, part: Part, value: float) -> str:

@@ -304,7 +304,9 @@ def from_document(document: Mapping[str, Any], place: str = "sweep", directory: 
     if not isinstance(document.get("axes"), dict) or not document["axes"]:
         raise InputError(f"{place}: axes: must be a table [axes] with at least one of {', '.join(AXES)}")
     rig = _rig_of(document, place, directory)
-    held = document["rig"] if isinstance(document["rig"], dict) and _RECORDS in document["rig"] else dict(rig.document)
+    held = (
+        document["rig"] if isinstance(document["rig"], dict) and _RECORDS in document["rig"] else rigs.to_document(rig)
+    )
     return _plan(rig, document | {"rig": held}, place)
 
 
