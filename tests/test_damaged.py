@@ -112,7 +112,7 @@ def deep(levels):
 )
 def test_damaged_provenance(whole, tmp_path, check, damage):
     text = damage(ss.load(whole).attrs["provenance"])
-    check("simulate", changed(whole, tmp_path / "run.nc", provenance=text), "--again", code=2)
+    check("rerun", changed(whole, tmp_path / "run.nc", provenance=text), code=2)
 
 
 def strings(run, name):
@@ -172,10 +172,10 @@ def test_flipped_bits(whole, tmp_path, check, seed):
     place = tmp_path / "run.nc"
     place.write_bytes(content)
     check("measure", place)
-    check("simulate", place, "--again", "-o", tmp_path / "again.nc")
+    check("rerun", place, "-o", tmp_path / "again.nc")
 
 
 def test_a_whole_run_passes(whole, tmp_path, check):
     check("measure", whole, code=0)
-    check("simulate", whole, "--again", "-o", tmp_path / "again.nc", code=0)
+    check("rerun", whole, "-o", tmp_path / "again.nc", code=0)
     assert ss.load(whole).identical(ss.load(tmp_path / "again.nc"))

@@ -156,8 +156,8 @@ def check_density(thresholds: Distribution) -> None:
     thresholds.density(0.0)
     if thresholds.single:
         raise InputError(
-            f"Interface.thresholds = {thresholds}: all thresholds are next to equal, and no density resolves them; give "
-            "them a larger standard deviation, or use the method Contacts"
+            f"Interface.thresholds = {thresholds}: all thresholds are next to equal, and no density resolves them; "
+            "give them a larger standard deviation, or use the method Contacts"
         )
 
 
