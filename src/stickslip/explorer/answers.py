@@ -78,7 +78,7 @@ def stretchings(request: Plain, watch: Watch) -> Iterator[Plain]:
 def edit(request: Plain, watch: Watch) -> Iterator[Plain]:
     """A document with parameters varied, in other units, or with the damping given in the other way."""
     del watch
-    document = request.get("document")
+    document: Any = request.get("document")
     if "turn" in request:
         instance("turn", values := request["turn"], dict, "a table of parameters and values")
         yield {"document": documents.turned(document, values)}

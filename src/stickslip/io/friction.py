@@ -77,7 +77,7 @@ def thresholds_of(static: float, kinetic: float, initial: Distribution) -> tuple
     """
 
     def ratio(std: float) -> float:
-        ends = slow_friction(Gaussian(mean=1.0, std=std), initial)
+        ends = slow_friction(Gaussian(mean=1.0, std=std), initial)  # type: ignore[arg-type]
         return ends[0] / ends[1]
 
     wanted, least, most = static / kinetic, ratio(WIDEST), ratio(NARROWEST)
@@ -92,4 +92,4 @@ def thresholds_of(static: float, kinetic: float, initial: Distribution) -> tuple
         )
     std = float(optimize.brentq(lambda at: ratio(at) - wanted, NARROWEST, WIDEST, xtol=1e-10))
     thresholds = Gaussian(mean=1.0, std=std)
-    return thresholds, kinetic / slow_friction(thresholds, initial)[1]
+    return thresholds, kinetic / slow_friction(thresholds, initial)[1]  # type: ignore[arg-type]

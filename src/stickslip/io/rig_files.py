@@ -18,7 +18,7 @@ import math
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import reduce
+from functools import partial, reduce
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -33,7 +33,7 @@ from stickslip.model.distributions import DISTRIBUTIONS, Distribution, Empirical
 from stickslip.model.drive import USUAL_DISTANCE, Drive, constant, ramp
 from stickslip.model.quantities import read_quantity
 from stickslip.model.rig import Assumption, Rig
-from stickslip.model.units import Scales, engineering
+from stickslip.model.units import SI_NAMES, Scales, engineering
 
 Made = TypeVar("Made")
 Document = dict[str, Any]
@@ -230,11 +230,11 @@ class _Reader:
             elif key.is_left(content[name]):
                 found[name] = content[name]
             else:
-                self.note(lambda name=name, key=key: found.update({name: self._read(key, content[name], path + name)}))
+                try:
+                    found[name] = key.read(content[name], path + name, natural=self.natural)
+                except InputError as error:
+                    self.mistakes.append(error)
         return found
-
-    def _read(self, key: Key, value: object, place: str) -> Any:
-        return key.read(value, place, natural=self.natural)
 
     def _example(self, key: Key) -> Any:
         return 1.0 if self.natural and key.unit else key.example
@@ -244,14 +244,6 @@ class _Reader:
             return renamed
         near = difflib.get_close_matches(name, keys, n=1, cutoff=0.5)
         return f"unknown key; did you mean {near[0]!r}?" if near else f"unknown key; known here: {', '.join(keys)}"
-
-    def note(self, make: Callable[[], Made]) -> Made | None:
-        """Return what can be made; note the mistake if it cannot."""
-        try:
-            return make()
-        except InputError as error:
-            self.mistakes.append(error)
-            return None
 
     def make(self, place: str, make: Callable[[], Made], names: Mapping[str, str] | None = None) -> Made:
         """Make a record; its complaint about a field becomes one about the key, which `names` may name."""
@@ -482,9 +474,13 @@ class _Reader:
             return found
         text = Key("", "text")
         for path, how in content.items():
-            self.note(lambda path=path: rig_keys.check_path(path))
-            words = self.note(lambda path=path, how=how: text.read(how, f"assumed.{path}", natural=True))
-            found[path] = Assumption(_value_at(document, path), words or "")
+            try:
+                rig_keys.check_path(path)
+                words = text.read(how, f"assumed.{path}", natural=True)
+            except InputError as error:
+                self.mistakes.append(error)
+            else:
+                found[path] = Assumption(_value_at(document, path), words)
         given = document.get("interface")
         for name, key in rig_keys.INTERFACE.items():
             here = isinstance(given, Mapping) and (name in given or (name == "delay" and "v_half" in given))
@@ -523,15 +519,11 @@ class _Reader:
         natural: Callable[[float, str], float],
     ) -> Drive:
         if pieces is not None:
-            made = [
-                self.make(
-                    f"drive.pieces[{i}]",
-                    lambda piece=piece: ramp(
-                        *(natural(piece[end], "x_s/time") for end in _ENDS), natural(piece["duration"], "time")
-                    ),
-                )
-                for i, piece in enumerate(pieces)
-            ]
+            made = []
+            for i, piece in enumerate(pieces):
+                start, end = (natural(piece[name], "x_s/time") for name in _ENDS)
+                ends = partial(ramp, start, end, natural(piece["duration"], "time"))
+                made.append(self.make(f"drive.pieces[{i}]", ends))
             return reduce(Drive.then, made)
         velocity = natural(drive["velocity"], "x_s/time")
         if "duration" in drive:
@@ -743,7 +735,7 @@ class _Writer:
             if self.digits is not None:
                 return self._number(value)
             return next((at for at in _roundings(value) if (same or value.__eq__)(at)), None if or_none else value)
-        name = rig_keys.SI_NAMES[unit]
+        name = SI_NAMES[unit]
         if self.digits is not None:
             return engineering(value * size, name, self.digits)
         fits = same or (lambda si: si / size == value)

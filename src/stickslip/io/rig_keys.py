@@ -116,7 +116,7 @@ class Key:
 
 
 def _pure(value: object, place: str, sign: Sign) -> float:
-    bounds: dict[Sign, dict[str, float]] = {"above 0": {"above": 0}, "at least 0": {"at_least": 0}, "": {}}
+    bounds: dict[Sign, dict[str, Any]] = {"above 0": {"above": 0}, "at least 0": {"at_least": 0}, "": {}}
     found = number(place, value, **bounds[sign])
     if found and not 10.0**-DECADES <= abs(found) <= 10.0**DECADES:
         raise InputError(f"{place} = {found:g}: must be 0, or within {DECADES} decades of 1", place)

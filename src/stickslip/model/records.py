@@ -60,7 +60,8 @@ def check(record: Any) -> None:
     InputError
         If one is out of its bounds; the message names record and field.
     """
-    for name, (kind, mark) in declared(type(record)).items():
+    record_type: Any = type(record)
+    for name, (kind, mark) in declared(record_type).items():
         value = getattr(record, name)
         if mark is None or get_origin(kind) is tuple or (value is None and type(None) in get_args(kind)):
             continue
@@ -96,8 +97,9 @@ def rescaled(record: Record, factor: Callable[[str], float]) -> Record:
             return rescaled(value, factor)
         return value * factor(unit) if isinstance(value, float) and unit != "1" else value
 
+    record_type: Any = type(record)
     changes = {
         name: changed(getattr(record, name), mark.unit if mark else "1")
-        for name, (_, mark) in declared(type(record)).items()
+        for name, (_, mark) in declared(record_type).items()
     }
     return replace(record, **changes)  # type: ignore[type-var]

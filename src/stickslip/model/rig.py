@@ -177,10 +177,10 @@ class Rig:
             value = read_quantity(value, self.scales.si_name(known.unit), name)
         return known.set(self, number(name, value, at_least=0) / self.unit(known.unit))
 
-    def _natural_drive(self, drive: Drive) -> Drive:
+    def _natural_drive(self, drive: Any) -> Any:
         return self._in_natural_units(drive) if isinstance(drive, Drive) else drive
 
-    def _natural_output(self, output: Output) -> Output:
+    def _natural_output(self, output: Any) -> Any:
         return self._in_natural_units(output) if isinstance(output, Output) else output
 
     def _in_natural_units(self, record: Record) -> Record:

@@ -143,7 +143,7 @@ class Document(Part):
         starts: dict[str | None, Start] = {None: rig.start, FROM_REST: FromRest(), FROM_SLIDING: FromSliding()}
         run = self.run
         return Study(
-            rig=replace(rig, method=method, start=starts[run.start], name="", assumed={}),
+            rig=replace(rig, method=method, start=starts[run.start], name="", assumed={}, source=""),
             distance=SHORTEST if run.distance is None else run.distance / rig.unit("x_s"),
             duration=0.0 if run.duration is None else run.duration / rig.unit("time"),
             cycles=number("run.cycles", run.cycles, at_least=0),
