@@ -5,7 +5,7 @@ import numpy as np
 from stickslip.model import Rig, constant
 from stickslip.paper.cases import FIG7
 from stickslip.stability import boundary, count_unstable, critical, growth_rate, onset, stability_map
-from stickslip.stability.response import _axis
+from stickslip.stability.transforms import axis_table
 
 RIG = Rig(FIG7.interface, FIG7.slider, constant(1.0))
 STIFFNESSES, VELOCITIES = np.geomspace(0.1, 10, 200), np.geomspace(0.1, 10, 200)
@@ -19,7 +19,7 @@ def test_map_of_200_by_200(benchmark):
 
 def test_map_of_200_by_200_with_no_table_kept(benchmark):
     def run():
-        _axis.cache_clear()
+        axis_table.cache_clear()
         return stability_map(RIG, values=(STIFFNESSES, VELOCITIES))
 
     benchmark.pedantic(run, rounds=5)
@@ -33,7 +33,7 @@ def test_plain_loop_over_a_hundredth_of_the_map(benchmark):
     benchmark.pedantic(run, rounds=2)
 
 
-def test_boundary_by_continuation(benchmark):
+def test_boundary(benchmark):
     found = benchmark(boundary, RIG, between=WINDOW)
     assert found.sizes["point"] > 100
 

@@ -15,12 +15,12 @@ from stickslip.model.parameters import parameter_named
 from stickslip.paper.cases import FIG8
 
 
-def make(*, stiffness, damping_ratio=0.3, mass=1e-4, std=0.1, delay=0.1, velocity=1.0, contacts=3000, seed=1):
-    """A rig in natural units, its damping given relative to its frequency."""
+def make(*, stiffness, damping_ratio=0.15, mass=1e-4, std=0.1, delay=0.1, velocity=1.0, contacts=3000, seed=1):
+    """A rig in natural units, its damping given by its ratio."""
     return rigs.from_document(
         {
             "units": "natural",
-            "slider": {"stiffness": stiffness, "mass": mass, "relative_damping": damping_ratio},
+            "slider": {"stiffness": stiffness, "mass": mass, "damping_ratio": damping_ratio},
             "interface": {"thresholds": {"distribution": "gaussian", "std": std}, "delay": delay},
             "drive": {"velocity": velocity, "distance": 80.0},
             "simulation": {"contacts": contacts, "seed": seed},
@@ -209,14 +209,13 @@ def test_the_map_holds_boundary_growth_and_the_rig_itself():
     assert float(found["here_stiffness"]) == 2.0
     assert (found["growth_rate"] > 0).any()
     assert (found["growth_rate"] < 0).any()
-    edge = found.where(found["other_unstable"] == 0, drop=True)
-    nearest = float(edge["edge_velocity"][int(np.argmin(abs(edge["edge_stiffness"].to_numpy() - 2.0)))])
+    nearest = float(found["edge_velocity"][int(np.argmin(abs(found["edge_stiffness"].to_numpy() - 2.0)))])
     assert nearest == pytest.approx(1.388, rel=0.25)
 
 
 @pytest.mark.slow
 def test_ageing_rigs_have_margins_and_mitigations_that_are_true():
-    rig = make(stiffness=1.0, damping_ratio=0.1)
+    rig = make(stiffness=1.0, damping_ratio=0.05)
     rig = replace(rig, interface=FIG8.interface)
     found = advise.predict(rig)
     assert found.regime.kind == "stick-slip"
@@ -246,7 +245,7 @@ def test_mitigations_of_rigs_drawn_at_random_are_true(number):
     rng = np.random.default_rng([7, number])
     rig = make(
         stiffness=float(np.exp(rng.uniform(np.log(0.7), np.log(6.0)))),
-        damping_ratio=float(rng.uniform(0.1, 1.2)),
+        damping_ratio=0.5 * float(rng.uniform(0.1, 1.2)),
         mass=float(10 ** rng.uniform(-4.5, -3.0)),
         std=float(rng.uniform(0.06, 0.2)),
         delay=float(rng.uniform(0.03, 0.3)),

@@ -151,11 +151,22 @@ def test_plot_draws_each_kind(rig, tmp_path, kind):
 
 
 def test_paper_makes_a_figure_with_its_claims(tmp_path, capsys):
-    assert run("paper", "fig2", "--check", "--quick", "--json", "-d", tmp_path) == 0
+    folder = tmp_path / "new" / "folder"
+    formats = ("--format", "pdf", "--format", "svg")
+    assert run("paper", "fig2", "--check", "--quick", "--json", "-o", folder, *formats) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["ok"]
-    assert Path(found["picture"]).exists()
-    assert Path(found["data"]).exists()
+    (figure,) = found["figures"]
+    assert figure["ok"]
+    assert figure["caption"]
+    assert sorted(path.name for path in folder.iterdir()) == ["fig2.nc", "fig2.pdf", "fig2.svg"]
+    assert [Path(name).read_bytes()[:4] for name in figure["pictures"]] == [b"%PDF", b"<?xm"]
+
+
+def test_paper_all_is_refused_before_the_first_figure_if_the_last_cannot_be_written(tmp_path, capsys):
+    (tmp_path / "fig11.png").mkdir()
+    assert "fig11.png: is a directory" in refused(capsys, "paper", "all", "-o", tmp_path)
+    assert os.listdir(tmp_path) == ["fig11.png"]
 
 
 def test_unusable_files(tmp_path, rig, sawtooth, capsys):
@@ -195,7 +206,8 @@ def test_unusable_files(tmp_path, rig, sawtooth, capsys):
         ("map", rig, "--around", 0.5),
         ("map", rig, "--points", 1),
         ("paper", "fig99"),
-        ("paper", "fig1", "-d", tmp_path / "nowhere"),
+        ("paper", "fig1", "-o", rig),
+        ("paper", "fig1", "--format", "gif"),
         ("measure", sawtooth, "--step", -1),
         ("predict", rig, "--jsn"),
         ("prdict", rig),

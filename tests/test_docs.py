@@ -12,11 +12,12 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
-from pydantic import TypeAdapter
 
 import stickslip as ss
 from stickslip.cli import app
-from stickslip.io import rig_files as rig
+from stickslip.io import rig_keys
+from stickslip.model.ageing import AGEING_MODELS
+from stickslip.model.distributions import DISTRIBUTIONS
 from stickslip.paper import Claim
 from stickslip.paper.figure import near
 
@@ -90,20 +91,24 @@ def test_commands_come_with_all_their_options(house):
     assert "`--minimum-drop FLOAT`: Smallest drop that counts as a slip." in text
 
 
-def test_keys_of_rig_files_come_from_the_models(house):
+def test_every_key_of_a_rig_file_has_a_meaning_an_example_and_what_is_taken_if_it_is_left_out(house):
     text = house.rig_keys()
+    rows = re.findall(r"^\| `.*$", text, re.MULTILINE)
+    tables = [rig_keys.TOP, *rig_keys.TABLES.values(), rig_keys.PIECE, rig_keys.RANDOM_DELAY]
+    tables += [rig_keys.keys_of(record) for record in (*DISTRIBUTIONS.values(), *AGEING_MODELS.values())]
+    assert len(rows) == sum(map(len, tables)) >= 60
+    for row in rows:
+        cells = [cell.strip() for cell in re.split(r"(?<!\\)\|", row)[1:-1]]
+        assert len(cells) == 5
+        assert all(cells), f"an empty cell: {row}"
+        assert len(cells[4]) > 4
+    assert '| `delay` | a quantity in s, at least 0 or `"never"` or a table, see below | `"2 ms"` | `"0 s"` |' in text
 
-    def keys(node):
-        for name, value in node.get("properties", {}).items():
-            yield name
-            yield from keys(value)
-        for part in node.get("$defs", {}).values():
-            yield from keys(part)
 
-    rows = set(re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE))
-    assert rows == set(keys(TypeAdapter(rig._Document).json_schema())) - {"distribution"}
-    assert '| `delay` | a table, see below or `"never"` or time, such as `"2 ms"`, or 0 |' in text
-    assert "PydanticUndefined" not in text
+def test_every_example_of_a_key_is_a_value_that_it_can_have():
+    for table in (*rig_keys.TABLES.values(), rig_keys.PIECE, rig_keys.RANDOM_DELAY):
+        for name, key in table.items():
+            assert key.is_table or key.read(key.example, name, natural=False)
 
 
 def test_claims_without_a_report_say_how_to_make_one(house, tmp_path):

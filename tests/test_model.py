@@ -227,7 +227,7 @@ def test_random_delays_keep_their_weight_and_order(mean, std, negative):
 
 
 @dataclass(frozen=True)
-class TwoDelays:
+class TwoDelays(DelayModel):
     """A delay distribution of the user's own: either of two times."""
 
     first: float
@@ -290,7 +290,7 @@ def test_a_delay_distribution_of_ones_own():
         (lambda: Interface(thresholds=TENTH, initial=0.0), r"^Interface\.initial = 0\.0: must be a distribution"),
         (lambda: Interface(thresholds=TENTH, delay=0.2), r"^Interface\.delay = 0\.2: must be a delay, such as Delay"),
         (lambda: Interface(thresholds=TENTH, delay=Delay), r"^Interface\.delay = <class .*: must be a delay, such as"),
-        (lambda: Interface(thresholds=TENTH, ageing=1.5), r"^Interface\.ageing = 1\.5: must be a ageing model, such"),
+        (lambda: Interface(thresholds=TENTH, ageing=1.5), r"^Interface\.ageing = 1\.5: must be an ageing model, such"),
         (
             lambda: Interface(thresholds=TENTH, initial=Gaussian(mean=3, std=0.1)),
             r"^Interface\.initial = .*100 % of the contacts would start beyond .* \(1\.83.*\); narrow",

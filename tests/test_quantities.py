@@ -176,7 +176,7 @@ def test_junk_is_refused_at_once(text):
     "value", [b"4 MN/m", True, None, ["4 MN/m"], {"a": 1}, 4, 4.0, math.nan, 16**5000], ids=repr_of
 )
 def test_what_is_no_text_is_no_quantity(value):
-    document = dict(rigs.read(rigs.example("pmma_slider")).document)
+    document = rigs.to_document(rigs.example("pmma_slider"))
     document["slider"] = document["slider"] | {"stiffness": value}
     with pytest.raises(InputError, match=r"slider\.stiffness") as caught:
         rigs.from_document(document)

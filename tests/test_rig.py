@@ -3,6 +3,7 @@
 import copy
 import math
 import tomllib
+from dataclasses import dataclass
 
 import pytest
 
@@ -10,6 +11,9 @@ import stickslip as ss
 from stickslip.io import rig_files as rigs
 from stickslip.io.validation import LARGEST_FILE
 from stickslip.model import units
+from stickslip.model.distributions import DISTRIBUTIONS
+from stickslip.rigid import static_friction
+from stickslip.theory import kinetic_friction
 
 EXAMPLE = rigs.example_file("pmma_slider")
 
@@ -43,18 +47,88 @@ def test_the_published_bench_reaches_the_model_in_natural_units():
     # Omega is a rate: the same in both systems of units.
     assert scales.si(rig.slider.frequency, "rate") == pytest.approx(math.sqrt(4e6 / 75.6e-3))
     assert rig.slider.damping == pytest.approx(0.3 * rig.slider.frequency)
+    assert rig.slider.damping_ratio == pytest.approx(0.15)
 
 
 def test_every_assumed_value_says_how_to_measure_it():
     rig = rigs.read_rig(EXAMPLE)
     assert "interface.breaking_displacement" in rig.assumed
-    assert all(len(how) > 30 for how in rig.assumed.values())
+    assert all(len(item.how) > 30 and item.value for item in rig.assumed.values())
+    assert str(rig.assumed["interface.breaking_displacement"]).startswith("2 um; divide the static friction force")
 
 
-def test_a_rig_written_as_toml_reads_back_the_same():
-    rig = rigs.read_rig(EXAMPLE)
-    again = rigs.from_document(tomllib.loads(rigs.to_toml(rig)))
+def test_a_default_that_was_taken_is_assumed_with_its_value(document):
+    for key in ("interface.delay", "interface.initial"):
+        document = with_value(document, key, None)
+        document["assumed"].pop(key)
+    taken = {key: item for key, item in rigs.from_document(document).assumed.items() if item.default}
+    assert {key: item.value for key, item in taken.items()} == {
+        "interface.initial": '{ distribution = "gaussian", mean = 0.0, std = 0.01 }',
+        "interface.delay": "0 s",
+    }
+    assert "never strengthen with rest and nothing can stick-slip" in str(taken["interface.delay"])
+    rig = rigs.from_document(document)
+    assert rigs.from_text(rigs.to_toml(rig)).assumed.keys() == rig.assumed.keys()
+
+
+RANDOM = {"mean": "2 ms", "std": "1 ms", "negative": "fold"}
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        (None, None),
+        *(("interface.delay", delay) for delay in (RANDOM, "never", "0 s", "1.2345678901234 ms")),
+        ("interface.ageing", {"model": "langevin", "time": "3 s", "newborn": 0.1}),
+        ("interface.ageing", {"model": "exponential", "time": "70 ms"}),
+        ("interface.ageing", {"model": "logarithmic", "time": "7 ms", "slope": 0.02}),
+        ("interface.thresholds", {"distribution": "empirical", "samples": [0.9, 1.0, 1.3]}),
+        ("interface.thresholds", {"distribution": "gaussian", "std": 0.7, "lower": 0.1}),
+        (
+            "interface.initial",
+            {"distribution": "steady state", "thresholds": {"distribution": "uniform", "low": 0.2, "high": 1}},
+        ),
+        ("drive", {"velocity": "-0.7 mm/s", "duration": "1 min"}),
+        ("drive", {"pieces": [{"start": "1 um/s", "end": "0.3 mm/s", "duration": "7 s"}] * 3}),
+        ("simulation", {"method": "master equation", "cells": 70, "start": "sliding", "interval": "0.3 ms"}),
+        ("slider", {"mass": "0 g", "stiffness": "0.7 N/um", "damping": "1e7 1/s"}),
+        ("slider", {"mass": "7 g", "stiffness": "0.7 N/um", "damping_ratio": 0.07}),
+    ],
+)
+def test_a_rig_written_as_toml_reads_back_the_same(document, key, value):
+    rig = rigs.from_document(with_value(document, key, value) if key else document)
+    text = rigs.to_toml(rig)
+    again = rigs.from_document(tomllib.loads(text))
     assert again == rig
+    assert rigs.to_toml(again) == text
+    assert rig.source in text
+
+
+def test_every_example_reads_back_the_same():
+    for name in rigs.examples():
+        assert rigs.from_text(rigs.to_toml(rigs.example(name))) == rigs.example(name)
+
+
+def test_a_rig_made_in_python_can_be_written():
+    interface = ss.Interface(thresholds=ss.Gamma(mean=1.0, std=0.1), delay=ss.Delay(1 / 3))
+    rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.constant(0.7, 20))
+    assert rigs.from_text(rigs.to_toml(rig)) == rig
+    faster = rigs.example("brake_pad").replace(velocity="7 mm/s")
+    assert rigs.from_text(rigs.to_toml(faster)).velocity == pytest.approx(faster.velocity, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"method": ss.MasterEquation(memoryless=True)}, "the method MasterEq"),
+        ({"start": ss.FromSliding(perturbation=0.1)}, "perturbation"),
+        ({"drive": ss.constant(1.0).until(ss.Travel(3.0))}, "conditions"),
+        ({"slider": lambda s: s}, "impedance"),
+    ],
+)
+def test_what_no_file_can_hold_is_said(changes, words):
+    with pytest.raises(ss.InputError, match=f"{words}.* cannot be written into a rig file"):
+        rigs.to_document(rigs.example("pmma_slider").replace(**changes))
 
 
 @pytest.mark.parametrize(
@@ -125,35 +199,56 @@ MISTAKES = [
     ("slider.mass", True, "slider.mass = True", "quantity"),
     ("slider.stiffness", "0 N/m", "slider.stiffness = '0 N/m'", "above 0"),
     ("slider.damping", "3 1/s", "slider", "one of damping"),
-    ("slider.relative_damping", -0.3, "damping", "at least 0"),
-    ("interface.thresholds", {"distribution": "gausian", "std": 0.1}, "interface.thresholds", "known distributions"),
+    ("slider.damping_ratio", -0.3, "slider.damping_ratio = -0.3", "at least 0"),
+    ("slider.relative_damping", 0.3, "slider.relative_damping", "half of what relative_damping was"),
+    (
+        "interface.thresholds",
+        {"distribution": "gausian", "std": 0.1},
+        "interface.thresholds.distribution",
+        "the known distributions",
+    ),
     (
         "interface.thresholds",
         {"distribution": "gaussian", "sdt": 0.1},
         "interface.thresholds.sdt",
         "did you mean 'std'",
     ),
-    ("interface.thresholds", {"distribution": "gaussian", "std": -0.1}, "Gaussian.std", "at least 0"),
-    ("interface.thresholds", {"distribution": "uniform", "low": 2.0, "high": 1.0}, "Uniform.high", "above 2"),
+    (
+        "interface.thresholds",
+        {"distribution": "gaussian", "std": -0.1},
+        "interface.thresholds.std = -0.1",
+        "at least 0",
+    ),
+    (
+        "interface.thresholds",
+        {"distribution": "uniform", "low": 2.0, "high": 1.0},
+        "interface.thresholds.high = 1",
+        "above 2",
+    ),
     ("interface.thresholds", {"distribution": "empirical"}, "interface.thresholds", "samples, or edges and weights"),
     ("interface.thresholds", 0.1, "interface.thresholds = 0.1", "table"),
-    ("interface.initial", {"distribution": "gaussian", "mean": 9.0, "std": 0.1}, "Interface.initial", "nearer to 0"),
-    ("interface.normal_load", "1920 kg", "interface.normal_load", "unit of 'N'"),
-    ("interface.friction_coefficient", None, "interface", "contact_strength"),
+    ("interface.initial", {"distribution": "gaussian", "mean": 9.0, "std": 0.1}, "interface.initial", "nearer to 0"),
+    ("interface.contact_strength", "768 kg", "interface.contact_strength", "unit of 'N'"),
+    ("interface.friction_coefficient", 0.4, "interface.friction_coefficient", "mu_s and mu_k beside normal_load"),
+    ("interface.contact_strength", None, "interface.contact_strength", "is missing"),
+    ("interface.mu_s", 0.4, "interface", "give contact_strength, or mu_s, not both"),
+    ("interface.v_half", "1 mm/s", "interface", "give delay or v_half, not both"),
     ("interface.breaking_displacement", None, "interface.breaking_displacement", "missing"),
     ("interface.delay", "-2 ms", "interface.delay = '-2 ms'", "at least 0"),
     ("interface.delay", {"mean": "2 ms"}, "interface.delay.std", "missing"),
     ("interface.delay", {"mean": "2 ms", "std": "1 ms", "negative": "drop"}, "interface.delay.negative", "'clip'"),
-    ("interface.ageing", {"distribution": "langevin", "time": "0 s"}, "interface.ageing.time", "above 0"),
+    ("interface.ageing", {"model": "langevin", "time": "0 s"}, "interface.ageing.time", "above 0"),
     ("drive.velocity", "0 m/s", "drive.velocity", "above 0"),
     ("drive.distance", "-1 mm", "drive.distance", "above 0"),
     ("drive.pieces", [], "drive", "either velocity, or pieces"),
+    ("interface.ageing", {"distribution": "langevin", "time": "1 s"}, "interface.ageing.model", "'logarithmic'"),
+    ("simulation.start", "relaxed", "simulation.start = 'relaxed'", "'from rest' or 'sliding'"),
     ("drive", 3, "drive = 3", "table"),
-    ("simulation.contacts", 0, "Contacts.count = 0", "at least 1"),
+    ("simulation.contacts", 0, "simulation.contacts = 0", "at least 1"),
     ("simulation.contacts", 1.5, "simulation.contacts = 1.5", "whole number"),
-    ("simulation.contacts", 10**12, "Contacts.count", "at most"),
+    ("simulation.contacts", 10**12, "simulation.contacts", "at most"),
     ("simulation.method", "monte carlo", "simulation.method", "'contacts' or 'master equation'"),
-    ("simulation.seed", -1, "Contacts.seed", "at least 0"),
+    ("simulation.seed", -1, "simulation.seed", "at least 0"),
     ("units", "imperial", "units = 'imperial'", "'SI' or 'natural'"),
     ("assumed", {"slider.colour": "look"}, "slider.colour", "names no key"),
 ]
@@ -168,6 +263,71 @@ def test_a_mistake_names_its_place_and_its_remedy(document, path, value, place, 
     assert place in message
     assert remedy in message
     assert "\n" not in message
+
+
+@pytest.mark.parametrize(("path", "value", "place", "remedy"), MISTAKES)
+def test_a_mistake_knows_its_key(document, path, value, place, remedy):
+    with pytest.raises(ss.InputError) as caught:
+        rigs.from_document(with_value(document, path, value))
+    keys = [mistake.place for mistake in caught.value.mistakes]
+    assert place.partition(" ")[0] in [key.removeprefix("assumed.") for key in keys]
+    assert caught.value.place == (keys[0] if len(keys) == 1 else "")
+
+
+def test_all_missing_keys_are_told_at_once_each_with_a_value_that_it_could_have():
+    with pytest.raises(ss.InputError) as caught:
+        rigs.from_document({}, "rig.toml")
+    places = [mistake.place for mistake in caught.value.mistakes]
+    values = [f"{place} = {mistake.example}" for place, mistake in zip(places, caught.value.mistakes, strict=True)]
+    assert all(value in str(caught.value) for value in values)
+    assert len(values) == 7
+    assert rigs.from_document(tomllib.loads("\n".join(values))).velocity == pytest.approx(0.4e-3)
+
+
+@pytest.mark.parametrize(("mu_s", "mu_k"), [(0.45, 0.35), (0.6, 0.35), (0.36, 0.34)])
+def test_two_coefficients_of_friction_are_those_of_the_rig(document, mu_s, mu_k):
+    for key in ("contact_strength", "thresholds"):
+        del document["interface"][key]
+    document["interface"] |= {"normal_load": "4 kN", "mu_s": mu_s, "mu_k": mu_k}
+    rig = rigs.from_document(document)
+    unit = rig.scales.force / 4e3
+    assert static_friction(rig.interface)[0] * unit == pytest.approx(mu_s, rel=1e-4)
+    assert kinetic_friction(rig.interface, 1e-9) * unit == pytest.approx(mu_k, rel=1e-6)
+
+
+@pytest.mark.parametrize(("mu_s", "range_"), [(0.9, "between 1.030 and 1.917"), (0.35, "between 1.030 and 1.917")])
+def test_coefficients_beyond_the_model_are_refused_with_the_range(document, mu_s, range_):
+    for key in ("contact_strength", "thresholds"):
+        del document["interface"][key]
+    document["interface"] |= {"normal_load": "4 kN", "mu_s": mu_s, "mu_k": 0.35}
+    with pytest.raises(ss.InputError, match=range_) as caught:
+        rigs.from_document(document)
+    assert caught.value.place == "interface.mu_s"
+
+
+def test_at_the_speed_v_half_the_friction_has_halved(document):
+    del document["interface"]["delay"]
+    document["interface"]["v_half"] = "1.3 mm/s"
+    rig = rigs.from_document(document)
+    at = rig.scales.natural(1.3e-3, "velocity")
+    assert kinetic_friction(rig.interface, at) == pytest.approx(0.5 * kinetic_friction(rig.interface, 0.0), rel=1e-12)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shifted(ss.Uniform):
+    """A distribution from elsewhere."""
+
+    tilt: float = 0.5
+
+
+def test_a_distribution_from_elsewhere_needs_no_more_than_its_name(document, monkeypatch):
+    monkeypatch.setitem(DISTRIBUTIONS, "shifted", Shifted)
+    written = {"distribution": "shifted", "low": 0.5, "high": 1.5, "tilt": 0.25}
+    rig = rigs.from_document(with_value(document, "interface.thresholds", written))
+    assert rig.interface.thresholds == Shifted(low=0.5, high=1.5, tilt=0.25)
+    assert rigs.to_document(rig)["interface"]["thresholds"] == written
+    with pytest.raises(ss.InputError, match=r"thresholds\.tlit: unknown key; did you mean 'tilt'"):
+        rigs.from_document(with_value(document, "interface.thresholds", written | {"tlit": 1.0}))
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from stickslip.stability import (
     onset,
     stability_map,
 )
-from stickslip.stability.response import respond
+from stickslip.stability.modes import respond
 from stickslip.theory import kinetic_friction
 
 

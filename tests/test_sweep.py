@@ -27,8 +27,10 @@ import xarray as xr
 import stickslip as ss
 from stickslip.errors import InputError
 from stickslip.sweep import (
+    Options,
     Processes,
     Progress,
+    Refinement,
     Span,
     Threads,
     _cases,
@@ -160,8 +162,8 @@ def test_numbers_texts_arrays_and_nothing_come_back_as_they_were(tmp_path):
 
     axes = {"frequency": xr.DataArray([0.5, 2.0], dims="f", attrs={"units": "1/time"}), "flag": [True, False]}
     notes = {"response": {"units": "x_s/f_s", "long_name": "compliance", "odd": None}}
-    kept = run_cases(spectrum, axes, store=tmp_path / "s.sqlite", attributes=notes)
-    xr.testing.assert_identical(kept, run_cases(spectrum, axes, attributes=notes))
+    kept = run_cases(spectrum, axes, store=tmp_path / "s.sqlite", options=Options(attributes=notes))
+    xr.testing.assert_identical(kept, run_cases(spectrum, axes, options=Options(attributes=notes)))
     xr.testing.assert_identical(kept, open_sweep(tmp_path / "s.sqlite"))
     kept = kept.isel(flag=0)
     assert kept["response"].values[1, 0] == 1 / (1 + 2j)
@@ -179,7 +181,7 @@ def test_numbers_texts_arrays_and_nothing_come_back_as_they_were(tmp_path):
 
 def test_categories_are_integers_with_flags_that_where_and_plot_and_files_take(tmp_path):
     words = ["smooth", "stick-slip", "never seen"]
-    result = run_cases(case, AXES, categories={"regime": words})
+    result = run_cases(case, AXES, options=Options(categories={"regime": words}))
     assert result["regime"].dtype == np.int8
     assert result["regime"].attrs["flag_values"].tolist() == [-1, 0, 1, 2]
     assert result["regime"].attrs["flag_meanings"] == "no_result smooth stick-slip never_seen"
@@ -188,7 +190,7 @@ def test_categories_are_integers_with_flags_that_where_and_plot_and_files_take(t
     result["regime"].isel(start=0).plot()
     ss.save(result, tmp_path / "s.nc")
     xr.testing.assert_equal(ss.load(tmp_path / "s.nc"), result)
-    wrong = run_cases(case, AXES, categories={"regime": words[:1]})
+    wrong = run_cases(case, AXES, options=Options(categories={"regime": words[:1]}))
     assert (wrong["regime"] == -1).sum() == summary(wrong).failed > 0
     assert "'stick-slip': must be one of smooth" in failures(wrong)[0].error
 
@@ -196,11 +198,11 @@ def test_categories_are_integers_with_flags_that_where_and_plot_and_files_take(t
 @pytest.mark.parametrize("executor", [Threads(1), Threads(2), Threads(5)], ids=str)
 @pytest.mark.parametrize("seconds", [0.0, 0.5])
 def test_any_number_of_threads_and_any_batch_give_the_same_bits(tmp_path, executor, seconds, monkeypatch):
-    expected = run_cases(case, AXES, seed=3, executor=Threads(1))
+    expected = run_cases(case, AXES, executor=Threads(1), options=Options(seed=3))
     monkeypatch.setattr(_run, "SECONDS", seconds)
-    result = run_cases(case, AXES, seed=3, executor=executor, store=tmp_path / "s.sqlite")
+    result = run_cases(case, AXES, executor=executor, store=tmp_path / "s.sqlite", options=Options(seed=3))
     xr.testing.assert_identical(result, expected)
-    assert not result.equals(run_cases(case, AXES, seed=4))
+    assert not result.equals(run_cases(case, AXES, options=Options(seed=4)))
 
 
 def test_processes_and_executors_handed_in_give_the_same_bits(cases, tmp_path):
@@ -275,7 +277,7 @@ def test_failed_cases_are_run_again_on_request_only(tmp_path):
     assert summary(run_cases(moody, {"a": range(3)}, store=kept)).failed == 1
     broken.clear()
     assert summary(run_cases(moody, {"a": range(3)}, store=kept)).failed == 1
-    again = run_cases(moody, {"a": range(3)}, store=kept, retry_failed=True)
+    again = run_cases(moody, {"a": range(3)}, store=kept, options=Options(retry_failed=True))
     assert summary(again).failed == 0
     assert again["a2"].values.tolist() == [0, 1, 4]
     assert count == {0: 1, 1: 2, 2: 1}
@@ -361,8 +363,8 @@ def shifted(x, by=0.0):
     [
         ({"axes": {"y": [1.0, 2.0]}}, "names of the axes"),
         ({"function": Mass(2.0)}, "the object called"),
-        ({"seed": 7}, "seed"),
-        ({"fingerprint": "rig.toml, second version"}, "fingerprint"),
+        ({"options": Options(seed=7)}, "seed"),
+        ({"options": Options(fingerprint="rig.toml, second version")}, "fingerprint"),
         ({"function": lambda x: {"y": x}}, "source of the function"),
         ({"function": shifted}, "function, source of the function"),
     ],
@@ -534,7 +536,7 @@ def test_too_many_cases_are_refused_before_they_start():
     axes = {"a": range(1000), "b": range(1000), "c": range(1000)}
     with pytest.raises(InputError, match=r"1e\+09 cases are more than max_cases = 1e\+06; take fewer values, or set"):
         run_cases(lambda a, b, c: {"x": 1}, axes)  # noqa: ARG005
-    assert summary(run_cases(product, {"a": [1, 3], "b": [1]}, max_cases=2)).done == 2
+    assert summary(run_cases(product, {"a": [1, 3], "b": [1]}, options=Options(max_cases=2))).done == 2
 
 
 # ---------------------------------------------------------------- two at once
@@ -874,7 +876,7 @@ def test_a_worker_of_another_version_is_turned_away(tmp_path, monkeypatch):
     here = _cases.package_version()
     monkeypatch.setattr(_cases, "package_version", lambda: "0.0.1")
     job = _cases.Job(function=case, seed=0, version=here)
-    monkeypatch.setattr("stickslip.sweep._grid.Job", lambda **_: job)
+    monkeypatch.setattr("stickslip.sweep._run.Job", lambda **_: job)
     _cases._load.cache_clear()  # this process is no new worker
     message = (
         rf"a worker has stickslip 0\.0\.1, but the sweep {re.escape(here)}; install the same .* 0 of 42 cases are kept"
@@ -992,7 +994,7 @@ def distances(points, others):
 
 @pytest.mark.usefixtures("adaptive")
 def test_refinement_finds_a_boundary_as_sharply_as_a_grid_of_ten_times_the_runs():
-    found = refine(parabola, UNIT, "side", runs=160)
+    found = refine(parabola, UNIT, "side", Refinement(runs=160))
     assert 150 < found.sizes["run"] <= 160
     points = np.stack([found["x_at"], found["y_at"]], axis=-1)
     off = distances(points, curve())
@@ -1015,8 +1017,22 @@ def test_refinement_finds_a_boundary_as_sharply_as_a_grid_of_ten_times_the_runs(
 @pytest.mark.usefixtures("adaptive")
 def test_refinement_is_the_same_for_any_number_of_workers():
     box = {"x": (0, 1), "y": Span(low=0.01, high=1.0, log=True)}
-    one = refine(parabola, box, "side", runs=60, executor=Threads(1), categories={"side": ["below", "above"]})
-    more = refine(parabola, box, "side", runs=60, executor=Threads(3), categories={"side": ["below", "above"]})
+    one = refine(
+        parabola,
+        box,
+        "side",
+        Refinement(runs=60),
+        executor=Threads(1),
+        options=Options(categories={"side": ["below", "above"]}),
+    )
+    more = refine(
+        parabola,
+        box,
+        "side",
+        Refinement(runs=60),
+        executor=Threads(3),
+        options=Options(categories={"side": ["below", "above"]}),
+    )
     xr.testing.assert_identical(one, more)
     assert set(one["from_side"].values) | set(one["to_side"].values) == {0, 1}
     assert one["from_side"].attrs["flag_meanings"] == one["side"].attrs["flag_meanings"] == "no_result below above"
@@ -1024,7 +1040,7 @@ def test_refinement_is_the_same_for_any_number_of_workers():
 
 @pytest.mark.usefixtures("adaptive")
 def test_refinement_with_one_region_has_no_boundary_and_says_so_by_its_size():
-    found = refine(parabola, {"x": (0, 1), "y": (0.9, 1)}, "side", runs=20)
+    found = refine(parabola, {"x": (0, 1), "y": (0.9, 1)}, "side", Refinement(runs=20))
     assert found.sizes["crossing"] == 0
     assert set(found["side"].values) == {"above"}
 
@@ -1036,7 +1052,7 @@ def test_refinement_goes_round_cases_that_fail():
             raise ValueError("no")
         return {"high": int(y > 0.5)}
 
-    found = refine(patchy, UNIT, "high", runs=80)
+    found = refine(patchy, UNIT, "high", Refinement(runs=80))
     assert (found["error"].values[found["x"].values > 0.8] != "").all()
     assert found.sizes["crossing"] > 3
     assert np.abs(found["y_at"] - 0.5).max() < 0.03
@@ -1052,28 +1068,28 @@ def test_refinement_goes_on_from_its_store_the_way_a_grid_does(tmp_path, monkeyp
         count[x, y, branch] += 1
         return parabola(x, y) if branch == "up" else {"side": "above" if x > 0.5 else "below", "height": y}
 
-    store, options = tmp_path / "s.sqlite", {"each": {"branch": ["up", "down"]}, "runs": 40}
-    expected = refine(counted, UNIT, "side", **options)
+    store, how = tmp_path / "s.sqlite", Refinement(each={"branch": ["up", "down"]}, runs=40)
+    expected = refine(counted, UNIT, "side", how)
     count.clear()
     with pytest.raises(EnoughError):
-        refine(counted, UNIT, "side", store=store, progress=stop_after(55), **options)
+        refine(counted, UNIT, "side", how, store=store, progress=stop_after(55))
     part = open_sweep(store)
     assert 55 <= part.sizes["run"] < expected.sizes["run"] <= 80
     assert set(part["branch"].values) == {"up", "down"}
     assert status_of(store).summary.missing == 80 - part.sizes["run"]
-    found = refine(counted, UNIT, "side", store=store, **options)
+    found = refine(counted, UNIT, "side", how, store=store)
     xr.testing.assert_identical(found, expected)
     xr.testing.assert_identical(open_sweep(store), expected)
     assert str(status_of(store)) == f"{found.sizes['run']} of {found.sizes['run']} cases done"
     assert max(count.values()) == 1
-    xr.testing.assert_identical(refine(counted, UNIT, "side", store=store, **options), expected)
+    xr.testing.assert_identical(refine(counted, UNIT, "side", how, store=store), expected)
     assert max(count.values()) == 1
     with changing(store) as connection:
         connection.execute("DELETE FROM cases WHERE key LIKE '%up%'")
     assert status_of(store).summary.missing > 30
-    xr.testing.assert_identical(refine(counted, UNIT, "side", store=store, **options), expected)
+    xr.testing.assert_identical(refine(counted, UNIT, "side", how, store=store), expected)
     with pytest.raises(InputError, match="holds another sweep; what differs: seed"):
-        refine(counted, UNIT, "side", store=store, seed=1, **options)
+        refine(counted, UNIT, "side", how, store=store, options=Options(seed=1))
 
 
 def test_bad_refinements():
@@ -1084,6 +1100,6 @@ def test_bad_refinements():
     with pytest.raises(InputError, match=r"Span\.low = 0: must be"):
         Span(low=0, high=1, log=True)
     with pytest.raises(InputError, match=r"runs = 3: must be"):
-        refine(parabola, UNIT, "side", runs=3)
+        refine(parabola, UNIT, "side", Refinement(runs=3))
     with pytest.raises(InputError, match="label = 'colour': the function must return a text or a number under this"):
-        refine(parabola, UNIT, "colour", runs=16)
+        refine(parabola, UNIT, "colour", Refinement(runs=16))

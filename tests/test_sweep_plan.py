@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import reference
 import tomli_w
 import xarray as xr
 
@@ -24,8 +25,9 @@ from stickslip.errors import InputError
 from stickslip.io import rig_files as rigs
 from stickslip.measure import regime
 from stickslip.model import Contacts, FromRest, FromSliding, MasterEquation
-from stickslip.sweep import Span, Threads, _table, open_sweep, study, summary
-from stickslip.sweep.plan import Refinement, from_document, open_plan, plan_of, read_plan, with_theory
+from stickslip.sweep import Refinement, Runs, Span, Threads, _table, open_sweep, study, summary
+from stickslip.sweep.plan import from_document, open_plan, plan_of, read_plan
+from stickslip.sweep.theory import with_theory
 
 ROOT = Path(__file__).parents[1]
 EXAMPLE = rigs.EXAMPLES / "phase_diagram.toml"
@@ -90,7 +92,7 @@ def test_the_axes_of_a_file_are_as_written():
     assert plan.axes["velocity"].tolist() == [0.3, 1.0]
     assert plan.axes["start"].tolist() == ["from rest", "sliding"]
     assert (plan.total, plan.parameters) == (12, ("stiffness", "velocity"))
-    assert plan.study.method == Contacts(100, 0)
+    assert plan.study.rig.method == Contacts(100, 0)
     seeds = from_document(changed("axes.seed", {"from": 7, "count": 3})).axes["seed"]
     assert seeds.tolist() == [7, 8, 9]
     counts = {"from": 10, "to": 1000, "count": 5, "spacing": "log"}
@@ -113,7 +115,7 @@ def test_a_file_may_name_a_rig_file_beside_it(tmp_path):
     document = {"rig": "rigs/bench.toml", "axes": {"velocity": ["0.1 mm/s", "1 m/min"]}}
     plan = read_plan(written(tmp_path, document))
     assert plan.axes["velocity"].tolist() == pytest.approx([1e-4, 1 / 60])
-    assert plan.study.method.count == 2000  # as the rig file says
+    assert plan.study.rig.method.count == 2000  # as the rig file says
     assert plan.attributes()["velocity"]["units"] == "m/s"
     again = from_document(tomllib.loads(plan.to_toml()))  # the rig is in it: the file may go
     assert again.study == plan.study
@@ -137,14 +139,10 @@ def test_parameters_are_in_the_units_of_the_file():
         },
     }  # fmt: skip
     plan = from_document(document)
-    scales = plan.study.scales
-    setting = plan.study.at({name: float(values[0]) for name, values in plan.axes.items()})
-    assert scales.si(setting.slider.stiffness, "stiffness") == pytest.approx(1e6)
-    assert scales.si(setting.slider.mass, "mass") == pytest.approx(0.01)
-    assert scales.si(setting.slider.damping, "rate") == pytest.approx(100.0)
-    assert scales.si(setting.velocity, "velocity") == pytest.approx(2e-3)
-    assert scales.si(setting.interface.delay.time, "time") == pytest.approx(1e-3)
-    assert setting.interface.thresholds == ss.Gaussian(mean=1.0, std=0.2)
+    rig = plan.study.rig.replace(**{name: float(values[0]) for name, values in plan.axes.items()})
+    asked = {"stiffness": 1e6, "mass": 0.01, "damping": 100.0, "velocity": 2e-3, "delay": 1e-3}
+    assert {name: rig.value(name) for name in asked} == pytest.approx(asked)
+    assert rig.interface.thresholds == ss.Gaussian(mean=1.0, std=0.2)
 
 
 MISTAKES = [
@@ -168,7 +166,7 @@ MISTAKES = [
     ("rig.slider.mas", 1.0, "rig: slider.mas", "did you mean 'mass'"),
     ("rig.slider.mass", 0.0, "rig.slider.mass = 0", "above 0"),
     ("rig.drive", {"pieces": [{"start": 1.0, "end": 2.0, "duration": 1.0}]}, "rig.drive.pieces", "drive.velocity"),
-    ("rig.interface.thresholds", {"distribution": "exponential"}, "Interface.thresholds", "has no standard deviation of its own to vary"),
+    ("rig.interface.thresholds", {"distribution": "exponential"}, "Interface.thresholds", "has no std to vary"),
     ("run.contcts", 3, "run.contcts", "did you mean 'contacts'"),
     ("run.contacts", 0, "Contacts.count = 0", "at least 1"),
     ("run.method", "monte carlo", "run.method", "'contacts' or 'master equation'"),
@@ -202,7 +200,7 @@ def test_what_changes_nothing_is_no_axis():
     equation = changed("run", {"method": "master equation"})
     with pytest.raises(InputError, match=r"axes\.seed: changes nothing with the master equation"):
         from_document(changed("axes.seed", [1], equation))
-    assert from_document(equation).study.method == MasterEquation()
+    assert from_document(equation).study.rig.method == MasterEquation()
 
 
 # ---------------------------------------------------------------- one case
@@ -233,7 +231,7 @@ def test_a_case_can_be_made_again_from_what_the_store_says(tmp_path, capsys):
 def test_the_regime_is_an_integer_with_flags(tmp_path):
     result = from_document(NATURAL).run(store=tmp_path / "s.sqlite")
     flags = result["regime"].attrs
-    assert flags["flag_meanings"] == "no_result smooth_sliding stick-slip small_oscillation undecided"
+    assert flags["flag_meanings"] == "no_result smooth_sliding stick-slip sustained_oscillation undecided"
     assert flags["flag_values"].tolist() == [-1, 0, 1, 2, 3]
     stuck = result.where(result["regime"] == 1)
     assert 0 < stuck["period"].count() < 12
@@ -243,22 +241,44 @@ def test_the_regime_is_an_integer_with_flags(tmp_path):
 
 
 def test_a_rig_is_swept_from_python_as_from_a_file(tmp_path):
-    bench = ss.rig.read(BENCH)
+    bench = ss.read_rig(BENCH)
     run_ = {"distance": "8 um", "cycles": 0.0, "extensions": 0}
     axes = {"velocity": ["0.4 mm/s", "1 mm/s"], "contacts": [50], "start": ["from rest", "sliding"]}
     expected = from_document({"rig": tomllib.loads(BENCH.read_text()), "axes": axes, "run": run_}).run()
     for speeds in (axes["velocity"], np.array([4e-4, 1e-3])):
-        found = ss.sweep(bench, axes | {"velocity": speeds}, store=tmp_path / "s.sqlite", **run_)
+        found = ss.sweep(bench, axes | {"velocity": speeds}, store=tmp_path / "s.sqlite", runs=Runs(**run_))
         xr.testing.assert_equal(found, expected)
         assert found["peak_to_peak"].units == "N"
     assert run("plot", tmp_path / "s.sqlite", tmp_path / "s.png", "--at", "contacts=50") == 0
     pytest.importorskip("adaptive", reason="refine needs adaptive")
     box = {"velocity": Span(low=1e-4, high=5e-3, log=True), "stiffness": Span(low=2e7, high=2e9, log=True)}
-    edge = ss.sweep(bench, box, refinement=Refinement(runs=16, resolution=0.1), distance=4e-6, cycles=0)
+    edge = ss.sweep(bench, box, refinement=Refinement(runs=16, resolution=0.1), runs=Runs(distance=4e-6, cycles=0))
     assert edge.sizes["run"] <= 16
     assert set(plan_of(edge).logarithmic) == {"velocity", "stiffness"}
     with pytest.raises(InputError, match=r"axes\.velocity\.values\.0 = '-0\.1 m/s': must be above 0"):
         ss.sweep(bench, {"velocity": [-0.1]})
+
+
+def test_a_rig_made_or_changed_in_python_is_swept_as_it_is(tmp_path):
+    store, short = tmp_path / "s.sqlite", Runs(distance=12.0, cycles=0.0, extensions=0)
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
+    slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0)
+    made = ss.Rig(interface, slider, ss.constant(1.0), method=Contacts(100))
+    found = ss.sweep(made, {"velocity": [0.3, 1.0]}, store=store, runs=short)
+    xr.testing.assert_identical(open_plan(store), found)
+    assert plan_of(found).study.rig.interface == interface
+    stiff = made.replace(stiffness=8.0)
+    again = ss.sweep(stiff, {"velocity": [0.3, 1.0]}, runs=short)
+    assert (again["peak_to_peak"] != found["peak_to_peak"]).all()
+    bench = ss.example("pmma_slider")
+    few = {"velocity": ["0.4 mm/s"], "contacts": [20]}
+    short = Runs(distance="8 um", cycles=0)
+    one, two = (
+        ss.sweep(rig, few, runs=short) for rig in (bench, bench.replace(stiffness=5 * bench.value("stiffness")))
+    )
+    assert float(one["peak_to_peak"].squeeze()) != float(two["peak_to_peak"].squeeze())
+    with pytest.raises(InputError, match=r"rig\.slider = .*: must be a Slider"):
+        ss.sweep(ss.Rig(interface, lambda s: 1.0 + s, ss.constant(1.0)), {"velocity": [1.0]})
 
 
 def test_results_come_in_the_units_of_the_file():
@@ -270,10 +290,10 @@ def test_results_come_in_the_units_of_the_file():
     }
     plan = from_document(document)
     result = plan.run().isel(velocity=0, seed=0)
-    scales = plan.study.scales
-    setting = plan.study.at({})
-    inside = regime(ss.simulate(ss.Rig(setting.interface, setting.slider, ss.constant(setting.velocity, 20 / setting.velocity)), method=Contacts(100, 3)))  # fmt: skip
-    assert float(result["peak_to_peak"]) == pytest.approx(scales.si(inside.peak_to_peak, "force"))
+    bench = plan.study.rig
+    drive = ss.constant(bench.velocity, 40e-6 / bench.velocity)
+    inside = regime(ss.simulate(bench.replace(drive=drive), method=Contacts(100, 3), start=FromRest()))
+    assert float(result["peak_to_peak"]) == pytest.approx(inside.peak_to_peak)
     assert float(result["travel"]) == pytest.approx(40e-6)
     assert result["peak_to_peak"].attrs["units"] == "N"
     assert "per contact" not in result["peak_to_peak"].attrs["long_name"]
@@ -353,7 +373,7 @@ def test_cases_that_fail_are_recorded_and_told(tmp_path, capsys):
     assert lines[-1] == "4 of 6 cases done, 2 failed"
     told = [line for line in lines if line.startswith("failed: ")]
     assert len(told) == 2
-    assert "std = -0.1, velocity = 0.5: InputError: Gaussian.std = -0.1: must be" in told[0]
+    assert "std = -0.1, velocity = 0.5: InputError: std = -0.1: must be" in told[0]
     result = open_sweep(store)
     assert (result["error"].sel(std=-0.1) != "").all()
     assert (result["peak_to_peak"].sel(std=[0.1, 0.2]) > 0).all()
@@ -415,14 +435,14 @@ def test_a_scheduler_that_is_not_there(tmp_path, capsys, monkeypatch):
 def test_the_boundary_on_top_is_the_computed_one():
     plan = from_document(NATURAL)
     shown = with_theory(plan.run())
-    setting = plan.study.at({})
+    interface = plan.study.rig.interface
     for i in (0, -1):
         stiffness, velocity = (float(shown[f"edge_{name}"][i]) for name in ("stiffness", "velocity"))
         slider = ss.Slider(stiffness=stiffness, mass=1e-4, damping=200.0)
-        edges = ss.critical(ss.Rig(setting.interface, slider, ss.constant(1.0)), "velocity", between=(0.05, 5.0)).edges
+        edges = ss.critical(ss.Rig(interface, slider, ss.constant(1.0)), "velocity", between=(0.05, 5.0)).edges
         assert min(abs(edge.value / velocity - 1) for edge in edges) < 1e-6
     plan = from_document(changed("axes", {"velocity": {"from": 0.2, "to": 3.0, "count": 3}, "seed": [1]}))
-    assert with_theory(plan.run())["edge_velocity"].values == pytest.approx([0.7142311], rel=1e-6)
+    assert with_theory(plan.run())["edge_velocity"].values == pytest.approx([reference.V1_FIG4], rel=1e-6)
 
 
 def test_the_boundary_of_a_rig_in_si_units_is_in_si_units():
@@ -436,13 +456,9 @@ def test_the_boundary_of_a_rig_in_si_units_is_in_si_units():
     shown = with_theory(plan.run())
     assert shown.attrs["theory"] == "linear stability of smooth sliding"
     x, y = (shown[f"edge_{name}"].to_numpy() for name in ("stiffness", "velocity"))
-    setting = plan.study.at({"stiffness": float(x[0]), "velocity": float(y[0])})
-    critical = ss.critical(
-        ss.Rig(setting.interface, setting.slider, ss.constant(1.0)),
-        "velocity",
-        between=(0.5 * setting.velocity, 2 * setting.velocity),
-    )
-    assert min(abs(edge.value / setting.velocity - 1) for edge in critical.edges) < 1e-6
+    here = plan.study.rig.replace(stiffness=float(x[0]))
+    critical = ss.critical(here, "velocity", between=(0.5 * y[0], 2 * y[0]))
+    assert min(abs(edge.value / y[0] - 1) for edge in critical.edges) < 1e-6
     assert shown["edge_velocity"].attrs["units"] == "m/s"
 
 
@@ -514,7 +530,7 @@ def test_a_sweep_along_one_axis_is_a_line(tmp_path):
     )
     marks = sum(np.isfinite(line.get_ydata()).sum() for line in ax.lines if line.get_linestyle() == "None")
     assert marks == 12
-    assert lines["linear boundary, computed"].get_xdata()[0] == pytest.approx(0.7142311)
+    assert lines["linear boundary, computed"].get_xdata()[0] == pytest.approx(reference.V1_FIG4)
 
 
 def test_cells_lie_where_their_values_are_in_any_order():
@@ -530,7 +546,9 @@ def test_cells_lie_where_their_values_are_in_any_order():
     assert x < 50 < right
     assert y < 0.3 < top
     (boundary,) = [line for line in ax.lines if line.get_label() == "linear boundary, computed"]
-    assert boundary.get_ydata()[0] == pytest.approx(0.7142311)  # theory knows the velocity, not the number of contacts
+    assert boundary.get_ydata()[0] == pytest.approx(
+        reference.V1_FIG4
+    )  # theory knows the velocity, not the number of contacts
 
 
 def test_a_sweep_over_starts_alone_has_no_picture():
@@ -573,9 +591,9 @@ def test_a_refinement_is_kept_drawn_and_gone_on_with(tmp_path, capsys, monkeypat
     counted = Counter()
     real = study.simulate
 
-    def simulate(interface, slider, drive, method, **options):
-        counted[slider.stiffness, drive] += 1
-        return real(interface, slider, drive, method, **options)
+    def simulate(rig):
+        counted[rig.slider.stiffness, rig.drive] += 1
+        return real(rig)
 
     monkeypatch.setattr(study, "simulate", simulate)
     assert run("sweep", file, "--store", store, "--json") == 0
@@ -652,9 +670,9 @@ def resumed(file, store, monkeypatch):
     counted = Counter()
     real = study.simulate
 
-    def simulate(interface, slider, drive, method, **options):
-        counted[slider.stiffness, drive.pieces[0].start, type(options["start"])] += 1
-        return real(interface, slider, drive, method, **options)
+    def simulate(rig):
+        counted[rig.slider.stiffness, rig.velocity, type(rig.start)] += 1
+        return real(rig)
 
     monkeypatch.setattr(study, "simulate", simulate)
     assert run("sweep", file, "--store", store) == 0
@@ -777,10 +795,10 @@ def test_the_example_is_the_interface_of_fig_4():
     from stickslip.paper.cases import FIG4
 
     plan = read_plan(EXAMPLE)
-    assert plan.study.interface == FIG4.interface
-    assert plan.study.slider == FIG4.slider
+    assert plan.study.rig.interface == FIG4.interface
+    assert plan.study.rig.slider == FIG4.slider
     assert plan.total == 3200
-    assert plan.study.method.count == 2000
+    assert plan.study.rig.method.count == 2000
 
 
 def blocks_of(page, language):
@@ -806,6 +824,6 @@ def test_what_the_page_on_sweeps_shows_is_true(tmp_path, monkeypatch, capsys):
     capsys.readouterr()
     exec(compile(reading, "reading", "exec"), {})
     assert "pmma" in capsys.readouterr().out.lower()
-    in_python = in_python.replace("Processes(2)", "None, distance='8 um', cycles=0")
+    in_python = in_python.replace("Processes(2)", "None, runs=Runs(distance='8 um', cycles=0)")
     exec(compile(in_python, "in_python", "exec"), {"__name__": "__main__"})
     assert "6 of 6 cases done []" in capsys.readouterr().out

@@ -5,13 +5,16 @@
 
 from __future__ import annotations
 
-from stickslip.paper import FIGURES, Claim, Figure
+from tempfile import TemporaryDirectory
+
+from stickslip.paper import FIGURES, Claim, Figure, reproduce
 from verification.study import Study
 
 
 def _study(figure: Figure) -> Study:
     def run() -> tuple[Claim, ...]:
-        return figure.check(figure.compute())
+        with TemporaryDirectory() as folder:
+            return reproduce(figure, folder).claims
 
     return Study(name=figure.name, group="The paper's claims", title=figure.title, run=run)
 

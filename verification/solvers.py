@@ -28,7 +28,7 @@ from stickslip import (
 )
 from stickslip.model import Rig
 from stickslip.paper import Claim, Measured
-from stickslip.paper.cases import FIG4, FIG7, FIG8
+from stickslip.paper.cases import FIG4, FIG7, FIG8, PERIOD, V1, V1_FREQUENCY
 from stickslip.paper.figure import at_most, near
 from stickslip.stability import critical
 from stickslip.theory import driving_force
@@ -67,7 +67,7 @@ def _rigid() -> tuple[Claim, ...]:
             evidence=f"{distance:g} x_s at velocity {velocity:g}, 800 cells per x_s",
         ),
         finding(
-            "Rigid motion: contacts scatter about the master equation within the standard deviation of one contact's force",
+            "Rigid motion: contacts scatter about the master equation by the standard deviation of a contact's force",
             *scaled,
             evidence=f"{seeds} runs of {N:,} contacts for each delay",
         ),
@@ -87,15 +87,15 @@ def _stick_slip() -> tuple[Claim, ...]:
     drive, output = constant(1.0, 100.0), Output(interval=0.002)
     cohorts = simulate(Rig(interface, slider, drive), method=MasterEquation(cells=800), output=output)
     contacts = simulate(Rig(interface, slider, drive), method=Contacts(200_000, seed=5), output=output)
-    (oscillation, period, fastest), (swing_n, period_n, fastest_n) = _cycle(cohorts), _cycle(contacts)
+    (oscillation, period, fastest), (oscillation_n, period_n, fastest_n) = _cycle(cohorts), _cycle(contacts)
     return (
         finding(
             "Fig. 4c: the cycle of 200,000 contacts is that of the master equation",
-            near("peak-to-peak force, contacts over cohorts", swing_n / oscillation, 1.0, 0.02),
+            near("peak-to-peak force, contacts over cohorts", oscillation_n / oscillation, 1.0, 0.02),
             near("period, contacts over cohorts", period_n / period, 1.0, 0.005),
             near("largest velocity, contacts over cohorts", fastest_n / fastest, 1.0, 0.03),
             near("peak-to-peak force of the cohorts", oscillation, 0.77, 0.02, "f_s"),
-            near("period of the cohorts", period, 1.487, 0.010, "time"),
+            near("period of the cohorts", period, PERIOD, 0.010, "time"),
             evidence="K 2, tau .2, eta 200, v 1; the last 40 of 100 time units",
         ),
     )
@@ -108,24 +108,29 @@ def _energy() -> tuple[Claim, ...]:
         "up and down": ramp(0.1, 3.0, 10.0).then(ramp(3.0, 0.1, 10.0)),
         "there and back": constant(1.0, 5.0).then(constant(-1.0, 10.0)).then(constant(1.0, 5.0)),
     }
-    gaps, counts = [], []
+    imbalances, counts = [], []
     for name, drive in drives.items():
         run = simulate(Rig(interface, FIG4.slider, drive), method=Contacts(10_000, seed=3))
         stored = run["kinetic_energy"] + run["spring_energy"] + run["contact_energy"]
         lost = run["damped_energy"] + run["broken_energy"]
-        gap = float(np.abs(run["work"] - (stored - stored[0]) - lost).max())
-        gaps.append(at_most(f"imbalance of energy over the work done, {name}", gap / float(run["work"].max()), 1e-9))
+        imbalance = float(np.abs(run["work"] - (stored - stored[0]) - lost).max())
+        imbalances.append(
+            at_most(f"imbalance of energy over the work done, {name}", imbalance / float(run["work"].max()), 1e-9)
+        )
         held = run["attached"].to_numpy() * 10_000
         counts.append(at_most(f"attached contacts are whole, {name}", float(np.abs(held - held.round()).max()), 1e-6))
     return (
         finding(
-            "The contacts engine balances energy to rounding", *gaps, *counts, evidence="10,000 contacts, three drives"
+            "The contacts engine balances energy to rounding",
+            *imbalances,
+            *counts,
+            evidence="10,000 contacts, three drives",
         ),
     )
 
 
 def _linear() -> tuple[Claim, ...]:
-    """A small perturbation of the cohorts grows at the rate of linear theory, and stops growing where theory says so."""
+    """A small perturbation of the cohorts grows at the rate of linear theory, and decays where theory says so."""
     slider = FIG7.slider
     interface = replace(FIG7.interface, delay=Delay(0.1))
     v1 = critical(Rig(interface, slider, constant(1.0)), "velocity", between=(1.0, 1.9))[0]
@@ -138,7 +143,7 @@ def _linear() -> tuple[Claim, ...]:
             start=FromSliding(perturbation=1e-3),
             output=Output(interval=0.004),
         )
-        rate, turn = _swing(
+        rate, turn = _fitted_mode(
             run["time"].to_numpy(), run["spring_force"].to_numpy() - driving_force(interface, slider, velocity)
         )
         mode = growth_rate(Rig(interface, slider, constant(velocity)))
@@ -146,17 +151,17 @@ def _linear() -> tuple[Claim, ...]:
         turns.append(near(f"frequency at v = {velocity:g}, less theory", turn - abs(mode.imag), 0.0, 5e-3, "1/time"))
     return (
         finding(
-            "Small perturbations of smooth sliding grow or die at the rate of linear theory",
-            near("v1 of Fig. 7a", v1.value, 1.388221, 1e-6, "x_s/time"),
-            near("its frequency", v1.frequency, 7.265139, 1e-6, "1/time"),
+            "Small perturbations of smooth sliding grow or decay at the rate of linear theory",
+            near("v1 of Fig. 7a", v1.value, V1, 1e-6, "x_s/time"),
+            near("its frequency", v1.frequency, V1_FREQUENCY, 1e-6, "1/time"),
             *rates,
             *turns,
-            evidence="cohorts, 3,200 cells, perturbation of a thousandth of the velocity; the slowest mode fitted after t = 8",
+            evidence="cohorts, 3,200 cells, velocity perturbed by a thousandth; the slowest mode fitted after t = 8",
         ),
     )
 
 
-def _swing(t: np.ndarray, force: np.ndarray) -> tuple[float, float]:
+def _fitted_mode(t: np.ndarray, force: np.ndarray) -> tuple[float, float]:
     """Rate and frequency of one oscillating mode, by least squares on what is left of the transient."""
     from scipy.optimize import least_squares
 

@@ -54,121 +54,68 @@ class Commands(_Made):
 
 # ---------------------------------------------------------------- keys of a rig file
 
-UNITS = {
-    "Mass": 'mass, such as `"75.6 g"`',
-    "Stiffness": 'stiffness, such as `"4 MN/m"`',
-    "Rate": 'rate, such as `"200 1/s"`',
-    "Force": 'force, such as `"768 N"`',
-    "Length": 'length, such as `"2 um"`',
-    "Time": 'time, such as `"2 ms"`',
-    "Lag": 'time, such as `"2 ms"`, or 0',
-    "Velocity": 'speed, such as `"0.4 mm/s"`',
-}
-
 
 def rig_keys() -> str:
-    """Every key that a rig file may hold, from the models that read it."""
-    from pydantic import BaseModel
+    """Every key that a rig file may hold, from the tables that it is read by."""
+    from stickslip.io import rig_keys as keys
+    from stickslip.model.ageing import AGEING_MODELS
+    from stickslip.model.distributions import DISTRIBUTIONS
 
-    from stickslip.io import rig_files as rig
-    from stickslip.io import validation as door
-
-    parts = {
-        name: part
-        for name, part in vars(rig).items()
-        if isinstance(part, type) and issubclass(part, BaseModel) and part.__module__ == rig.__name__
-    }
-    names = {getattr(door, name).__metadata__[0]: words for name, words in UNITS.items()}
-    content = parts["_Document"]
-    lines = ["### At the top of the file", "", *_table(content, names)]
-    for key, field in content.model_fields.items():
-        inner = _models(field.annotation)
-        for part in inner:
-            lines += [f"### `[{key}]`", "", *_table(part, names)]
-            for sub, subfield in part.model_fields.items():
-                for distribution in _models(subfield.annotation):
-                    heading = _heading(key, sub, distribution)
-                    if heading not in lines:
-                        lines += [heading, "", *_table(distribution, names)]
+    lines = ["### At the top of the file", "", *_table(keys.TOP)]
+    for name, table in keys.TABLES.items():
+        lines += [f"### `[{name}]`", "", *_table(table)]
+        if name == "interface":
+            for kind, record in DISTRIBUTIONS.items():
+                heading = f'#### `interface.thresholds` and `interface.initial` with `distribution = "{kind}"`'
+                lines += [heading, "", *_table(keys.keys_of(record))]
+            lines += ["#### `interface.delay` as a table", "", *_table(keys.RANDOM_DELAY)]
+            for kind, record in AGEING_MODELS.items():
+                lines += [f'#### `interface.ageing` with `model = "{kind}"`', "", *_table(keys.keys_of(record))]
+        if name == "drive":
+            lines += ["#### Each of `drive.pieces`", "", *_table(keys.PIECE)]
     return "\n".join(lines)
 
 
-def _heading(key: str, sub: str, distribution: Any) -> str:
-    tag = distribution.model_fields.get("distribution")
-    if tag is None:
-        return f"#### `{key}.{sub}`"
-    kind = tag.annotation.__args__[0]
-    where = "thresholds` and `interface.initial" if sub in ("thresholds", "initial") else sub
-    return f'#### `{key}.{where}` with `distribution = "{kind}"`'
-
-
-def _models(annotation: Any) -> list[Any]:
-    """The models that an annotation can stand for."""
-    from typing import get_args
-
-    from pydantic import BaseModel
-
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [model for inner in get_args(annotation) for model in _models(inner)]
-
-
-def _table(part: Any, names: dict[Any, str]) -> list[str]:
-    rows = ["| key | value | if left out | meaning |", "|---|---|---|---|"]
-    for key, field in part.model_fields.items():
-        if key == "distribution":
-            continue
-        if field.is_required():
-            default = "must be given"
-        elif (value := field.get_default(call_default_factory=True)) is None or value in ("", {}):
-            default = "—"
-        elif _models(field.annotation):
-            given = value.model_dump(exclude_defaults=False)
-            default = _toml(given) if "distribution" in given else "all its defaults"
-        else:
-            default = f"`{json.dumps(value)}`"
-        meaning = " ".join((field.description or "").replace("``", "`").split())
-        rows.append(f"| `{key}` | {_words(_full(part, key), names)} | {default} | {meaning} |")
+def _table(keys: Any) -> list[str]:
+    rows = ["| key | value | for example | if left out | meaning |", "|---|---|---|---|---|"]
+    for name, key in keys.items():
+        cells = (f"`{name}`", _kind(key), _code(key.example), _left_out(key), " ".join(key.meaning.split()))
+        rows.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
     return [*rows, ""]
 
 
-def _full(part: Any, key: str) -> Any:
-    """The annotation with what pydantic has moved into the field's metadata."""
-    from typing import get_type_hints
+def _code(value: Any) -> str:
+    from stickslip.io.rig_keys import toml
 
-    return get_type_hints(part, include_extras=True)[key]
-
-
-def _toml(values: dict[str, Any]) -> str:
-    return "`{ " + ", ".join(f"{k} = {json.dumps(v)}" for k, v in values.items()) + " }`"
+    return f"`{toml(value)}`"
 
 
-def _words(annotation: Any, names: dict[Any, str]) -> str:
-    """An annotation in words."""
-    from types import NoneType
-    from typing import Literal, get_args, get_origin
+def _left_out(key: Any) -> str:
+    """What is taken if a key is left out."""
+    if key.required:
+        return "must be given"
+    if key.default is None:
+        return str(key.otherwise) or "must be given"
+    return "none" if key.default == "" else _code(f"0 {_si(key)}" if key.unit and key.default == 0 else key.default)
 
-    from pydantic import BaseModel
 
-    for checked in getattr(annotation, "__metadata__", ()):
-        if checked in names:
-            return names[checked]
-    if get_origin(annotation) is Literal:
-        return " or ".join(f"`{json.dumps(value)}`" for value in get_args(annotation))
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return "a table, see below"
-    simple = {float: "number", int: "whole number", str: "text", NoneType: ""}
-    if annotation in simple:
-        return simple[annotation]
-    origin, arguments = get_origin(annotation), get_args(annotation)
-    if origin is list:
-        inner = {"number": "numbers", "a table, see below": "tables, see below"}[_words(arguments[0], names)]
-        return f"list of {inner}"
-    if origin is dict:
-        return "table of text"
-    if hasattr(annotation, "__metadata__"):
-        return _words(arguments[0], names)
-    return " or ".join(dict.fromkeys(filter(None, (_words(inner, names) for inner in arguments))))
+def _si(key: Any) -> str:
+    from stickslip.io.rig_keys import SI_NAMES
+
+    return str(SI_NAMES[key.unit])
+
+
+def _kind(key: Any) -> str:
+    """What may stand in place of a key's value, in words."""
+    if key.unit:
+        words = [f"a quantity in {_si(key)}{f', {key.sign}' if key.sign else ''}", *map(_code, key.words)]
+        return " or ".join([*words, "a table, see below"] if key.or_table else words)
+    if key.choices:
+        return " or ".join(map(_code, key.choices))
+    if key.is_table:
+        return "list of tables, see below" if isinstance(key.example, list) else "a table, see below"
+    kinds = {str: "text", int: "whole number", list: "list of numbers", tuple: "list of numbers"}
+    return kinds.get(type(key.example), f"number{f' {key.sign}' if key.sign else ''}")
 
 
 class RigKeys(_Made):

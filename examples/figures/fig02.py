@@ -2,8 +2,8 @@
 Figure 2: elastic instability
 =============================
 
-A spring holds the slider. Where its stiffness is smaller than the slope at which the contact force falls, no
-equilibrium is near and the slider jumps: at first contact of the two slopes.
+A spring holds the slider. Where its stiffness is smaller than the slope at which the friction force decreases, no
+equilibrium is near and the slider jumps, as soon as the two slopes are equal.
 
 The same with all points and contacts, and with the paper's claims checked: ``stickslip paper fig2 --check``.
 """
@@ -13,6 +13,7 @@ from stickslip.paper import FIGURES
 fig2 = FIGURES["fig2"]
 data = fig2.compute(quick=True)
 figure = fig2.draw(data)
+print(fig2.caption)
 for claim in fig2.check(data):
     print(claim.title)
     print("   ", claim.verdict)

@@ -13,6 +13,7 @@ from stickslip.paper import FIGURES
 fig5 = FIGURES["fig5"]
 data = fig5.compute(quick=True)
 figure = fig5.draw(data)
+print(fig5.caption)
 for claim in fig5.check(data):
     print(claim.title)
     print("   ", claim.verdict)

@@ -13,6 +13,7 @@ from stickslip.paper import FIGURES
 fig7 = FIGURES["fig7"]
 data = fig7.compute(quick=True)
 figure = fig7.draw(data)
+print(fig7.caption)
 for claim in fig7.check(data):
     print(claim.title)
     print("   ", claim.verdict)

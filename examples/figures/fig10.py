@@ -13,6 +13,7 @@ from stickslip.paper import FIGURES
 fig10 = FIGURES["fig10"]
 data = fig10.compute(quick=True)
 figure = fig10.draw(data)
+print(fig10.caption)
 for claim in fig10.check(data):
     print(claim.title)
     print("   ", claim.verdict)

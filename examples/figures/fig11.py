@@ -2,7 +2,7 @@
 Figure 11: effective stiffness with ageing
 ==========================================
 
-How steeply the force of newborn contacts falls when they are dragged along, against the velocity: it equals the
+How steeply the force on newborn contacts decreases as they are pulled, against the velocity: it equals the
 stiffness of the spring where stick-slip begins, not where it ends.
 
 The same with all points and contacts, and with the paper's claims checked: ``stickslip paper fig11 --check``.
@@ -13,6 +13,7 @@ from stickslip.paper import FIGURES
 fig11 = FIGURES["fig11"]
 data = fig11.compute(quick=True)
 figure = fig11.draw(data)
+print(fig11.caption)
 for claim in fig11.check(data):
     print(claim.title)
     print("   ", claim.verdict)

@@ -6,7 +6,7 @@ import json as jsonlib
 import math
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from functools import partial
@@ -65,6 +65,7 @@ def _told(read: Callable[[str], Value], text: str) -> Value:
 
 
 Json = Annotated[bool, Parameter(help="Print JSON for a machine to read.", negative="")]
+Long = Annotated[bool, Parameter(help="Even if it takes more than an hour, or 4 GB of memory.", negative="")]
 Step = Annotated[
     float | None,
     Parameter(help="Time from one row to the next, where there is none: 0.5 ms, or in s.", converter=_seconds),
@@ -165,6 +166,7 @@ def simulate(
     output: Annotated[
         Path | None, Parameter(alias="-o", help="Write the run as NetCDF; it can be made again from it.")
     ] = None,
+    long: Long = False,
     json: Json = False,
     plot: Plot = None,
 ) -> None:
@@ -181,7 +183,7 @@ def simulate(
     _check_outputs(output, plot, read=rig)
     described = rigs.read_rig(rig)
     with _bar("simulating") as progress:
-        result = run_case(described, progress=progress)
+        result = run_case(described, progress=progress, long=long)
     result.attrs["rig"] = rigs.to_toml(described)
     _keep_run(result, output, plot, json=json)
 
@@ -452,50 +454,34 @@ def paper(
     *,
     check: Annotated[bool, Parameter(help="Check the paper's claims; exit code 1 if one fails.", negative="")] = False,
     quick: Annotated[bool, Parameter(help="Fewer points and contacts.", negative="")] = False,
-    directory: Annotated[Path, Parameter(alias="-d", help="Where picture and data go.")] = Path(),
+    output: Annotated[Path, Parameter(alias="-o", help="Directory for pictures and data; made if missing.")] = Path(),
+    formats: Annotated[
+        list[Literal["png", "pdf", "svg"]] | None,
+        Parameter(name="--format", help="Of the picture; may be given more than once.", negative=""),
+    ] = None,
     json: Json = False,
 ) -> int:
-    """Make a figure of the paper: picture, data and, with --check, its claims with verdicts.
+    """Make a figure of the paper, or all: picture, data, caption and, with --check, its claims with verdicts.
 
     Parameters
     ----------
     figure
-        fig1, fig2 ...
+        fig1, fig2 ... or all
     """
-    from stickslip import plot as drawing
-    from stickslip.io import datasets as store
-    from stickslip.paper import FIGURES
+    from stickslip.paper import figures_named, places, reproduce
 
-    if figure not in FIGURES:
-        raise InputError(f"{figure}: no such figure; there are {', '.join(FIGURES)}")
-    if not directory.is_dir():
-        raise InputError(f"--directory {directory}: no such directory")
-    picture, file = directory / f"{figure}.png", directory / f"{figure}.nc"
-    _check_outputs(picture, file)
-    chosen = FIGURES[figure]
-    with _bar(figure) as progress:
-        data = chosen.compute(progress=progress, quick=quick)
-    drawing.save(chosen.draw(data), picture)
-    store.save(data, file)
-    claims = chosen.check(data) if check else ()
-    failed = [claim for claim in claims if not claim.ok]
+    kinds, chosen = formats or ["png"], figures_named(figure)
+    for one in chosen:  # before any work is done
+        places(one, output, kinds)
+    made = []
+    for one in chosen:
+        with _bar(one.name) as progress:
+            made.append(reproduce(one, output, formats=kinds, check=check, quick=quick, progress=progress))
+        if not json:
+            print(made[-1], end="\n\n" if one is not chosen[-1] else "\n", flush=True)
     if json:
-        _print_json(
-            {
-                "picture": str(picture),
-                "data": str(file),
-                "claims": [claim.plain() for claim in claims],
-                "ok": not failed,
-            }
-        )
-        return 1 if failed else 0
-    for claim in claims:
-        print(claim)
-        print()
-    print(f"picture: {picture}\ndata: {file}")
-    if failed:
-        print(f"{len(failed)} of {len(claims)} claims did not come out as settled", file=sys.stderr)
-    return 1 if failed else 0
+        _print_json({"figures": [one.to_dict() for one in made], "ok": all(one.ok for one in made)})
+    return 0 if all(one.ok for one in made) else 1
 
 
 @app.command
@@ -663,10 +649,10 @@ def _cut(result: xr.Dataset, at: str | None) -> xr.Dataset:
 def _draw_sweep(result: xr.Dataset, picture: Path, *, bistable: bool) -> str:
     """Draw a sweep with what theory says on top; return what that is, or why there is nothing."""
     from stickslip import plot as drawing
-    from stickslip.sweep import plan as plans
+    from stickslip.sweep.theory import with_theory
 
     with _bar("drawing") as progress:
-        result = plans.with_theory(result, bistable=bistable, progress=progress)
+        result = with_theory(result, bistable=bistable, progress=progress)
     drawing.save(drawing.sweep_picture(result), picture)
     return str(result.attrs["theory"])
 
@@ -746,7 +732,7 @@ def _read_data(
     if data.is_file() and store.is_netcdf(data):
         run = store.load(data)
         if "spring_force" not in run or "time" not in run.coords:
-            raise InputError(f"{data}: holds no run: there is no force F_d along a time t in it")
+            raise InputError(f"{data}: holds no run: there is no spring_force along a time in it")
         return run
     return measures.read_trace(data, force=force, time=time, displacement=displacement, load=load, step=step, flip=flip)
 
@@ -846,22 +832,11 @@ def _print_prediction(found: Prediction, picture: Path | None) -> None:
         table.add_column("key", min_width=max(len(key) for key in rig.assumed))
         for title in ("assumed", "how to measure it"):
             table.add_column(title)
-        for key, how in rig.assumed.items():
-            table.add_row(Text(key), Text(_assumed_value(rig.document, key)), Text(how))
+        for key, item in rig.assumed.items():
+            table.add_row(Text(key), Text(item.said), Text(item.how))
         console.print(table)
     if picture is not None:
         console.print(f"\npicture: {picture}", soft_wrap=True)
-
-
-def _assumed_value(document: Any, key: str) -> str:
-    """What a rig file holds at a dotted key."""
-    for part in key.split("."):
-        if not isinstance(document, Mapping) or part not in document:
-            return "default"
-        document = document[part]
-    if isinstance(document, Mapping):
-        return ", ".join(f"{name} {value}" for name, value in document.items())
-    return str(document)
 
 
 _PIPE_WIDTH = 80

@@ -33,10 +33,31 @@ def one_line(message: str) -> str:
 
 
 class InputError(ValueError):
-    """What the user gave cannot be used; the message says where, what and how to put it right."""
+    """What the user gave cannot be used; the message says where, what and how to put it right.
 
-    def __init__(self, message: str) -> None:
+    Attributes
+    ----------
+    place : str
+        What the message begins with: a field of a record (``"Slider.mass"``), or a key of a file
+        (``"interface.delay"``); empty if it is about no single one.
+    """
+
+    def __init__(self, message: str, place: str = "", mistakes: tuple[InputError, ...] = ()) -> None:
         super().__init__(one_line(message))
+        self.place = place
+        self._mistakes = mistakes
+
+    @property
+    def mistakes(self) -> tuple[InputError, ...]:
+        """Each mistake that the message tells of."""
+        return self._mistakes or (self,)
+
+    def at(self, place: str) -> InputError:
+        """Return the same error at another place: the key of a file in place of the field of a record."""
+        message = str(self)
+        if self.place and message.startswith(self.place):
+            return InputError(place + message.removeprefix(self.place), place)
+        return InputError(f"{place}: {message}", place)
 
 
 class UndecidedError(RuntimeError):
@@ -98,11 +119,11 @@ def number(
     """
     wanted = _range_in_words(above, at_least, below, at_most) + (f" ({hint})" if hint else "")
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise InputError(f"{place} = {shown(value)}: must be a number{wanted}")
+        raise InputError(f"{place} = {shown(value)}: must be a number{wanted}", place)
     try:
         result = float(value) + 0.0  # minus zero becomes zero: equal numbers are to look alike in a file, too
     except OverflowError:
-        raise InputError(f"{place} = {shown(value)}: must be a number{wanted}") from None
+        raise InputError(f"{place} = {shown(value)}: must be a number{wanted}", place) from None
     out_of_range = (
         math.isnan(result)
         or (math.isinf(result) and not infinite)
@@ -113,10 +134,10 @@ def number(
     )
     if out_of_range:
         kind = "a number" if infinite else "a finite number"
-        raise InputError(f"{place} = {result:g}: must be {kind}{wanted}")
+        raise InputError(f"{place} = {result:g}: must be {kind}{wanted}", place)
     signed = all(bound is None or bound < 0 for bound in (above, at_least))  # a place or a speed may be next to 0
     if (refusal := extreme(result)) and not (signed and abs(result) < SMALLEST):
-        raise InputError(f"{place} = {result:g}: {refusal}" + (f" ({hint})" if hint else ""))
+        raise InputError(f"{place} = {result:g}: {refusal}" + (f" ({hint})" if hint else ""), place)
     return result
 
 
@@ -132,9 +153,9 @@ def numbers(
         found = np.empty(0, dtype=object)
     if found.dtype.kind not in "iuf":  # texts of digits are no numbers
         meaning = f" ({hint})" if hint else ""
-        raise InputError(f"{place} = {shown(value)}: must be a number or an array of numbers{meaning}")
+        raise InputError(f"{place} = {shown(value)}: must be a number or an array of numbers{meaning}", place)
     if found.size == 0:
-        raise InputError(f"{place}: is empty; give at least one number")
+        raise InputError(f"{place}: is empty; give at least one number", place)
     result = np.asarray(found, dtype=float)
     for worst in {float(result.min()), float(result.max()), float(np.abs(result[result != 0]).min(initial=1.0))}:
         number(place, worst, above=above, at_least=at_least, hint=hint)
@@ -144,11 +165,11 @@ def numbers(
 def sequence(place: str, value: object, hint: str) -> tuple[Any, ...]:
     """Return the items of a list, a tuple or an array; a text is none."""
     if isinstance(value, (str, bytes, Mapping)) or not isinstance(value, Iterable):
-        raise InputError(f"{place} = {shown(value)}: must be {hint}")
+        raise InputError(f"{place} = {shown(value)}: must be {hint}", place)
     try:
         return tuple(value)
     except TypeError:  # an array without dimensions
-        raise InputError(f"{place} = {shown(value)}: must be {hint}") from None
+        raise InputError(f"{place} = {shown(value)}: must be {hint}", place) from None
 
 
 def extreme(value: float) -> str:
@@ -166,14 +187,14 @@ def whole(place: str, value: object, *, at_least: int, at_most: int | None = Non
             return exact
     result = number(place, value, at_least=at_least, at_most=at_most, hint=hint)
     if result != int(result):
-        raise InputError(f"{place} = {result:g}: must be a whole number" + (f" ({hint})" if hint else ""))
+        raise InputError(f"{place} = {result:g}: must be a whole number" + (f" ({hint})" if hint else ""), place)
     return int(result)
 
 
 def instance(place: str, value: object, kind: type | UnionType | tuple[type, ...], hint: str) -> None:
     """Raise `InputError` unless `value` is of the kind asked for; a class is no value (a Protocol would take it)."""
     if isinstance(value, type) or not isinstance(value, kind):
-        raise InputError(f"{place} = {shown(value)}: must be {hint}")
+        raise InputError(f"{place} = {shown(value)}: must be {hint}", place)
 
 
 def _range_in_words(above: float | None, at_least: float | None, below: float | None, at_most: float | None) -> str:

@@ -15,8 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError, instance, number, whole
 from stickslip.model import Contacts, Delay, Interface, MasterEquation
+from stickslip.model.distribution import check_density
 from stickslip.model.distributions import SteadyState, excess
-from stickslip.simulation import LABELS, check_method, initial_nodes, pull_rigidly
+from stickslip.simulation import LABELS, initial_nodes, pull_rigidly
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -81,11 +82,11 @@ def rigid_slide(
     distance = number("slide: distance", distance, above=0, hint="in x_s")
     velocity = number("slide: velocity", velocity, above=0, hint="in x_s per time")
     instance("slide: interface", interface, Interface, "an Interface")
-    check_method(interface, method)
     if isinstance(method, (Contacts, MasterEquation)):
         return pull_rigidly(interface, distance, velocity, method, points=math.ceil(min(1000 * distance, 1e6)))
     if not isinstance(method, Renewal):
         raise InputError(f"slide: method = {method!r}: must be Renewal(), Contacts(...) or MasterEquation(...)")
+    _check_renewal(interface)
     import xarray as xr
 
     solution = _Solution(interface, distance, velocity, method.points)
@@ -110,6 +111,13 @@ def rigid_slide(
     )
 
 
+def _check_renewal(interface: Interface) -> None:
+    """Raise `InputError` for what the renewal equation cannot take: ageing, and thresholds without a density."""
+    if interface.ageing is not None:
+        raise InputError(f"Interface.ageing = {interface.ageing}: not available with Renewal; use Contacts")
+    check_density(interface.threshold_distribution)
+
+
 def effective_stiffness(interface: Interface, X: ArrayLike, *, velocity: float = 1.0) -> Array:
     """Effective stiffness of the interface ``K_eff = -dF_c/dX``, Eq. (7), per contact.
 
@@ -127,7 +135,7 @@ def effective_stiffness(interface: Interface, X: ArrayLike, *, velocity: float =
     X = np.atleast_1d(np.asarray(X, dtype=float))
     if X.size == 0 or not np.all(np.isfinite(X)) or X.min() < 0:
         raise InputError("effective_stiffness: X must be finite displacements of at least 0, in x_s")
-    check_method(interface, Renewal())
+    _check_renewal(interface)
     distance = max(float(X.max()), 1e-3)
     points = _points(interface, distance)
     return -_Solution(interface, distance, velocity, points).at(X).stiffness
@@ -165,7 +173,7 @@ def steepest_fall(interface: Interface, *, reattachment: bool = True) -> tuple[f
     """Return the largest effective stiffness and the displacement where it occurs; see `critical_stiffness`."""
     instance("critical_stiffness: interface", interface, Interface, "an Interface")
     instance("critical_stiffness: reattachment", reattachment, bool, "True or False")
-    check_method(interface, Renewal())
+    _check_renewal(interface)
     delay = Delay(0.0) if reattachment else Delay(math.inf)
     bare = Interface(thresholds=interface.thresholds, initial=interface.initial, delay=delay)
     distribution = bare.threshold_distribution
@@ -226,8 +234,8 @@ def _points(interface: Interface, distance: float) -> int:
     return 16 * points if kinked else points
 
 
-_MOST_WORK = 1e8
-"""Nodes of the start times positions: half a minute."""
+_MOST_WORK = 2e7
+"""Nodes of the start times positions: some ten seconds."""
 
 
 class _Solution:

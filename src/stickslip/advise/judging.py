@@ -99,7 +99,7 @@ def judge(
                 raise
             break
         drive = constant(setting.velocity, distance / setting.velocity)
-        seen = regime(simulate(replace(setting, drive=drive), method=method, start=start))
+        seen = regime(simulate(replace(setting, drive=drive), method=method, start=start, long=True))
         if seen.kind != "undecided":
             break
         distance *= 2.0

@@ -391,7 +391,7 @@ class Prediction:
         units = {p.name: self.rig.unit_name(p.unit) for p in PARAMETERS}
         units |= {"force": self.rig.unit_name("f_s"), "frequency": self._frequency_unit()}
         plain = {"rig": self.rig.name, "verdict": self.verdict, "units": units, **mine, **kept}
-        found: dict[str, Any] = _plain(plain | {"assumed": dict(self.rig.assumed)})
+        found: dict[str, Any] = _plain(plain | {"assumed": {key: str(item) for key, item in self.rig.assumed.items()}})
         return found
 
     def _said(self, value: float, kind: Quantity, digits: int = 4) -> str:
@@ -621,7 +621,7 @@ def _watch(rig: Rig, progress: Progress) -> tuple[xr.Dataset, Regime]:
             drive = constant(setting.velocity, min(drive.duration, affordable))
     left = _FIRST * dearer
     for attempt in range(_EXTENSIONS + 1):
-        run = simulate(replace(rig, drive=drive), progress=progress)
+        run = simulate(replace(rig, drive=drive), progress=progress, long=attempt > 0)
         seen = regime(run)
         left -= cost_of(setting, setting.velocity * drive.duration, method)
         if seen.kind != "undecided" or attempt == _EXTENSIONS or left <= 0:

@@ -78,16 +78,16 @@ def stretchings(request: Plain, watch: Watch) -> Iterator[Plain]:
 def edit(request: Plain, watch: Watch) -> Iterator[Plain]:
     """A document with parameters varied, in other units, or with the damping given in the other way."""
     del watch
-    rig = documents.rig_of(request.get("document"))
+    document = request.get("document")
     if "turn" in request:
         instance("turn", values := request["turn"], dict, "a table of parameters and values")
-        yield {"document": documents.turned(rig, values)}
+        yield {"document": documents.turned(document, values)}
     elif "units" in request:
-        yield {"document": documents.in_units(rig, request["units"])}
+        yield {"document": documents.in_units(document, request["units"])}
     else:
-        relative = request.get("relative_damping")
-        instance("relative_damping", relative, bool, "true or false")
-        yield {"document": documents.with_damping(rig, relative is True)}
+        ratio = request.get("damping_ratio")
+        instance("damping_ratio", ratio, bool, "true or false")
+        yield {"document": documents.with_damping(document, ratio is True)}
 
 
 def _knobs(rig: Rig) -> dict[str, float]:
@@ -215,7 +215,6 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 1.0
     shade = _shade(values / largest)
     levels = np.array([-1.0, -0.1, -0.01, 0.0, 0.01, 0.1, 1.0])
-    edge = found["other_unstable"].to_numpy() == 0
     yield {
         "x": _map_axis(found[over[0]]),
         "y": _map_axis(found[over[1]]),
@@ -226,8 +225,8 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
         "levels": {"at": _list(_shade(levels)), "text": [f"{level * largest:.2g}" for level in levels]},
         "curves": [
             {
-                "x": _list(np.where(edge[mine], found[f"edge_{over[0]}"].to_numpy()[mine], np.nan)),
-                "y": _list(np.where(edge[mine], found[f"edge_{over[1]}"].to_numpy()[mine], np.nan)),
+                "x": _list(found[f"edge_{over[0]}"].to_numpy()[mine]),
+                "y": _list(found[f"edge_{over[1]}"].to_numpy()[mine]),
             }
             for mine in (found["curve"].to_numpy() == curve for curve in np.unique(found["curve"].to_numpy()))
         ],
@@ -305,7 +304,7 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
         "numbers": [list(pair) for pair in found.numbers()],
         "margins": [list(row) for row in found.margin_rows()],
         "mitigations": mitigations,
-        "assumed": dict(rig.assumed),
+        "assumed": {key: str(item) for key, item in rig.assumed.items()},
     }
 
 

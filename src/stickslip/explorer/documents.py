@@ -8,45 +8,38 @@ from __future__ import annotations
 import json
 import math
 import re
-import tomllib
 from collections.abc import Mapping
-from copy import deepcopy
+from dataclasses import replace
 from typing import Any
 
-from stickslip import model
 from stickslip.errors import InputError, number, shown
 from stickslip.io import rig_files as rigs
-from stickslip.model import Contacts, RandomDelay
+from stickslip.model import Contacts, constant, parameter_named
 from stickslip.model.distributions import Empirical
 from stickslip.model.rig import Rig
-from stickslip.model.units import SI, Quantity, Scales, engineering, quantity
+from stickslip.model.units import Quantity, Scales, quantity
 from stickslip.paper import cases
 from stickslip.paper.cases import PaperCase
+from stickslip.simulation import estimate
 from stickslip.stability import PARAMETERS
 
 Document = dict[str, Any]
 
-MOST_BREAKS = 2e7
-"""Contacts times distance in ``x_s``: about as many breaks; a few seconds of work."""
-MOST_COHORTS = 1e5
-"""The same for the master equation: cells times distance."""
-MOST_AGES = 2e5
-"""With ageing thresholds: cells times the times of ageing in a run."""
-AGEING_COSTS = 20.0
-"""A contact whose threshold ages takes about this many times the work."""
-MOST_RADIANS = 2e6
-"""Angle that the held slider's oscillation turns through in a run."""
+LONGEST = 8.0
+"""Seconds of a run, as estimated before it starts."""
 MOST_SAMPLES = 200_000
 """Of a run; by default there are 50,000 at most, and a screen shows some thousands."""
 MOST_PIECES = 1_000
 """Of a drive."""
 MOST_BINS = 1_000
 """Of an empirical distribution of thresholds."""
+DIGITS = 5
+"""Significant digits of the numbers that the page shows."""
 DECADES = 15
 """Powers of ten of a number of the model, in natural units."""
 NARROWEST, WIDEST = 2e-3, 5.0
-"""Bounds on the standard deviation of the thresholds over their mean, and on both in ``x_s``: theory takes its steps by the
-narrowest distribution and goes as far as the widest."""
+"""Bounds on the standard deviation of the thresholds over their mean, and on both in ``x_s``: theory takes its steps by
+the narrowest distribution and goes as far as the widest."""
 
 LARGEST_REQUEST = 1_000_000
 """Bytes of a message from the page, and of a document."""
@@ -133,74 +126,44 @@ def rig_of(document: object) -> Rig:
     """
     if not isinstance(document, Mapping):
         raise InputError("rig: must be a table with slider, interface and drive")
-    assumed = document.get("assumed")
-    if isinstance(assumed, Mapping):
-        # A field of the page can take away a key that the file says was assumed.
-        kept = {key: how for key, how in assumed.items() if _stands(document, str(key))}
-        document = {**document, "assumed": kept}
     return rigs.from_document(document)
 
 
-def _stands(document: Mapping[str, Any], path: str) -> bool:
-    node: Any = document
-    for part in path.split("."):
-        if not isinstance(node, Mapping) or part not in node:
-            return False
-        node = node[part]
-    return True
+def of(rig: Rig) -> Document:
+    """Return the document of a rig as the page shows it."""
+    return rigs.to_document(rig, digits=DIGITS)
 
 
 def check_size(rig: Rig) -> None:
     """Raise `InputError` if a run would keep the page waiting."""
     pieces = rig.drive.pieces
-    distance = sum(0.5 * (abs(piece.start) + abs(piece.end)) * piece.duration for piece in pieces)
-    ageing = 1.0 if rig.interface.ageing is None else AGEING_COSTS
     elsewhere = "for longer ones use `stickslip simulate`"
     _check_decades(rig)
     if len(pieces) > MOST_PIECES:
-        raise InputError(f"drive.pieces: must be at most {MOST_PIECES}, here {len(pieces)}, to stay live; {elsewhere}")
+        raise InputError(
+            f"drive.pieces: must be at most {MOST_PIECES}, here {len(pieces)}, to stay live; {elsewhere}",
+            "drive.pieces",
+        )
     for name in ("thresholds", "initial"):
         distribution = getattr(rig.interface, name)
         if isinstance(distribution, Empirical) and len(distribution.weights) > MOST_BINS:
             raise InputError(
-                f"interface.{name}: must have at most {MOST_BINS} bins, here {len(distribution.weights)}, to stay live"
+                f"interface.{name}: must have at most {MOST_BINS} bins, here {len(distribution.weights)}, to stay live",
+                f"interface.{name}",
             )
     samples = 0.0 if rig.output.interval is None else rig.drive.duration / rig.output.interval
     if samples > MOST_SAMPLES:
         raise InputError(
             f"simulation.interval = {rig.in_units(rig.output.interval or 0.0, 'time')}: must be at least "
             f"{rig.in_units(rig.drive.duration / MOST_SAMPLES, 'time')} in a run of this length ({MOST_SAMPLES} "
-            f"samples), to stay live; {elsewhere}"
+            f"samples), to stay live; {elsewhere}",
+            "simulation.interval",
         )
-    if isinstance(rig.method, Contacts):
-        most = MOST_BREAKS / (ageing * max(distance, 1.0))
-        if rig.method.count > most:
-            raise InputError(
-                f"simulation.contacts = {rig.method.count:g}: must be at most {most:.3g} over a distance of "
-                f"{distance:.4g} x_s, to stay live; {elsewhere}"
-            )
-    elif rig.method.cells * distance > MOST_COHORTS:
+    if rig.slider.mass == 0:
         raise InputError(
-            f"simulation.cells = {rig.method.cells:g}: must be at most {MOST_COHORTS / distance:.3g} over a distance "
-            f"of {distance:.4g} x_s, to stay live; {elsewhere}"
+            "slider.mass = 0: must be above 0 for a run; theory of stability takes a slider without", "slider.mass"
         )
-    if isinstance(rig.interface.ageing, model.Langevin):
-        # Thresholds take steps that are short against their time of ageing, at rest as in motion.
-        age = rig.interface.ageing.rate**-2
-        work = rig.method.count / MOST_BREAKS if isinstance(rig.method, Contacts) else rig.method.cells / MOST_AGES
-        if age < (least := work * rig.drive.duration):
-            raise InputError(
-                f"interface.ageing.time = {rig.in_units(age, 'time')}: must be at least {rig.in_units(least, 'time')} "
-                f"in a run of this length, to stay live; {elsewhere}"
-            )
-    if rig.slider.mass > 0:
-        turns = math.sqrt((rig.slider.stiffness + 1.0) / rig.slider.mass) * rig.drive.duration
-        if turns > MOST_RADIANS:
-            least = rig.slider.mass * (turns / MOST_RADIANS) ** 2
-            raise InputError(
-                f"slider.mass = {rig.in_units(rig.slider.mass, 'mass')}: must be at least "
-                f"{rig.in_units(least, 'mass')} in a run of this length, to stay live; {elsewhere}"
-            )
+    estimate(rig).check(LONGEST, otherwise="use `stickslip simulate`")
 
 
 def _check_decades(rig: Rig) -> None:
@@ -222,7 +185,8 @@ def _check_decades(rig: Rig) -> None:
             never = key == "interface.delay" and math.isinf(value)
             if not (value == 0 or never or 10.0**-DECADES <= abs(value) <= 10.0**DECADES):
                 raise InputError(
-                    f"{key}: is {value:.3g} in natural units; within {DECADES} decades of 1 it can be computed with"
+                    f"{key}: is {value:.3g} in natural units; within {DECADES} decades of 1 it can be computed with",
+                    key,
                 )
 
 
@@ -233,67 +197,38 @@ def check_thresholds(rig: Rig) -> None:
     if not (std >= NARROWEST * mean and mean + std <= WIDEST):  # written so that NaN is refused
         raise InputError(
             f"interface.thresholds.std = {std:.4g}: must be at least {NARROWEST:g} of the mean "
-            f"({mean:.4g}), and both together at most {WIDEST:g}, for what theory says of them, to stay live"
+            f"({mean:.4g}), and both together at most {WIDEST:g}, for what theory says of them, to stay live",
+            "interface.thresholds.std",
         )
 
 
-_KEY = re.compile(r"\b(?:slider|interface|drive|simulation|units|name|assumed)(?:\.[a-z_0-9]+)+")
-_OF_RECORDS = {
-    "Slider.": "slider.",
+_KEYS: Mapping[str, str] = {
+    "Slider.mass": "slider.mass",
+    "Slider.stiffness": "slider.stiffness",
+    "Slider.damping": "slider.damping",
     "Contacts.count": "simulation.contacts",
     "Contacts.seed": "simulation.seed",
     "MasterEquation.cells": "simulation.cells",
     "Output.interval": "simulation.interval",
-    "FromSliding": "simulation.start",
+    "FromSliding.perturbation": "simulation.start",
     "Langevin.rate": "interface.ageing.time",
     "Interface.initial": "interface.initial",
-    "Interface.ageing": "interface.ageing",
-    "Interface.delay": "interface.delay",
-    "Delay.time": "interface.delay",
-    "RandomDelay.": "interface.delay.",
-    "Scales.force": "interface.contact_strength",
-    "Scales.stretching": "interface.breaking_displacement",
-    "Piece.duration": "drive.distance",
-    "Piece.": "drive.velocity",
-    "drive:": "drive.velocity",
-    "velocity": "drive.velocity",
+    "drive velocity": "drive.velocity",
+    "drive duration": "drive.distance",
 }
-_KEY_OF_RECORD = re.compile("|".join(rf"(?<![\w.]){re.escape(name)}(\w*)" for name in _OF_RECORDS))
+"""Fields of records that a run may complain about, and the keys that they come from."""
 
 
-def complaints(error: Exception, document: object = None) -> list[dict[str, str]]:
+def complaints(error: Exception) -> list[dict[str, str]]:
     """Return what is wrong, each with the key of the document that it is about (empty if there is none)."""
-    text = str(error).removeprefix("rig: ")
+    mistakes = error.mistakes if isinstance(error, InputError) else (error,)
     return [
-        {"key": _key(part, document), "message": part.strip()}
-        for part in re.split(r"; (?=[a-z]+\.[a-z_.]+(?: = |: ))", text)
+        {
+            "key": _KEYS.get(place := getattr(mistake, "place", ""), place),
+            "message": str(mistake).removeprefix("rig: "),
+        }
+        for mistake in mistakes
     ]
-
-
-def _key(text: str, document: object) -> str:
-    if "needs a mass above 0" in text:
-        return "slider.mass"
-    if found := _KEY.search(text):
-        return found[0]
-    if found := _KEY_OF_RECORD.search(text):
-        name = next(name for name in _OF_RECORDS if found[0].startswith(name))
-        return _OF_RECORDS[name] + (found[0].removeprefix(name) if _OF_RECORDS[name].endswith(".") else "")
-    if re.match(r"(Gaussian|Uniform|Exponential|Gamma|LogNormal|Weibull|Empirical)\b", text):
-        return "interface." + _faulty_distribution(document)
-    return ""
-
-
-def _faulty_distribution(document: object) -> str:
-    """Which of the two distributions of a document cannot be made; errors of a distribution do not say whose it is."""
-    plain = deepcopy(document)
-    if not isinstance(plain, dict) or not isinstance(plain.get("interface"), dict):
-        return "thresholds"
-    plain["interface"].pop("initial", None)
-    try:
-        rigs.from_document(plain)
-    except InputError:
-        return "thresholds"
-    return "initial"
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -301,141 +236,64 @@ def _faulty_distribution(document: object) -> str:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def turned(rig: Rig, values: Mapping[str, Any]) -> Document:
-    """Return the document of a rig with some parameters varied.
+def turned(document: Document, values: Mapping[str, Any]) -> Document:
+    """Return a document with some parameters varied.
 
     Parameters
     ----------
-    rig : Rig
+    document : dict
     values : mapping of str to float
-        Parameter and value, in the basic unit of the rig's own system (N/m, m/s, kg, 1/s, s, m; or natural).
+        Parameter and value, in the basic unit of the document's own system (N/m, m/s, kg, 1/s, s, m; or natural).
 
     Raises
     ------
     InputError
         If the rig has no such parameter.
     """
-    document = deepcopy(dict(rig.document))
-    slider, interface, drive = (_table(document, name) for name in ("slider", "interface", "drive"))
+    rig = rig_of(document)
     for name, value in values.items():
         if name not in QUANTITIES:
             raise InputError(f"{shown(name)}: is no parameter; there are {', '.join(QUANTITIES)}")
-        value = number(name, value, above=0)
-        natural = value if rig.scales is None else rig.scales.natural(value, QUANTITIES[name])
-        if name in ("stiffness", "mass", "damping"):
-            # A parameter is turned at constant eta, as on the map.
-            if slider.pop("relative_damping", None) is not None:
-                slider["damping"] = _written(rig.slider.damping, "rate", rig.scales)
-            slider[name] = _written(natural, QUANTITIES[name], rig.scales)
-        elif name == "velocity":
-            if "velocity" not in drive:
-                raise InputError("drive.pieces: this drive is a ramp; its velocity is not one number to turn")
-            drive["velocity"] = _written(natural, "velocity", rig.scales)
-        elif name == "delay":
-            delay = rig.interface.delay
-            if isinstance(delay, RandomDelay) and delay.mean > 0:
-                std = delay.std * natural / delay.mean
-                interface["delay"] = {
-                    "mean": _written(natural, "time", rig.scales),
-                    "std": _written(std, "time", rig.scales),
-                    "negative": delay.negative,
-                }
-            else:
-                interface["delay"] = _written(natural, "time", rig.scales)
-        elif name == "ageing":
-            if not isinstance(rig.interface.ageing, model.Langevin):
-                raise InputError("interface.ageing: these thresholds do not age by langevin; there is no time to turn")
-            interface["ageing"]["time"] = _written(natural, "time", rig.scales)
-        else:
-            distribution = _table(interface, "thresholds")
-            if "std" not in distribution:
-                raise InputError("interface.thresholds: this distribution has no standard deviation of its own to turn")
-            distribution["std"] = _short(natural)
-    return document
+        if name == "velocity" and "pieces" in document["drive"]:
+            raise InputError(
+                "drive.pieces: this drive is a ramp; its velocity is not one number to turn", "drive.pieces"
+            )
+        size = 1.0 if rig.scales is None else rig.scales.unit(QUANTITIES[name])
+        rig = parameter_named(name).set(rig, number(name, value, above=0) / size)
+    # A parameter is turned at constant eta, as on the map.
+    ratio = _by_ratio(document) and not values.keys() & {"stiffness", "mass", "damping"}
+    return _like(document, rig, damping_ratio=ratio)
 
 
-def with_damping(rig: Rig, relative: bool) -> Document:
-    """Return the document with the damping given as ``eta/Omega``, or as ``eta`` itself."""
-    document = deepcopy(dict(rig.document))
-    slider = _table(document, "slider")
-    slider.pop("damping", None)
-    slider.pop("relative_damping", None)
-    if relative:
-        slider["relative_damping"] = _short(rig.slider.damping / rig.slider.frequency)
-    else:
-        slider["damping"] = _written(rig.slider.damping, "rate", rig.scales)
-    return document
+def with_damping(document: Document, ratio: bool) -> Document:
+    """Return a document with the damping given by its ratio, or as ``eta`` itself."""
+    return _like(document, rig_of(document), damping_ratio=ratio)
 
 
-def in_units(rig: Rig, units: str) -> Document:
-    """Return the document of a rig in the other system of units.
+def in_units(document: Document, units: str) -> Document:
+    """Return a document in the other system of units.
 
     A rig in natural units has no scales; it gets those of the PMMA bench among the examples.
     """
     if units not in ("SI", "natural"):
         raise InputError(f"units = {shown(units)}: must be 'SI' or 'natural'")
-    document = deepcopy(dict(rig.document))
+    rig = rig_of(document)
     if (units == "natural") == (rig.scales is None):
         return document
-    scales = _BENCH if units == "SI" else None
-    slider, interface, drive = (_table(document, name) for name in ("slider", "interface", "drive"))
-    document["units"] = units
-    slider["mass"] = _written(rig.slider.mass, "mass", scales)
-    slider["stiffness"] = _written(rig.slider.stiffness, "stiffness", scales)
-    if "damping" in slider:
-        slider["damping"] = _written(rig.slider.damping, "rate", scales)
-    for key in ("contact_strength", "normal_load", "friction_coefficient", "breaking_displacement"):
-        interface.pop(key, None)
-    if scales is not None:
-        interface["contact_strength"] = _written(1.0, "force", scales)
-        interface["breaking_displacement"] = _written(1.0, "length", scales)
-    delay = rig.interface.delay
-    if isinstance(delay, RandomDelay):
-        interface["delay"]["mean"] = _written(delay.mean, "time", scales)
-        interface["delay"]["std"] = _written(delay.std, "time", scales)
-    elif "delay" in interface and interface["delay"] != "never":
-        interface["delay"] = _written(delay.moment(1), "time", scales)
-    ageing = rig.interface.ageing
-    if isinstance(ageing, (model.Langevin, model.ExponentialGrowth)):
-        rate = ageing.rate**2 if isinstance(ageing, model.Langevin) else ageing.rate
-        interface["ageing"]["time"] = _written(1.0 / rate, "time", scales)
-    elif ageing is not None:
-        interface["ageing"]["time"] = _written(ageing.time, "time", scales)
-    if "pieces" in drive:
-        drive["pieces"] = [
-            {
-                "start": _written(piece.start, "velocity", scales),
-                "end": _written(piece.end, "velocity", scales),
-                "duration": _written(piece.duration, "time", scales),
-            }
-            for piece in rig.drive.pieces
-        ]
-    else:
-        velocity, duration = rig.natural.velocity, rig.drive.duration
-        drive["velocity"] = _written(velocity, "velocity", scales)
-        if "duration" in drive:
-            drive["duration"] = _written(duration, "time", scales)
-        else:
-            drive["distance"] = _written(abs(velocity) * duration, "length", scales)
-    if rig.output.interval is not None:
-        _table(document, "simulation")["interval"] = _written(rig.output.interval, "time", scales)
-    document.pop("assumed", None)  # its sentences are about the numbers of the file
-    return document
+    # What was assumed is said of the numbers of the file.
+    rig = replace(rig, scales=_BENCH if units == "SI" else None, assumed={})
+    return _like(document, rig, damping_ratio=_by_ratio(document))
 
 
-def _table(document: Document, name: str) -> Document:
-    part = document.setdefault(name, {})
-    document[name] = part = dict(part)
-    return part
+def _by_ratio(document: Document) -> bool:
+    return "damping_ratio" in document["slider"]
 
 
-def _written(value: float, quantity: Quantity, scales: Scales | None) -> float | str:
-    """A natural value as it stands in a document."""
-    return _short(value) if scales is None else engineering(scales.si(value, quantity), SI[quantity])
-
-
-def _short(value: float) -> float:
-    return float(f"{value:.5g}")
+def _like(document: Document, rig: Rig, *, damping_ratio: bool) -> Document:
+    """The document of a rig, with what the page keeps beside it: settings of the solver that is not in use."""
+    made = rigs.to_document(rig, digits=DIGITS, damping_ratio=damping_ratio)
+    made["simulation"] = {**document.get("simulation", {}), **made["simulation"]}
+    return made
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -463,13 +321,7 @@ def presets() -> list[dict[str, Any]]:
     for figure, (case, words) in _FIGURES.items():
         title = f"Fig. {figure}: {words}"
         found.append({"group": "The paper", "title": title, "document": paper(case, f"Fig. {figure}")})
-    for file in sorted(rigs.EXAMPLES.glob("*.toml")):
-        try:
-            document = tomllib.loads(file.read_text())
-            rig_of(document)
-        except (InputError, tomllib.TOMLDecodeError, UnicodeDecodeError):
-            continue  # sweeps and maps lie there, too
-        found.append({"group": "Rigs", "title": str(document.get("name", file.stem)), "document": document})
+    found += [{"group": "Rigs", "title": rig.name, "document": of(rig)} for rig in map(rigs.example, rigs.examples())]
     return found
 
 
@@ -483,30 +335,14 @@ def first() -> Document:
 
 def paper(case: PaperCase, name: str) -> Document:
     """Return a case of the paper as a document in natural units."""
-    interface, slider = case.interface, case.slider
-    thresholds, initial, delay = interface.thresholds, interface.initial, interface.delay
-    relative = round(slider.damping / slider.frequency, 6)
-    parts: Document = {
-        "thresholds": {
-            "distribution": "gaussian",
-            "mean": thresholds.moment(1),
-            "std": thresholds.standard_deviation(),
-        },
-        "initial": {"distribution": "gaussian", "mean": initial.moment(1), "std": initial.standard_deviation()},
-    }
-    for distribution in parts.values():
-        distribution.update({key: _short(distribution[key]) for key in ("mean", "std")})
-    if delay.moment(1) > 0:
-        parts["delay"] = "never" if math.isinf(delay.moment(1)) else delay.moment(1)
-    if isinstance(interface.ageing, model.Langevin):
-        parts["ageing"] = {"distribution": "langevin", "time": float(f"{interface.ageing.rate**-2:.12g}")}
-    damping = {"relative_damping": relative} if relative in (0.1, 0.3) else {"damping": slider.damping}
-    distance = 60.0 if interface.ageing is None else 30.0
-    return {
-        "name": name,
-        "units": "natural",
-        "slider": {"mass": slider.mass, "stiffness": slider.stiffness, **damping},
-        "interface": parts,
-        "drive": {"velocity": case.velocity, "distance": distance},
-        "simulation": {"method": "contacts", "contacts": case.contacts, "seed": 1, "cells": 100, "start": "relaxed"},
-    }
+    distance = 60.0 if case.interface.ageing is None else 30.0
+    rig = Rig(
+        case.interface,
+        case.slider,
+        constant(case.velocity, distance / case.velocity),
+        method=Contacts(case.contacts, seed=1),
+        name=name,
+    )
+    document = rigs.to_document(rig, digits=12)
+    document["simulation"]["cells"] = 100
+    return document

@@ -65,7 +65,7 @@ _SLOW = ("chart", "band", "advice")
 
 def run(rig: Path | None, port: int | None, ready: Callable[[str], None] | None) -> None:
     """Serve until interrupted; see `stickslip.explorer.serve`."""
-    begin = documents.first() if rig is None else dict(rigs.read_rig(rig).document)
+    begin = documents.first() if rig is None else documents.of(rigs.read_rig(rig))
     with _listen(port) as listening:
         number = listening.getsockname()[1]
         config = uvicorn.Config(
@@ -193,7 +193,7 @@ async def _download(pool: Executor, request: Request) -> Response:
         work = partial(answers.download, document, form, _patience())
         content = await asyncio.get_running_loop().run_in_executor(pool, work)
     except _REFUSALS as error:
-        return _refused(400, error, document)
+        return _refused(400, error)
     except ClientDisconnect:
         return Response(status_code=400)
     return Response(content, media_type=answers.FORMATS[form])
@@ -231,16 +231,16 @@ _REFUSALS = (InputError, UndecidedError, MemoryError, ArithmeticError, np.linalg
 """What a question may end in without a fault of ours: the numbers of a document can be as far apart as they like."""
 
 
-def _refused(status: int, error: Exception, document: object = None) -> Response:
-    return JSONResponse({"errors": _complaints(error, document)}, status_code=status)
+def _refused(status: int, error: Exception) -> Response:
+    return JSONResponse({"errors": _complaints(error)}, status_code=status)
 
 
-def _complaints(error: Exception, document: object = None) -> list[dict[str, str]]:
+def _complaints(error: Exception) -> list[dict[str, str]]:
     if isinstance(error, MemoryError):
         return [{"key": "", "message": "not enough memory for this case; take fewer contacts"}]
     if not isinstance(error, (InputError, UndecidedError)):
         return [{"key": "", "message": f"cannot be computed, its numbers are too far apart ({type(error).__name__})"}]
-    return documents.complaints(error, document)
+    return documents.complaints(error)
 
 
 def _patience() -> answers.Watch:
@@ -311,7 +311,7 @@ class _Lane:
         except _DroppedError:
             return
         except _REFUSALS as error:
-            reply({"errors": _complaints(error, request.get("document"))})
+            reply({"errors": _complaints(error)})
         except Exception as error:  # the page is to stay alive whatever happens
             reply({"errors": [{"key": "", "message": f"this failed: {type(error).__name__}: {error}"}]})
             raise

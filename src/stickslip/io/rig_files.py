@@ -1,4 +1,4 @@
-"""Rig files: a TOML file in SI units (or natural ones) in, records of the model out, and back.
+"""Rig files: TOML in SI units (or natural ones) in, records of the model out, and back.
 
 >>> from stickslip.io.rig_files import read_rig
 >>> rig = read_rig("pmma_slider")
@@ -7,45 +7,36 @@
 >>> round(rig.scales.si(rig.slider.stiffness, "stiffness"))  # N/m
 4000000
 
-Stretchings of the distributions of thresholds are relative to ``interface.breaking_displacement``. How quantities are
-written: `stickslip.io.validation`.
+The records of the model are what a file is read into and checked by; what the keys of a file mean stands in
+`stickslip.io.rig_keys`. Stretchings of distributions are relative to ``interface.breaking_displacement``.
 """
 
 from __future__ import annotations
 
+import difflib
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import reduce
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import Any, TypeVar
 
-from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
-
-from stickslip import model
 from stickslip.errors import InputError, instance, shown
-from stickslip.io.validation import (
-    Force,
-    Lag,
-    Length,
-    Mass,
-    Part,
-    Rate,
-    Stiffness,
-    Time,
-    Velocity,
-    parse_toml,
-    read_toml,
-    validate,
-)
-from stickslip.model import Contacts, FromRest, FromSliding, MasterEquation, Output
-from stickslip.model import distributions as thresholds
-from stickslip.model.drive import Drive, constant, ramp
-from stickslip.model.rig import Rig
-from stickslip.model.units import Quantity, Scales
+from stickslip.io import rig_keys
+from stickslip.io.rig_keys import Key, keys_of, toml
+from stickslip.io.validation import parse_toml, read_toml
+from stickslip.model import Contacts, Delay, FromRest, FromSliding, Gaussian, Interface, MasterEquation, Output, Slider
+from stickslip.model.ageing import AGEING_MODELS, Strengthening
+from stickslip.model.delays import DelayModel, RandomDelay
+from stickslip.model.distributions import DISTRIBUTIONS, Distribution, Empirical
+from stickslip.model.drive import USUAL_DISTANCE, Drive, constant, ramp
+from stickslip.model.quantities import read_quantity
+from stickslip.model.rig import Assumption, Rig
+from stickslip.model.units import Scales, engineering
 
-if TYPE_CHECKING:
-    pass
-
+Made = TypeVar("Made")
+Document = dict[str, Any]
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Files
@@ -107,13 +98,25 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
 
 
 def from_document(document: Mapping[str, Any], place: str = "rig") -> Rig:
-    """Make a rig of the content of a file; `place` begins the message of an error."""
-    natural = document.get("units", "SI") == "natural"
-    content = validate(_Document, document, place, natural=natural)
+    """Make a rig of the content of a file.
+
+    Parameters
+    ----------
+    document : mapping
+        What the file holds.
+    place : str
+        Begins the message of an error.
+
+    Raises
+    ------
+    InputError
+        Naming every mistake: key, value, remedy. Its `mistakes` are told apart, each with its key as `place`.
+    """
+    reader = _Reader(natural=document.get("units") == "natural")
     try:
-        return content.rig(document)
-    except InputError as error:
-        raise InputError(f"{place}: {error}") from None
+        return reader.rig(document)
+    except _MistakesError:
+        raise _told(reader.mistakes, place) from None
 
 
 def from_text(text: object, place: str = "rig") -> Rig:
@@ -123,340 +126,641 @@ def from_text(text: object, place: str = "rig") -> Rig:
 
 
 def to_toml(rig: Rig) -> str:
-    """Return the rig as the text of a file that `read` takes."""
+    """Return the rig as the text of a file from which `read_rig` makes the same rig.
+
+    Raises
+    ------
+    InputError
+        If the rig has a part that no file can hold.
+    """
     import tomli_w
 
-    return tomli_w.dumps(dict(rig.document))
+    return tomli_w.dumps(to_document(rig))
+
+
+def to_document(rig: Rig, *, digits: int | None = None, damping_ratio: bool | None = None) -> Document:
+    """Return what a rig file holds, from the records.
+
+    Parameters
+    ----------
+    rig : Rig
+    digits : int, optional
+        Significant digits of every number; by default as few as read back the same.
+    damping_ratio : bool, optional
+        Whether the damping is given by its ratio; by default if that is a number of few digits.
+
+    Raises
+    ------
+    InputError
+        If the rig has a part that no file can hold.
+    """
+    return _Writer(rig, digits).document(damping_ratio)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What a file may hold
+# In
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _in_reach(value: float) -> float:
-    if value and not 10.0**-_DECADES <= abs(value) <= 10.0**_DECADES:  # NaN is in no range
-        raise ValueError(f"must be 0, or within {_DECADES} decades of 1")
-    return value
+class _MistakesError(Exception):
+    """What stands in the file cannot be read on."""
 
 
-_DECADES = 15  # beyond, squares and quotients of doubles overflow in the distributions
-_Relative = Annotated[float, AfterValidator(_in_reach)]
+class _MissingError(InputError):
+    """A key is missing; the example is a value that it could have."""
+
+    def __init__(self, place: str, example: Any) -> None:
+        super().__init__(f"{place}: is missing; write, for example, {place} = {toml(example)}", place)
+        self.example = toml(example)
 
 
-class _Gaussian(Part):
-    distribution: Literal["gaussian"]
-    mean: _Relative = 1.0
-    std: _Relative
-
-    def make(self) -> thresholds.Distribution:
-        return thresholds.Gaussian(mean=self.mean, std=self.std)
+_MOST_TOLD = 320
+"""Characters of mistakes after which the others are only counted."""
 
 
-class _Uniform(Part):
-    distribution: Literal["uniform"]
-    low: _Relative
-    high: _Relative
-
-    def make(self) -> thresholds.Distribution:
-        return thresholds.Uniform(low=self.low, high=self.high)
-
-
-class _Exponential(Part):
-    distribution: Literal["exponential"]
-    mean: _Relative = 1.0
-
-    def make(self) -> thresholds.Distribution:
-        return thresholds.Exponential(mean=self.mean)
-
-
-class _Gamma(Part):
-    distribution: Literal["gamma"]
-    mean: _Relative = 1.0
-    std: _Relative
-
-    def make(self) -> thresholds.Distribution:
-        return thresholds.Gamma(mean=self.mean, std=self.std)
+def _told(mistakes: list[InputError], place: str) -> InputError:
+    """One error for every mistake in a file, as far as a line reaches."""
+    missing = [mistake for mistake in mistakes if isinstance(mistake, _MissingError)]
+    lines = [str(mistake) for mistake in mistakes if not isinstance(mistake, _MissingError)]
+    if len(missing) == 1:
+        lines.append(str(missing[0]))
+    elif missing:
+        examples = ", ".join(f"{mistake.place} = {mistake.example}" for mistake in missing)
+        lines.append(f"missing, here with example values: {examples}")
+    told: list[str] = []
+    for number, line in enumerate(lines):
+        told.append(line)
+        if sum(map(len, told)) > _MOST_TOLD and number + 1 < len(lines):
+            told.append(f"and {len(lines) - number - 1} more")
+            break
+    key = mistakes[0].place if len(mistakes) == 1 else ""
+    return InputError(f"{place}: {'; '.join(told)}", key, tuple(mistakes))
 
 
-class _LogNormal(Part):
-    distribution: Literal["lognormal"]
-    mean: _Relative = 1.0
-    std: _Relative
+class _Reader:
+    """Reads the tables of a file one after the other, and notes every mistake on the way."""
 
-    def make(self) -> thresholds.Distribution:
-        return thresholds.LogNormal(mean=self.mean, std=self.std)
+    def __init__(self, *, natural: bool) -> None:
+        self.natural = natural
+        self.mistakes: list[InputError] = []
 
+    # -------------------------------------------------- tables and values
 
-class _Weibull(Part):
-    distribution: Literal["weibull"]
-    scale: _Relative = 1.0
-    shape: _Relative
+    def wrong(self, place: str, what: str) -> None:
+        self.mistakes.append(InputError(f"{place}: {what}", place))
 
-    def make(self) -> thresholds.Distribution:
-        return thresholds.Weibull(scale=self.scale, shape=self.shape)
+    def table(self, content: object, keys: Mapping[str, Key], place: str = "") -> dict[str, Any]:
+        """Values of a table, quantities in SI units or natural ones; tables in it as they stand."""
+        if not isinstance(content, Mapping):
+            self.mistakes.append(InputError(f"{place} = {shown(content)}: must be a table, as in [{place}]", place))
+            return {}
+        path = f"{place}." if place else ""
+        for name in content:
+            if name not in keys:
+                self.wrong(path + str(name)[:60], self._unknown(path, str(name), keys))
+        found: dict[str, Any] = {}
+        for name, key in keys.items():
+            if name not in content:
+                if key.required and not key.is_table:
+                    self.mistakes.append(_MissingError(path + name, self._example(key)))
+                elif key.required:
+                    found[name] = {}
+                elif key.default is not None:
+                    found[name] = key.default
+            elif key.is_left(content[name]):
+                found[name] = content[name]
+            else:
+                self.note(lambda name=name, key=key: found.update({name: self._read(key, content[name], path + name)}))
+        return found
 
+    def _read(self, key: Key, value: object, place: str) -> Any:
+        return key.read(value, place, natural=self.natural)
 
-class _Empirical(Part):
-    distribution: Literal["empirical"]
-    samples: list[_Relative] | None = None
-    """Measured values, to be put into a histogram."""
-    edges: list[_Relative] | None = None
-    """Or the edges of a histogram."""
-    weights: list[_Relative] | None = None
-    """With ``edges``: the weight of each bin."""
+    def _example(self, key: Key) -> Any:
+        return 1.0 if self.natural and key.unit else key.example
 
-    @model_validator(mode="after")
-    def _one_way(self) -> Self:
-        if (self.samples is None) == (self.edges is None or self.weights is None):
-            raise ValueError("needs either samples, or edges and weights")
-        return self
+    def _unknown(self, path: str, name: str, keys: Mapping[str, Key]) -> str:
+        if renamed := rig_keys.RENAMED.get(path + name):
+            return renamed
+        near = difflib.get_close_matches(name, keys, n=1, cutoff=0.5)
+        return f"unknown key; did you mean {near[0]!r}?" if near else f"unknown key; known here: {', '.join(keys)}"
 
-    def make(self) -> thresholds.Distribution:
-        if self.samples is not None:
-            return thresholds.Empirical.from_samples(self.samples)
-        return thresholds.Empirical(edges=tuple(self.edges or ()), weights=tuple(self.weights or ()))
+    def note(self, make: Callable[[], Made]) -> Made | None:
+        """Return what can be made; note the mistake if it cannot."""
+        try:
+            return make()
+        except InputError as error:
+            self.mistakes.append(error)
+            return None
 
+    def make(self, place: str, make: Callable[[], Made], names: Mapping[str, str] | None = None) -> Made:
+        """Make a record; its complaint about a field becomes one about the key, which `names` may name."""
+        try:
+            return make()
+        except InputError as error:
+            field = error.place.partition(".")[2]
+            key = (names or {}).get(field, field)
+            self.mistakes.append(error.at(f"{place}.{key}" if key else place))
+            raise _MistakesError from None
 
-_AnyDistribution = Annotated[
-    _Gaussian | _Uniform | _Exponential | _Gamma | _LogNormal | _Weibull | _Empirical, Discriminator("distribution")
-]
+    def stop(self) -> None:
+        if self.mistakes:
+            raise _MistakesError
 
-
-class _RandomDelay(Part):
-    mean: Lag
-    std: Time
-    negative: model.NegativeDelay = "clip"
-    """What becomes of a draw below 0: set to 0, drawn again, or its sign changed."""
-
-
-def _kind_of_delay(value: object) -> str:
-    return "random" if isinstance(value, (dict, _RandomDelay)) else "never" if value == "never" else "fixed"
-
-
-_AnyDelay = Annotated[
-    Annotated[_RandomDelay, Tag("random")] | Annotated[Literal["never"], Tag("never")] | Annotated[Lag, Tag("fixed")],
-    Discriminator(_kind_of_delay),
-]
-
-
-class _Langevin(Part):
-    distribution: Literal["langevin"]
-    time: Time
-    newborn: _Relative = 0.0
-    """Threshold of a newborn contact, relative to the mean."""
-
-
-class _ExponentialGrowth(Part):
-    distribution: Literal["exponential"]
-    time: Time
-    newborn: _Relative = 0.0
-    """Threshold of a newborn contact, relative to the mean."""
-
-
-class _LogarithmicGrowth(Part):
-    distribution: Literal["logarithmic"]
-    slope: _Relative
-    time: Time
-
-
-_AnyAgeing = Annotated[_Langevin | _ExponentialGrowth | _LogarithmicGrowth, Discriminator("distribution")]
-
-
-class _Slider(Part):
-    mass: Mass
-    stiffness: Stiffness
-    damping: Rate | None = None
-    relative_damping: float | None = None
-    """Or ``eta/sqrt(stiffness/mass)``; one of the two must be given."""
-
-    @model_validator(mode="after")
-    def _one_damping(self) -> Self:
-        if (self.damping is None) == (self.relative_damping is None):
-            raise ValueError(
-                "needs one of damping (eta of Eq. (11), such as '200 1/s') and relative_damping (eta/Omega)"
-            )
-        return self
-
-
-class _Interface(Part):
-    contact_strength: Force | None = None
-    normal_load: Force | None = None
-    friction_coefficient: float | None = None
-    breaking_displacement: Length | None = None
-    thresholds: _AnyDistribution
-    """Distribution of the thresholds, relative to ``breaking_displacement``."""
-    initial: _AnyDistribution = _Gaussian(distribution="gaussian", mean=0.0, std=0.01)
-    """Distribution of the stretchings at the start, in the same unit."""
-    delay: _AnyDelay | None = None
-    """Time until a broken contact is attached again; by default none."""
-    ageing: _AnyAgeing | None = None
-    """How thresholds grow with the age of a contact; by default they do not."""
-
-
-class _Piece(Part):
-    start: Velocity
-    end: Velocity
-    duration: Time
-
-
-class _Drive(Part):
-    velocity: Velocity | None = None
-    distance: Length | None = None
-    duration: Time | None = None
-    pieces: list[_Piece] | None = None
-    """In place of ``velocity``: speeds that change linearly, piece after piece."""
-
-    @model_validator(mode="after")
-    def _one_way(self) -> Self:
-        if (self.velocity is None) == (self.pieces is None):
-            raise ValueError("needs either velocity, or pieces (each with start, end and duration)")
-        if self.pieces is not None and (self.distance is not None or self.duration is not None or not self.pieces):
-            raise ValueError("pieces must hold at least one piece, and leave no room for distance or duration")
-        if self.distance is not None and self.duration is not None:
-            raise ValueError("needs distance or duration, not both")
-        return self
-
-
-class _Simulation(Part):
-    method: Literal["contacts", "master equation"] = "contacts"
-    contacts: int = 10_000
-    """Number of contacts, for the method ``contacts``."""
-    seed: int = 1
-    """Of the random numbers: the same seed gives the same run."""
-    cells: int = 400
-    """Resolution of the master equation: cohorts per ``x_s``."""
-    start: Literal["relaxed", "sliding"] = "relaxed"
-    interval: Time | None = None
-
-
-_Words = Annotated[str, Field(max_length=2_000)]
-
-
-class _Document(Part):
-    name: Annotated[str, Field(max_length=200)] = "rig"
-    units: Literal["SI", "natural"] = "SI"
-    """Natural: plain numbers, threshold force, contact stiffness and breaking displacement 1, all per contact."""
-    slider: _Slider
-    interface: _Interface
-    drive: _Drive
-    simulation: _Simulation = _Simulation()
-    assumed: dict[str, _Words] = Field(default_factory=dict)
-    source: _Words = ""
-    """Where the numbers come from."""
+    # -------------------------------------------------- parts of a rig
 
     def rig(self, document: Mapping[str, Any]) -> Rig:
-        scales = self._scales() if self.units == "SI" else None
-        measure = scales or Scales(force=1.0, stretching=1.0)
+        top = self.table(document, rig_keys.TOP)
+        parts = {name: self.table(top.get(name, {}), keys, name) for name, keys in rig_keys.TABLES.items()}
+        slider, interface, drive, simulation = parts.values()
+        self._check_slider(slider, document)
+        self._check_strength(interface, document)
+        self._check_drive(drive, document)
+        initial = self._part(self.distribution, interface.get("initial"), "interface.initial")
+        coefficients = "mu_s" in interface and "mu_k" in interface
+        if "thresholds" in interface:
+            thresholds = self._part(self.distribution, interface["thresholds"], "interface.thresholds")
+            if coefficients:
+                self.wrong("interface.thresholds", "leave it out beside mu_s and mu_k, which say how wide it is")
+        elif not coefficients:
+            example = rig_keys.INTERFACE["thresholds"].example
+            self.mistakes.append(_MissingError("interface.thresholds", example))
+        given = document.get("interface", {})
+        if isinstance(given, Mapping) and "delay" in given and "v_half" in given:
+            self.wrong("interface", "give delay or v_half, not both")
+        delay = self._part(self.delay, interface.get("delay", 0.0), "interface.delay")
+        ageing = self._part(self.ageing, interface.get("ageing"), "interface.ageing")
+        pieces = self._part(self.pieces, drive.get("pieces"), "drive.pieces")
+        assumed = self._assumed(top.get("assumed", {}), document)
+        self.stop()
 
-        def natural(value: float, quantity: Quantity) -> float:
-            return measure.natural(value, quantity)
+        if coefficients:
+            from stickslip.io.friction import thresholds_of
 
-        for key in self.assumed:
-            self._check_key(key, document)
-        mass, stiffness = natural(self.slider.mass, "mass"), natural(self.slider.stiffness, "stiffness")
-        model.Slider(stiffness=stiffness, mass=mass, damping=0.0)
-        if self.slider.damping is not None:
-            damping = natural(self.slider.damping, "rate")
-        else:
-            if mass == 0:
-                raise InputError("slider.relative_damping: needs a mass above 0; give damping instead")
-            damping = (self.slider.relative_damping or 0.0) * math.sqrt(stiffness / mass)
+            thresholds, strength = self.make(
+                "interface.mu_s", lambda: thresholds_of(interface["mu_s"], interface["mu_k"], initial)
+            )
+            interface["contact_strength"] = strength * interface["normal_load"]
+        scales = None if self.natural else self._scales(interface, drive, pieces)
+
+        def natural(value: float, unit: str) -> float:
+            return value if scales is None else value / scales.size(unit)
+
+        if "v_half" in interface:
+            time = thresholds.positive().moment(1) / natural(interface["v_half"], "x_s/time")
+            delay = self.make("interface.v_half", lambda: Delay(time))
+        elif scales is not None:
+            delay = _in(delay, natural)
         return Rig(
-            name=self.name,
-            interface=model.Interface(
-                thresholds=self.interface.thresholds.make(),
-                initial=self.interface.initial.make(),
-                delay=self._delay(natural),
-                ageing=self._ageing(natural),
+            name=top["name"],
+            source=top["source"],
+            interface=self.make(
+                "interface",
+                lambda: Interface(
+                    thresholds=thresholds,
+                    initial=initial,
+                    delay=delay,
+                    ageing=None if ageing is None else ageing(natural),
+                ),
             ),
-            slider=model.Slider(stiffness=stiffness, mass=mass, damping=damping),
-            drive=self._drive(natural),
-            method=Contacts(self.simulation.contacts, self.simulation.seed)
-            if self.simulation.method == "contacts"
-            else MasterEquation(cells=self.simulation.cells),
-            start=FromRest() if self.simulation.start == "relaxed" else FromSliding(),
-            output=Output(
-                interval=None if self.simulation.interval is None else natural(self.simulation.interval, "time")
+            slider=self._slider(slider, natural),
+            drive=self._drive(drive, pieces, natural),
+            method=self.make(
+                "simulation",
+                lambda: (
+                    Contacts(simulation["contacts"], simulation["seed"])
+                    if simulation["method"] == "contacts"
+                    else MasterEquation(cells=simulation["cells"])
+                ),
+                {"count": "contacts"},
+            ),
+            start=FromRest() if simulation["start"] == "from rest" else FromSliding(),
+            output=self.make(
+                "simulation",
+                lambda: Output(interval=natural(simulation["interval"], "time") if "interval" in simulation else None),
             ),
             scales=scales,
-            assumed=self.assumed,
-            document=document,
+            assumed=assumed,
         )
 
-    def _check_key(self, key: str, document: Mapping[str, Any]) -> None:
-        node: Any = document
-        for part in key.split("."):
-            if not isinstance(node, Mapping) or part not in node:
-                raise InputError(f"assumed.{shown(key)}: names no key of this file; write it as 'interface.delay'")
-            node = node[part]
+    def _part(self, read: Callable[[Any, str], Made], content: Any, place: str) -> Any:
+        """A part of the file, or None where it cannot be read: the mistake is noted, and the others are looked for."""
+        try:
+            return None if content is None else read(content, place)
+        except _MistakesError:
+            return None
 
-    def _scales(self) -> Scales:
-        part = self.interface
-        by_load = part.normal_load is not None and part.friction_coefficient is not None
-        if by_load == (part.contact_strength is not None):
-            raise InputError(
-                "interface: needs either contact_strength (sum of the threshold forces of all contacts, such as "
-                "'768 N'), or normal_load and friction_coefficient"
-            )
-        if part.breaking_displacement is None:
-            raise InputError("interface.breaking_displacement: is missing; give the mean threshold, such as '2 um'")
-        force = part.contact_strength if not by_load else (part.normal_load or 0.0) * (part.friction_coefficient or 0.0)
-        scales = Scales(force=force or 0.0, stretching=part.breaking_displacement)
-        velocities = [abs(v) for v in self._velocities() if v]
+    def _check_slider(self, slider: dict[str, Any], document: Mapping[str, Any]) -> None:
+        given = document.get("slider", {})
+        if not isinstance(given, Mapping):
+            return
+        if not {"damping", "damping_ratio", "relative_damping"} & set(given):
+            self.mistakes.append(_MissingError("slider.damping_ratio", rig_keys.SLIDER["damping_ratio"].example))
+        elif "damping" in given and "damping_ratio" in given:
+            self.wrong("slider", "needs one of damping (eta of Eq. (11)) and damping_ratio (zeta), not both")
+        elif "damping_ratio" in given and slider.get("mass") == 0:
+            self.wrong("slider.mass", "is 0, and damping_ratio needs a mass above 0; give damping instead")
+
+    def _check_strength(self, interface: dict[str, Any], document: Mapping[str, Any]) -> None:
+        given = document.get("interface", {})
+        if not isinstance(given, Mapping) or "friction_coefficient" in given:
+            return  # told of already
+        interface = {name: given[name] for name in given if name in rig_keys.INTERFACE}
+        by_load = [name for name in ("normal_load", "mu_s", "mu_k") if name in interface]
+        if self.natural:
+            for name in (*by_load, "contact_strength", "breaking_displacement"):
+                if name in interface:
+                    self.wrong(f"interface.{name}", "leave it out, as it is 1 where units = 'natural'")
+            return
+        if "contact_strength" in interface and by_load:
+            self.wrong("interface", f"give contact_strength, or {', '.join(by_load)}, not both")
+        elif by_load:
+            for name in {"normal_load", "mu_s", "mu_k"} - set(by_load):
+                self.mistakes.append(_MissingError(f"interface.{name}", rig_keys.INTERFACE[name].example))
+        for name in ("contact_strength", "breaking_displacement"):
+            if name not in interface and not (name == "contact_strength" and by_load):
+                self.mistakes.append(_MissingError(f"interface.{name}", rig_keys.INTERFACE[name].example))
+
+    def _check_drive(self, drive: dict[str, Any], document: Mapping[str, Any]) -> None:
+        given = document.get("drive", {})
+        if not isinstance(given, Mapping):
+            return
+        if "velocity" not in given and "pieces" not in given:
+            self.mistakes.append(_MissingError("drive.velocity", self._example(rig_keys.DRIVE["velocity"])))
+        elif "velocity" in given and "pieces" in given:
+            self.wrong("drive", "needs either velocity, or pieces (each with start, end and duration)")
+        elif "pieces" in given and ("distance" in given or "duration" in given):
+            self.wrong("drive", "leave distance and duration out beside pieces, which have durations of their own")
+        elif "distance" in given and "duration" in given:
+            self.wrong("drive", "needs distance or duration, not both")
+        elif drive.get("velocity") == 0 and "duration" not in given:
+            self.wrong("drive.velocity", "is 0; give a velocity above 0, or a duration")
+
+    def distribution(self, content: Any, place: str) -> Distribution:
+        """The distribution that a table names."""
+        kind = self._kind(content, place, "distribution", DISTRIBUTIONS, rig_keys.INTERFACE["thresholds"].example)
+        before = len(self.mistakes)
+        values = self.table(_without(content, "distribution"), keys_of(kind), place)
+        two_ways = kind is Empirical and ("samples" in values) == ("edges" in values and "weights" in values)
+        if two_ways and len(self.mistakes) == before:
+            self.wrong(place, "needs either samples, or edges and weights")
+        values = {
+            name: self.distribution(value, f"{place}.{name}") if isinstance(value, Mapping) else value
+            for name, value in values.items()
+        }
+        if len(self.mistakes) > before:
+            raise _MistakesError
+        if "samples" in values:
+            return self.make(place, lambda: Empirical.from_samples(values["samples"]))
+        made: Distribution = self.make(place, lambda: kind(**values))
+        return made
+
+    def _kind(
+        self, content: Any, place: str, word: str, kinds: Mapping[str, type], example: Mapping[str, Any]
+    ) -> type[Any]:
+        """The record that a table names."""
+        if not isinstance(content, Mapping):
+            written = f"{place} = {shown(content)}: must be a table, such as {toml(example)}"
+            self.mistakes.append(InputError(written, place))
+        elif content.get(word) not in tuple(kinds):
+            key = f"{place}.{word}"
+            given = f"{key} = {shown(content[word])}" if word in content else key
+            known = f"must be one of the known {word}s {', '.join(map(repr, kinds))}, as in {toml(example)}"
+            self.mistakes.append(InputError(f"{given}: {known}", key))
+        else:
+            return kinds[str(content[word])]
+        raise _MistakesError
+
+    def delay(self, content: Any, place: str) -> DelayModel:
+        """A delay whose times are in the units of the file."""
+        if content == "never":
+            return Delay(math.inf)
+        if isinstance(content, Mapping):
+            before = len(self.mistakes)
+            values = self.table(content, rig_keys.RANDOM_DELAY, place)
+            if len(self.mistakes) > before:
+                raise _MistakesError
+            return self.make(place, lambda: RandomDelay(**values))
+        return self.make(place, lambda: Delay(content))
+
+    def ageing(self, content: Any, place: str) -> Callable[[Callable[[float, str], float]], Strengthening]:
+        """A model of ageing, to be made when the unit of time is known."""
+        kind = self._kind(content, place, "model", AGEING_MODELS, rig_keys.INTERFACE["ageing"].example)
+        before = len(self.mistakes)
+        keys = keys_of(kind)
+        values = self.table(_without(content, "model"), keys, place)
+        if len(self.mistakes) > before:
+            raise _MistakesError
+
+        def made(natural: Callable[[float, str], float]) -> Strengthening:
+            fields = {
+                name: natural(value, keys[name].unit) if keys[name].unit else value for name, value in values.items()
+            }
+            if rig_keys.by_time(kind):
+                fields["rate"] = rig_keys.rate_of(kind, fields.pop("time"))
+            model: Strengthening = self.make(place, lambda: kind(**fields), {"rate": "time"})
+            return model
+
+        return made
+
+    def pieces(self, content: Any, place: str) -> list[dict[str, float]]:
+        """The pieces of a drive, in the units of the file."""
+        if not isinstance(content, list) or not content:
+            self.mistakes.append(InputError(f"{place} = {shown(content)}: must be a list of at least one table", place))
+            raise _MistakesError
+        before = len(self.mistakes)
+        found = [self.table(piece, rig_keys.PIECE, f"{place}[{i}]") for i, piece in enumerate(content)]
+        if len(self.mistakes) > before:
+            raise _MistakesError
+        return found
+
+    def _assumed(self, content: object, document: Mapping[str, Any]) -> dict[str, Assumption]:
+        """What the file marks as assumed, then the defaults that were taken; each with its value."""
+        found: dict[str, Assumption] = {}
+        if not isinstance(content, Mapping):
+            self.mistakes.append(InputError(f"assumed = {shown(content)}: must be a table, as in [assumed]", "assumed"))
+            return found
+        text = Key("", "text")
+        for path, how in content.items():
+            self.note(lambda path=path: rig_keys.check_path(path))
+            words = self.note(lambda path=path, how=how: text.read(how, f"assumed.{path}", natural=True))
+            found[path] = Assumption(_value_at(document, path), words or "")
+        given = document.get("interface")
+        for name, key in rig_keys.INTERFACE.items():
+            here = isinstance(given, Mapping) and (name in given or (name == "delay" and "v_half" in given))
+            if key.measure and not here and f"interface.{name}" not in found:
+                value = "0 s" if key.unit and not self.natural else _plainly(key.default)
+                found[f"interface.{name}"] = Assumption(value, key.measure, default=True)
+        return found
+
+    def _scales(
+        self, interface: dict[str, Any], drive: dict[str, Any], pieces: list[dict[str, float]] | None
+    ) -> Scales:
+        velocities = [drive.get("velocity", 0.0)] if pieces is None else [p[end] for p in pieces for end in _ENDS]
+        fastest = max(map(abs, velocities))
+        x_s = interface["breaking_displacement"]
         # The unit of time drops out of every result; this one keeps the numbers near 1.
-        time = part.breaking_displacement / max(velocities) if velocities else 1.0
-        return Scales(force=scales.force, stretching=scales.stretching, time=time)
+        time = x_s / fastest if fastest else 1.0
+        return self.make(
+            "interface",
+            lambda: Scales(force=interface["contact_strength"], stretching=x_s, time=time),
+            {"force": "contact_strength", "stretching": "breaking_displacement"},
+        )
 
-    def _velocities(self) -> list[float]:
-        if self.drive.pieces is None:
-            return [self.drive.velocity or 0.0]
-        return [v for piece in self.drive.pieces for v in (piece.start, piece.end)]
+    def _slider(self, slider: dict[str, Any], natural: Callable[[float, str], float]) -> Slider:
+        mass, stiffness = natural(slider["mass"], "f_s time^2/x_s"), natural(slider["stiffness"], "k")
+        held = self.make("slider", lambda: Slider(stiffness=stiffness, mass=mass, damping=0.0))
+        if "damping" in slider:
+            damping = natural(slider["damping"], "1/time")
+        else:
+            damping = 2.0 * slider["damping_ratio"] * held.frequency
+        return self.make("slider", lambda: replace(held, damping=damping))
 
-    def _delay(self, natural: Any) -> model.DelayModel:
-        delay = self.interface.delay
-        if delay is None:
-            return model.Delay(0.0)
-        if delay == "never":
-            return model.Delay(math.inf)
-        if isinstance(delay, _RandomDelay):
-            return model.RandomDelay(
-                mean=natural(delay.mean, "time"), std=natural(delay.std, "time"), negative=delay.negative
-            )
-        return model.Delay(natural(delay, "time"))
-
-    def _ageing(self, natural: Any) -> model.Strengthening | None:
-        match self.interface.ageing:
-            case None:
-                return None
-            case _Langevin(time=time, newborn=newborn):
-                return model.Langevin(rate=_inverse(natural(time, "time")) ** 0.5, newborn=newborn)
-            case _ExponentialGrowth(time=time, newborn=newborn):
-                return model.ExponentialGrowth(rate=_inverse(natural(time, "time")), newborn=newborn)
-            case _LogarithmicGrowth(slope=slope, time=time):
-                return model.LogarithmicGrowth(slope=slope, time=natural(time, "time"))
-
-    def _drive(self, natural: Any) -> Drive:
-        part = self.drive
-        if part.pieces is not None:
-            pieces = [
-                ramp(natural(p.start, "velocity"), natural(p.end, "velocity"), natural(p.duration, "time"))
-                for p in part.pieces
+    def _drive(
+        self,
+        drive: dict[str, Any],
+        pieces: list[dict[str, float]] | None,
+        natural: Callable[[float, str], float],
+    ) -> Drive:
+        if pieces is not None:
+            made = [
+                self.make(
+                    f"drive.pieces[{i}]",
+                    lambda piece=piece: ramp(
+                        *(natural(piece[end], "x_s/time") for end in _ENDS), natural(piece["duration"], "time")
+                    ),
+                )
+                for i, piece in enumerate(pieces)
             ]
-            drive = pieces[0]
-            for piece in pieces[1:]:
-                drive = drive.then(piece)
-            return drive
-        velocity = natural(part.velocity or 0.0, "velocity")
-        if part.duration is not None:
-            return constant(velocity, natural(part.duration, "time"))
-        if velocity == 0:
-            raise InputError("drive.velocity: is 0; give a velocity above 0, or a duration")
-        distance = 120.0 if part.distance is None else natural(part.distance, "length")
-        return constant(velocity, distance / abs(velocity))
+            return reduce(Drive.then, made)
+        velocity = natural(drive["velocity"], "x_s/time")
+        if "duration" in drive:
+            return self.make("drive.duration", lambda: constant(velocity, natural(drive["duration"], "time")))
+        distance = natural(drive["distance"], "x_s") if "distance" in drive else USUAL_DISTANCE
+        given = "distance" if "distance" in drive else "velocity"
+        return self.make(f"drive.{given}", lambda: constant(velocity, distance / abs(velocity)))
 
 
-def _inverse(time: float) -> float:
-    if time <= 0:
-        raise InputError("interface.ageing.time: must be above 0")
-    return 1.0 / time
+_ENDS = ("start", "end")
+
+
+def _without(content: Mapping[str, Any], name: str) -> dict[str, Any]:
+    return {key: value for key, value in content.items() if key != name}
+
+
+def _in(delay: DelayModel, natural: Callable[[float, str], float]) -> DelayModel:
+    """A delay in natural units."""
+    if isinstance(delay, RandomDelay):
+        return replace(delay, mean=natural(delay.mean, "time"), std=natural(delay.std, "time"))
+    return Delay(natural(delay.moment(1), "time"))
+
+
+def _value_at(document: Mapping[str, Any], path: str) -> str:
+    """What stands at a path in a document; empty if nothing does."""
+    node: Any = document
+    for part in path.split("."):
+        if not isinstance(node, Mapping) or part not in node:
+            return ""
+        node = node[part]
+    return _plainly(node)
+
+
+def _plainly(value: Any) -> str:
+    return value if isinstance(value, str) else toml(value)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Out
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+class _Writer:
+    """Writes the records of a rig as the tables of a file."""
+
+    def __init__(self, rig: Rig, digits: int | None) -> None:
+        self.rig, self.digits, self.scales = rig, digits, rig.scales
+
+    def document(self, damping_ratio: bool | None) -> Document:
+        rig = self.rig
+        found: Document = {"name": rig.name}
+        if self.scales is None:
+            found["units"] = "natural"
+        if rig.source:
+            found["source"] = rig.source
+        found["slider"] = self._slider(damping_ratio)
+        found["interface"] = self._interface()
+        found["drive"] = self._drive()
+        found["simulation"] = self._simulation()
+        assumed = {key: item.how for key, item in rig.assumed.items() if not item.default}
+        return found | ({"assumed": assumed} if assumed else {})
+
+    def _refuse(self, what: str) -> InputError:
+        return InputError(f"rig {self.rig.name!r}: {what} cannot be written into a rig file")
+
+    def _slider(self, damping_ratio: bool | None) -> Document:
+        slider = self.rig.slider
+        if not isinstance(slider, Slider):
+            raise self._refuse(f"the impedance {shown(slider)} in place of a Slider")
+        found = {
+            "mass": self._quantity(slider.mass, "f_s time^2/x_s"),
+            "stiffness": self._quantity(slider.stiffness, "k"),
+        }
+        short = float(f"{slider.damping_ratio:.4g}")
+        if damping_ratio is None:
+            damping_ratio = slider.mass > 0 and 2.0 * short * slider.frequency == slider.damping
+        if damping_ratio and slider.mass > 0:
+            return found | {"damping_ratio": short if self.digits is None else self._number(slider.damping_ratio)}
+        return found | {"damping": self._quantity(slider.damping, "1/time")}
+
+    def _interface(self) -> Document:
+        interface, found = self.rig.interface, {}
+        if self.scales is not None:
+            found["contact_strength"] = self._quantity(1.0, "f_s", lambda si: si == self._scale("force"))
+            found["breaking_displacement"] = self._quantity(1.0, "x_s", lambda si: si == self._scale("stretching"))
+        found["thresholds"] = self._record("distribution", interface.thresholds, DISTRIBUTIONS)
+        # A default that was taken is left out, so that it is taken, and told of, again.
+        if self.digits is not None or interface.initial != Gaussian(mean=0.0, std=0.01):
+            found["initial"] = self._record("distribution", interface.initial, DISTRIBUTIONS)
+        if self.digits is not None or interface.delay != Delay(0.0):
+            found["delay"] = self._delay()
+        if interface.ageing is not None:
+            found["ageing"] = self._record("model", interface.ageing, AGEING_MODELS)
+        return found
+
+    def _scale(self, name: str) -> float:
+        return float(getattr(self.scales, name))
+
+    def _record(self, word: str, record: Any, kinds: Mapping[str, type]) -> Document:
+        name = next((name for name, kind in kinds.items() if type(record) is kind), None)
+        if name is None:
+            raise self._refuse(f"{shown(record)}, which has no name among {', '.join(kinds)},")
+        found: Document = {word: name}
+        for field, key in keys_of(type(record)).items():
+            value = getattr(record, field, None)  # a time in place of a rate is a property
+            if rig_keys.by_time(type(record)) and field == "time":
+                value = rig_keys.time_of(record)
+            if value is None or value == -math.inf:
+                continue
+            if isinstance(value, tuple):
+                found[field] = [self._number(item) for item in value]
+            elif isinstance(value, Distribution):
+                found[field] = self._record("distribution", value, DISTRIBUTIONS)
+            elif key.unit:
+                same = (lambda si: self._rate(record, si)) if rig_keys.by_time(type(record)) else None
+                found[field] = self._quantity(value, key.unit, same)
+            else:
+                found[field] = self._number(value)
+        return found
+
+    def _rate(self, record: Any, si: float) -> bool:
+        time = si if self.scales is None else si / self.scales.size("time")
+        return bool(rig_keys.rate_of(type(record), time) == record.rate)
+
+    def _delay(self) -> Any:
+        delay = self.rig.interface.delay
+        if isinstance(delay, Delay):
+            return "never" if math.isinf(delay.time) else self._quantity(delay.time, "time")
+        if not isinstance(delay, RandomDelay):
+            raise self._refuse(f"the delay {shown(delay)}")
+        times = {name: self._quantity(getattr(delay, name), "time") for name in ("mean", "std")}
+        return times | {"negative": delay.negative}
+
+    def _drive(self) -> Document:
+        pieces = self.rig.drive.pieces
+        if any(piece.until is not None for piece in pieces):
+            raise self._refuse("a drive with conditions")
+        if len(pieces) > 1 or pieces[0].start != pieces[0].end:
+            return {
+                "pieces": [
+                    {
+                        "start": self._velocity(piece.start),
+                        "end": self._velocity(piece.end),
+                        "duration": self._quantity(piece.duration, "time"),
+                    }
+                    for piece in pieces
+                ]
+            }
+        velocity, duration = pieces[0].start, pieces[0].duration
+        found = {"velocity": self._velocity(velocity)}
+        if velocity:
+            size = 1.0 if self.scales is None else self.scales.size("x_s")
+            distance = self._quantity(
+                abs(velocity) * duration, "x_s", lambda si: si / size / abs(velocity) == duration, or_none=True
+            )
+            if distance is not None:
+                return found | {"distance": distance}
+        return found | {"duration": self._quantity(duration, "time")}
+
+    def _velocity(self, value: float) -> Any:
+        """A velocity; the fastest one of a drive is also what the unit of time comes from."""
+        if self.scales is None:
+            return self._quantity(value, "x_s/time")
+        size, x_s, time = self.scales.size("x_s/time"), self.scales.stretching, self.scales.time
+        both = self._quantity(
+            value, "x_s/time", lambda si: si / size == value and (not si or x_s / abs(si) == time), or_none=True
+        )
+        return both if both is not None else self._quantity(value, "x_s/time")
+
+    def _simulation(self) -> Document:
+        method, start, output = self.rig.method, self.rig.start, self.rig.output
+        if isinstance(start, FromSliding) and start.perturbation:
+            raise self._refuse("a start with a perturbation")
+        if isinstance(method, Contacts):
+            found: Document = {"method": "contacts", "contacts": method.count, "seed": method.seed}
+        elif isinstance(method, MasterEquation) and not method.memoryless:
+            found = {"method": "master equation", "cells": method.cells}
+        else:
+            raise self._refuse(f"the method {shown(method)}")
+        found["start"] = "sliding" if isinstance(start, FromSliding) else "from rest"
+        if output.interval is not None:
+            found["interval"] = self._quantity(output.interval, "time")
+        return found
+
+    # -------------------------------------------------- numbers
+
+    def _number(self, value: Any) -> Any:
+        if isinstance(value, float) and self.digits is not None:
+            return float(f"{value:.{self.digits}g}")
+        return value
+
+    def _quantity(
+        self, value: float, unit: str, same: Callable[[float], bool] | None = None, *, or_none: bool = False
+    ) -> Any:
+        """A natural value as it stands in a file: the shortest text that reads back as the same.
+
+        Parameters
+        ----------
+        value : float
+        unit : str
+            Its natural unit.
+        same : callable, optional
+            Whether a value in the units of the file is the same; by default, whether it is `value` in natural units.
+        or_none : bool
+            Return None if no text reads back as the same; by default the nearest that there is.
+        """
+        size = 1.0 if self.scales is None else self.scales.size(unit)
+        if self.scales is None:
+            if self.digits is not None:
+                return self._number(value)
+            return next((at for at in _roundings(value) if (same or value.__eq__)(at)), None if or_none else value)
+        name = rig_keys.SI_NAMES[unit]
+        if self.digits is not None:
+            return engineering(value * size, name, self.digits)
+        fits = same or (lambda si: si / size == value)
+        for text in _texts(value * size, name):
+            if fits(read_quantity(text, name, text)):
+                return text
+        return None if or_none else f"{value * size!r} {name}"
+
+
+def _roundings(value: float) -> list[float]:
+    """A number with few digits, with more, and its neighbours."""
+    near = [math.nextafter(value, way) for way in (math.inf, -math.inf)]
+    return [*(float(f"{value:.{digits}g}") for digits in (4, 8, 12, 15)), value, *near]
+
+
+def _texts(value: float, unit: str) -> list[str]:
+    """A quantity in words of few digits, of more, and of all; then its neighbours."""
+    low, high = (math.nextafter(value, way) for way in (-math.inf, math.inf))
+    exact = [value, low, high, math.nextafter(low, -math.inf), math.nextafter(high, math.inf)]
+    return [engineering(value, unit, digits) for digits in range(4, 17)] + [f"{one!r} {unit}" for one in exact]

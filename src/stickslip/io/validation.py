@@ -1,4 +1,4 @@
-"""The door for TOML files: strict models in, every mistake in one line that names place, value and remedy.
+"""TOML files and the quantities in them: every mistake in one line that names place, value and remedy.
 
 Quantities in SI files are strings with a unit, ``"4 MN/m"``; a number without one is refused, because nobody can tell
 what it meant. Files in natural units hold plain numbers.
@@ -13,16 +13,13 @@ import tomllib
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, TypeAdapter, ValidationError, ValidationInfo
 
 from stickslip.errors import InputError, extreme, shortened, shown
 from stickslip.io import files
 from stickslip.model.quantities import read_quantity
-
-if TYPE_CHECKING:
-    pass
 
 LARGEST_FILE = 1_000_000
 """Bytes beyond which a file is no description of anything."""
@@ -107,29 +104,44 @@ def validate(kind: type[Document], content: Mapping[str, Any], place: str, *, na
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def quantity(unit: str, example: str, sign: Literal["above 0", "at least 0", ""] = "above 0") -> BeforeValidator:
-    """How a quantity is read: a string with a unit in SI files, a plain number in natural ones."""
+Sign = Literal["above 0", "at least 0", ""]
+
+
+def quantity_of(value: object, unit: str, example: str, sign: Sign = "above 0", *, natural: bool = False) -> float:
+    """Read a quantity: text with a unit in SI files, a plain number in natural ones.
+
+    Raises
+    ------
+    InputError
+        If it is anything else; the message does not name the place.
+    """
+    result = _number_of(value, unit, example, natural)
+    if not math.isfinite(result):
+        raise InputError("must be finite")
+    if refusal := extreme(result):
+        raise InputError(f"{refusal} (in {unit})")
+    if (sign == "above 0" and result <= 0) or (sign == "at least 0" and result < 0):
+        raise InputError(f"must be {sign}")
+    return result
+
+
+def _number_of(value: object, unit: str, example: str, natural: bool) -> float:
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        if natural:
+            return float(value) if abs(value) <= sys.float_info.max else math.inf
+        raise InputError(f"has no unit; write it as a string, such as {example!r}")
+    if not isinstance(value, str):
+        raise InputError(f"must be a quantity, such as {example!r}")
+    if natural:
+        raise InputError("must be a plain number, as the file says units = 'natural'")
+    return read_quantity(value, unit, example)
+
+
+def quantity(unit: str, example: str, sign: Sign = "above 0") -> BeforeValidator:
+    """How a model reads a quantity, as `quantity_of`."""
 
     def to_si(value: object, info: ValidationInfo) -> object:
-        result = _read(value, natural=bool(info.context and info.context["natural"]))
-        if not math.isfinite(result):
-            raise ValueError("must be finite")
-        if refusal := extreme(result):
-            raise ValueError(f"{refusal} (in {unit})")
-        if (sign == "above 0" and result <= 0) or (sign == "at least 0" and result < 0):
-            raise ValueError(f"must be {sign}")
-        return result
-
-    def _read(value: object, natural: bool) -> float:
-        if isinstance(value, (int, float)) and not isinstance(value, bool):
-            if natural:
-                return float(value) if abs(value) <= sys.float_info.max else math.inf
-            raise ValueError(f"has no unit; write it as a string, such as {example!r}")
-        if not isinstance(value, str):
-            raise ValueError(f"must be a quantity, such as {example!r}")
-        if natural:
-            raise ValueError("must be a plain number, as the file says units = 'natural'")
-        return read_quantity(value, unit, example)
+        return quantity_of(value, unit, example, sign, natural=bool(info.context and info.context["natural"]))
 
     return BeforeValidator(to_si)
 
@@ -137,11 +149,9 @@ def quantity(unit: str, example: str, sign: Literal["above 0", "at least 0", ""]
 Mass = Annotated[float, quantity("kg", "75.6 g", "at least 0")]
 Stiffness = Annotated[float, quantity("N/m", "4 MN/m")]
 Rate = Annotated[float, quantity("1/s", "200 1/s", "at least 0")]
-Force = Annotated[float, quantity("N", "768 N")]
 Length = Annotated[float, quantity("m", "2 um")]
 Time = Annotated[float, quantity("s", "2 ms")]
 Lag = Annotated[float, quantity("s", "2 ms", "at least 0")]
-Velocity = Annotated[float, quantity("m/s", "0.4 mm/s", "")]
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -149,10 +159,7 @@ Velocity = Annotated[float, quantity("m/s", "0.4 mm/s", "")]
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-_TAGS = {
-    *("random", "fixed", "never", "gaussian", "uniform", "exponential", "gamma", "lognormal", "weibull", "empirical"),
-    *("langevin", "logarithmic", "as list", "as table", "as range"),
-}
+_TAGS = ("as list", "as table", "as range")
 """Names of the alternatives of a union: no keys of a file."""
 
 
@@ -183,8 +190,6 @@ def _one_mistake(item: Any, document: type[Part]) -> str:
         return f"{key}: unknown key{remedy}"
     if kind == "missing":
         return f"{key}: is missing"
-    if kind in ("union_tag_not_found", "union_tag_invalid"):
-        return f"{key}: must name its distribution, such as {{distribution = 'gaussian', std = 0.1}}; known distributions: {_tags(item)}"
     if kind == "literal_error":
         return f"{key} = {shown(value)}: must be {item['ctx']['expected']}"
     if kind == "value_error":
@@ -203,13 +208,6 @@ def _one_mistake(item: Any, document: type[Part]) -> str:
         "string_too_long": f"must be at most {item.get('ctx', {}).get('max_length')} characters long",
     }
     return f"{key} = {shown(value)}: {words.get(kind, item['msg'].lower())}"
-
-
-_DISTRIBUTIONS = ("gaussian", "uniform", "exponential", "gamma", "lognormal", "weibull", "empirical")
-
-
-def _tags(item: Any) -> str:
-    return str(item.get("ctx", {}).get("expected_tags", ", ".join(_DISTRIBUTIONS)))
 
 
 def _keys_beside(path: list[str], document: type[Part]) -> list[str]:

@@ -13,7 +13,7 @@ from ._jit import jit
 from .drift_diffusion import bernoulli
 from .langevin import Langevin
 from .oscillator import Load
-from .stepping import COLUMNS, LOSS, Course, begin, fill, keep, plan, settle
+from .stepping import COLUMNS, LOSS, Course, begin, fill, goes_on, keep, plan, settle
 
 Floats = NDArray[np.float64]
 
@@ -205,7 +205,7 @@ def advance_closure(
     state : ndarray, shape (5,)
         Time, X, V, loss per time (see `stepping`), number of cohorts; changed in place.
     cohorts : Cohorts
-        Changed in place.
+        Changed in place. Once it is full the course breaks off: go on with longer arrays.
     thresholds : Thresholds
         The mass is changed in place.
     course : Course
@@ -213,8 +213,8 @@ def advance_closure(
 
     Returns
     -------
-    ndarray, shape (m, 5)
-        X, V, F_d, F_c, sum of the weights.
+    ndarray, shape (n, 5)
+        X, V, F_d, F_c, sum of the weights. At the times that were reached.
     """
     place, weight, mass = cohorts.place, cohorts.weight, thresholds.mass
     rates, birth = threshold_rates(thresholds.edges, langevin), _cell(thresholds.edges, langevin.newborn)
@@ -225,7 +225,7 @@ def advance_closure(
     samples = np.empty((course.times.size, COLUMNS))
     load = Load(F, 1.0, state[LOSS], 0.0)
     filled = fill(course, samples, 0, here, load, here.time, np.sum(weight[:count]))
-    while filled < course.times.size:
+    while count < place.size and goes_on(course, samples, filled):
         guess, stroke = plan(course, filled, here, load, _ANGLE)
         relax(mass, rates, stroke.dt)
         count, broken, swept = _break(cohorts, count, reached, guess.X, thresholds)
@@ -233,8 +233,6 @@ def advance_closure(
             part = -mass[i] * np.expm1(-swept[i])
             mass[i] -= part
             mass[birth] += part
-        if count >= place.size:
-            raise ValueError("no room for another cohort: hand in longer arrays")
         # Attached all through the step: on average in its middle.
         place[count], weight[count] = 0.5 * (reached + guess.X), broken
         count += 1
@@ -248,4 +246,4 @@ def advance_closure(
         here, load = there, Load(total + (there.X - reached), 1.0, loss, 0.0)
     keep(state, here, load.loss)
     state[COHORTS] = float(count)
-    return samples
+    return samples[:filled]

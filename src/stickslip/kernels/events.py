@@ -187,10 +187,10 @@ def contact_force(state: State) -> float:
     return float((state.counts[ATTACHED] * x - state.motion[_SUM]) / state.contacts.size)
 
 
-def stretchings(state: State) -> Floats:
-    """Stretchings of the attached contacts at the time of a look."""
+def stretchings(state: State, X: float) -> Floats:
+    """Stretchings of the attached contacts with the slider at `X`: its own place, or that of a look, `LOOKED`."""
     contacts = state.contacts[state.contacts["threshold"] > 0]
-    return np.asarray(state.motion[LOOKED] - contacts["birth"])
+    return np.asarray(X - contacts["birth"])
 
 
 def _power_of_two(wanted: float, most: int) -> int:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ._jit import inlined, jit
 from .oscillator import Load
-from .stepping import COLUMNS, LOSS, Course, Stroke, begin, fill, keep, plan, settle
+from .stepping import COLUMNS, LOSS, Course, Stroke, begin, fill, goes_on, keep, plan, settle
 
 Floats = NDArray[np.float64]
 
@@ -204,8 +204,8 @@ def advance_growing(
 
     Returns
     -------
-    ndarray, shape (m, 5)
-        X, V, F_d, F_c, fraction of attached contacts.
+    ndarray, shape (n, 5)
+        X, V, F_d, F_c, fraction of attached contacts. At the times that were reached.
     """
     n, x, attach = contacts.stretching.size, contacts.stretching, contacts.attach
     unready, strongest = growth.kind == EXPONENTIAL and growth.second <= 0.0, np.max(pool)
@@ -218,7 +218,7 @@ def advance_growing(
     samples = np.empty((course.times.size, COLUMNS))
     load = Load(total / n, count / n, state[LOSS], 0.0)
     filled = fill(course, samples, 0, here, load, here.time, count / n)
-    while filled < course.times.size:
+    while goes_on(course, samples, filled):
         guess, stroke = plan(course, filled, here, load, _ANGLE)
         hopeless = bool(unready and strongest * growth.first <= abs(stroke.dX / stroke.dt))
         total, count = 0.0, 0
@@ -236,4 +236,4 @@ def advance_growing(
         filled = fill(course, samples, filled, here, load, there.time, count / n)
         here, load = there, Load(total / n, count / n, loss, 0.0)
     keep(state, here, load.loss)
-    return samples
+    return samples[:filled]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ._jit import inlined, jit
 from .langevin import Langevin
 from .oscillator import Load
-from .stepping import COLUMNS, LOSS, Course, Stroke, begin, fill, keep, plan, settle
+from .stepping import COLUMNS, LOSS, Course, Stroke, begin, fill, goes_on, keep, plan, settle
 
 Floats = NDArray[np.float64]
 
@@ -311,8 +311,9 @@ def advance_contacts(
 
     Returns
     -------
-    ndarray, shape (m, 5)
-        X, V, spring force F_d, contact force F_c (both per contact), fraction of attached contacts.
+    ndarray, shape (n, 5)
+        X, V, spring force F_d, contact force F_c (both per contact), fraction of attached contacts, at the times that
+        were reached.
     """
     n, x = contacts.stretching.size, contacts.stretching
     if langevin.newborn <= 0.0 and np.max(delays) > 0.0:
@@ -330,7 +331,7 @@ def advance_contacts(
     samples = np.empty((course.times.size, COLUMNS))
     load = Load(total / n, count / n, state[LOSS], 0.0)
     filled = fill(course, samples, 0, here, load, here.time, count / n)
-    while filled < course.times.size:
+    while goes_on(course, samples, filled):
         guess, stroke = plan(course, filled, here, load, _ANGLE)
         lost, more = _age(contacts, sleep, stroke, langevin, delays, rng)
         total += count * stroke.dX - lost
@@ -349,4 +350,4 @@ def advance_contacts(
                 _aged(contacts.threshold[i], here.time - sleep.seen[i], langevin, rng), abs(x[i])
             )
     keep(state, here, load.loss)
-    return samples
+    return samples[:filled]

@@ -18,7 +18,7 @@ from ._jit import jit
 from .drift_diffusion import bernoulli
 from .langevin import Langevin
 from .oscillator import Load
-from .stepping import COLUMNS, LOSS, Course, Stroke, begin, fill, keep, plan, settle
+from .stepping import COLUMNS, LOSS, Course, Stroke, begin, fill, goes_on, keep, plan, settle
 
 Floats = NDArray[np.float64]
 
@@ -363,8 +363,8 @@ def advance_density(state: Floats, cohorts: Cohorts, nodes: Floats, course: Cour
 
     Returns
     -------
-    ndarray, shape (m, 5)
-        X, V, F_d, F_c, sum of the mass.
+    ndarray, shape (n, 5)
+        X, V, F_d, F_c, sum of the mass. At the times that were reached.
     """
     count, lag, reach = int(state[COHORTS]), state[LAG], course.reach
     size = nodes.size
@@ -375,7 +375,7 @@ def advance_density(state: Floats, cohorts: Cohorts, nodes: Floats, course: Cour
     F, total = _force(cohorts, count, here.X)
     samples, loss, ramp, last = np.empty((course.times.size, COLUMNS)), state[LOSS], 0.0, 0.0
     filled = fill(course, samples, 0, here, Load(F, 1.0, 0.0, 0.0), here.time, total)
-    while filled < course.times.size:
+    while goes_on(course, samples, filled):
         guess, stroke = plan(course, filled, here, Load(F, 1.0, loss + 0.5 * ramp * last, ramp), _ANGLE)
         # The contacts are moved to where the slider is guessed to go, from where it was last guessed to have gone.
         dt, dX = stroke.dt, stroke.dX
@@ -397,4 +397,4 @@ def advance_density(state: Floats, cohorts: Cohorts, nodes: Floats, course: Cour
         here = there
     keep(state, here, loss)
     state[COHORTS], state[LAG] = float(count), lag
-    return samples
+    return samples[:filled]

@@ -1,9 +1,9 @@
 """A slider and its contacts in steps of time: how long a step, where it leads, and what it passes.
 
-The loop is the same for all solvers that take steps: `begin` once; then for each step `plan` says where the slider
-would go if breaking went on as in the step before, the contacts are moved there, `settle` moves the slider again
-under the force that they have turned out to give (second order in the step), and `fill` reads the samples off that
-motion; `keep` stores the state. Only how the contacts move differs.
+The loop is the same for all solvers that take steps: `begin` once; then, while the course `goes_on`, for each step
+`plan` says where the slider would go if breaking went on as in the step before, the contacts are moved there, `settle`
+moves the slider again under the force that they have turned out to give (second order in the step), and `fill` reads
+the samples off that motion; `keep` stores the state. Only how the contacts move differs.
 """
 
 from typing import NamedTuple
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import jit
-from .drive import Quadratic, drive_at
+from .drive import NOWHERE, Quadratic, Stop, drive_at, holds
 from .oscillator import Load, Motion, Slider, free_amplitude, is_rigid, move
 
 Floats = NDArray[np.float64]
@@ -38,8 +38,9 @@ class Course(NamedTuple):
         Largest step of time; inf for no limit.
     reach : float
         Largest distance that the slider goes in a step.
-    pausing : bool
-        End a step at each sample: a course that is cut there has gone the same way.
+    stop : Stop
+        Condition that ends the course at the first sample where it holds. A step then ends at each sample, so that the
+        way up to there does not depend on where the course ends.
     """
 
     drive: Quadratic
@@ -47,7 +48,7 @@ class Course(NamedTuple):
     times: Floats
     longest: float
     reach: float
-    pausing: bool = False
+    stop: Stop = Stop()
 
 
 class Stroke(NamedTuple):
@@ -95,6 +96,14 @@ def _pace(course: Course, here: Motion, load: Load, angle: float, until: float) 
 
 
 @jit
+def goes_on(course: Course, samples: Floats, filled: int) -> bool:
+    """Whether there is a sample left to fill, and the last one does not meet the condition that ends the course."""
+    if filled == course.times.size:
+        return False
+    return filled == 0 or not holds(course.stop, samples[filled - 1, 0], samples[filled - 1, 2])
+
+
+@jit
 def plan(course: Course, filled: int, here: Motion, load: Load, angle: float) -> tuple[Motion, Stroke]:
     """Guess where the next step ends; it ends where the slider turns back.
 
@@ -115,7 +124,7 @@ def plan(course: Course, filled: int, here: Motion, load: Load, angle: float) ->
     stroke : Stroke
         From here to there.
     """
-    end = course.times[filled if course.pausing else -1]
+    end = course.times[filled if course.stop.kind != NOWHERE else -1]
     dt = _pace(course, here, load, angle, end)
     guess = move(course.slider, course.drive, here, load, dt)
     shorter = dt

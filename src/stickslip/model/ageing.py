@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
-from stickslip.errors import number
+from stickslip.model.records import Number, check
+from stickslip.model.registry import registrar
+
+AGEING_MODELS: dict[str, type] = {}
+"""The models of ageing that rig files can name."""
+
+register = registrar(AGEING_MODELS, "ageing model")
+"""Class decorator: ``@register("langevin")`` gives an ageing model the name that rig files use."""
 
 
+@register("langevin")
 @dataclass(frozen=True, kw_only=True)
 class Langevin:
-    """Thresholds that age towards the interface's Gaussian distribution as an Ornstein-Uhlenbeck process, Eqs. (13)-(16).
+    """Thresholds that age towards the interface's Gaussian as an Ornstein-Uhlenbeck process, Eqs. (13)-(16).
 
     ``df = beta^2 (f_0 - f) dt + beta delta f_0 sqrt(2) dW``, with ``f_0`` and ``delta`` the mean and the relative
     standard deviation of ``Interface.thresholds``.
@@ -22,12 +31,11 @@ class Langevin:
         Threshold force of a newborn contact, in units of ``f_s``.
     """
 
-    rate: float
-    newborn: float = 0.0
+    rate: Annotated[float, Number("1/time^(1/2)", above=0, hint="beta")]
+    newborn: Annotated[float, Number(at_least=0)] = 0.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "rate", number("Langevin.rate", self.rate, above=0, hint="beta"))
-        object.__setattr__(self, "newborn", number("Langevin.newborn", self.newborn, at_least=0))
+        check(self)
 
     @property
     def time(self) -> float:
@@ -39,6 +47,7 @@ class Langevin:
         return replace(self, rate=value**-0.5)
 
 
+@register("exponential")
 @dataclass(frozen=True, kw_only=True)
 class ExponentialGrowth:
     """Thresholds that grow as ``f(t) = f_end - (f_end - newborn) exp(-rate t)``.
@@ -47,14 +56,14 @@ class ExponentialGrowth:
     ``f_s``.
     """
 
-    rate: float
-    newborn: float = 0.0
+    rate: Annotated[float, Number("1/time", above=0)]
+    newborn: Annotated[float, Number(at_least=0)] = 0.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "rate", number("ExponentialGrowth.rate", self.rate, above=0))
-        object.__setattr__(self, "newborn", number("ExponentialGrowth.newborn", self.newborn, at_least=0))
+        check(self)
 
 
+@register("logarithmic")
 @dataclass(frozen=True, kw_only=True)
 class LogarithmicGrowth:
     """Thresholds that grow as ``f(t) = f_0 + slope ln(1 + t/time)``, the ageing of creeping asperities.
@@ -62,12 +71,11 @@ class LogarithmicGrowth:
     ``f_0`` is drawn from the interface's distribution of thresholds at birth; `slope` is in ``f_s``, `time` in time.
     """
 
-    slope: float
-    time: float
+    slope: Annotated[float, Number(at_least=0)]
+    time: Annotated[float, Number("time", above=0)]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "slope", number("LogarithmicGrowth.slope", self.slope, at_least=0))
-        object.__setattr__(self, "time", number("LogarithmicGrowth.time", self.time, above=0))
+        check(self)
 
 
 Strengthening = Langevin | ExponentialGrowth | LogarithmicGrowth

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal, Protocol, get_args, runtime_checkable
+from typing import Annotated, Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
-from stickslip.errors import InputError, number, shown
+from stickslip.errors import InputError, shown
 from stickslip.model.distributions import Gaussian
+from stickslip.model.records import Number, check
+from stickslip.model.registry import registrar
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -39,16 +41,38 @@ class DelayModel(Protocol):
         """Rising delays and their weights, for the mean of a smooth function of the delay."""
         ...
 
+    def absence(self, s: ArrayLike) -> ComplexArray:
+        """``1 - laplace(s)``, without cancellation at small `s`."""
+        s = np.asarray(s, dtype=complex)
+        missing = np.asarray(1.0 - self.laplace(s))
+        one, two, three = (self.moment(n) for n in (1, 2, 3))
+        small = np.abs(s) * three < 1e-4 * two
+        return np.where(small, s * (one - s * (two / 2 - s * three / 6)), missing)
 
+    @property
+    def longest(self) -> float:
+        """Delay that one contact in 1e5 exceeds."""
+        tau, weight = self.quadrature()
+        beyond = np.cumsum(weight[::-1])[::-1]
+        return float(np.max(tau[beyond > 1e-5], initial=self.moment(1)))
+
+
+DELAYS: dict[str, type] = {}
+"""The delays that rig files can name."""
+
+register = registrar(DELAYS, "delay")
+"""Class decorator: ``@register("constant rate")`` gives a delay the name that rig files use."""
+
+
+@register("fixed")
 @dataclass(frozen=True)
 class Delay(DelayModel):
     """The same delay time for every broken contact: 0 for none, infinity for contacts that never re-attach."""
 
-    time: float
+    time: Annotated[float, Number("time", at_least=0, infinite=True, hint="the delay time tau_d")]
 
     def __post_init__(self) -> None:
-        checked = number("Delay.time", self.time, at_least=0, infinite=True, hint="the delay time tau_d")
-        object.__setattr__(self, "time", checked)
+        check(self)
 
     @property
     def mean(self) -> float:
@@ -68,6 +92,11 @@ class Delay(DelayModel):
         s = np.asarray(s, dtype=complex)
         return np.zeros_like(s) if math.isinf(self.time) else np.asarray(np.exp(-s * self.time))
 
+    def absence(self, s: ArrayLike) -> ComplexArray:
+        """``1 - laplace(s)``, without cancellation at small `s`."""
+        s = np.asarray(s, dtype=complex)
+        return np.ones_like(s) if math.isinf(self.time) else np.asarray(-np.expm1(-s * self.time))
+
     def sample(self, rng: np.random.Generator, size: int) -> Array:
         """Return `size` times the delay; no random number is drawn."""
         del rng
@@ -79,6 +108,7 @@ class Delay(DelayModel):
         return np.full(count, self.time), np.ones(count)
 
 
+@register("random")
 @dataclass(frozen=True, kw_only=True)
 class RandomDelay(DelayModel):
     """Delay times drawn from a Gaussian, with the fate of negative draws stated.
@@ -92,13 +122,12 @@ class RandomDelay(DelayModel):
         Fig. 7b depends on it.
     """
 
-    mean: float
-    std: float
+    mean: Annotated[float, Number("time", at_least=0)]
+    std: Annotated[float, Number("time", above=0)]
     negative: NegativeDelay = "clip"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "mean", number("RandomDelay.mean", self.mean, at_least=0))
-        object.__setattr__(self, "std", number("RandomDelay.std", self.std, above=0))
+        check(self)
         if self.std < 1e-9 * self.mean:
             raise InputError(f"RandomDelay.std = {self.std:g}: too small beside {self.mean:g}; use Delay instead")
         if self.negative not in get_args(NegativeDelay):

@@ -1,4 +1,4 @@
-"""Distributions for the thresholds of contacts and for their initial stretchings.
+"""The distributions that come with the package, for the thresholds of contacts and for their initial stretchings.
 
 Every distribution answers the same few questions (`Distribution`), so that every solver takes every distribution. A
 threshold is a stretching at which a contact breaks, hence positive: a distribution that reaches below zero is
@@ -10,25 +10,39 @@ Natural units: stretchings in units of ``x_s = f_s/k``.
 
 from __future__ import annotations
 
-import cmath
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from itertools import pairwise
-from typing import Protocol, Self, cast, runtime_checkable
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
-from stickslip.errors import InputError, instance, number, numbers, sequence, whole
+from stickslip.errors import InputError, number, numbers, sequence, whole
+from stickslip.model.distribution import DISTRIBUTIONS, NEGLIGIBLE, Distribution, excess, register
+from stickslip.model.quadrature import laplace_of_bins, laplace_on_a_ray, panels, transforms_on_a_path
+from stickslip.model.steady_state import SteadyState
+
+__all__ = [
+    "DISTRIBUTIONS",
+    "NEGLIGIBLE",
+    "Distribution",
+    "Empirical",
+    "Exponential",
+    "Gamma",
+    "Gaussian",
+    "LogNormal",
+    "SteadyState",
+    "Uniform",
+    "Weibull",
+    "excess",
+    "panels",
+    "register",
+]
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-
-NEGLIGIBLE = 1e-16
-"""Probability below which the tail of a distribution is left out of a table (double precision of a probability)."""
 
 LARGEST_STRETCHING = 1e12
 """In ``x_s``: beyond any distribution of contacts."""
@@ -41,88 +55,10 @@ def _stretching(place: str, value: object, *, above: float | None = None, at_lea
     return number(place, value, above=above, at_least=at_least, at_most=LARGEST_STRETCHING, hint="in x_s")
 
 
-@runtime_checkable
-class Distribution(Protocol):
-    """A probability distribution on stretchings.
-
-    A new distribution gives `density`, `partial_moment`, `inverse_survival`, `laplace` and `positive`; the rest
-    follows.
-    """
-
-    def density(self, x: ArrayLike) -> Array:
-        """Probability density at stretching `x`."""
-        ...
-
-    def partial_moment(self, x: ArrayLike, order: int) -> Array:
-        """Integral of ``y**order`` times the density over ``y > x``."""
-        ...
-
-    def inverse_survival(self, probability: ArrayLike) -> Array:
-        """Stretching exceeded with the given probability."""
-        ...
-
-    def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
-        """Mean of ``x**order * exp(-q x)`` at complex `q`: minus the slope of the transform for order 1."""
-        ...
-
-    def positive(self) -> Distribution:
-        """Return the distribution conditioned on positive values."""
-        ...
-
-    @property
-    def knots(self) -> tuple[float, ...]:
-        """Stretchings where the density jumps (a solver may have to look at both sides)."""
-        return ()
-
-    def survival(self, x: ArrayLike) -> Array:
-        """Probability ``J_c(x)`` of a threshold beyond `x`, Eq. (3)."""
-        return self.partial_moment(x, 0)
-
-    def hazard(self, x: ArrayLike) -> Array:
-        """Breaking rate per unit stretching ``P(x) = P_c(x)/J_c(x)``, Eq. (3); infinite beyond the support."""
-        density, survival = self.density(x), self.survival(x)
-        unbounded = np.full_like(density, np.inf)
-        return np.asarray(np.divide(density, survival, out=unbounded, where=survival > 0), dtype=float)
-
-    def moment(self, order: int) -> float:
-        """Mean of ``x**order``."""
-        return float(self.partial_moment(-np.inf, order))
-
-    def standard_deviation(self) -> float:
-        """Root mean square distance from the mean."""
-        mean = self.moment(1)
-        return math.sqrt(max(self.moment(2) - mean * mean, 0.0))
-
-    def sample(self, rng: np.random.Generator, size: int) -> Array:
-        """Draw `size` independent values with the generator handed in."""
-        return self.inverse_survival(rng.random(size))
-
-    def sample_beyond(self, rng: np.random.Generator, bound: ArrayLike) -> Array:
-        """Draw one value for each entry of `bound`, conditioned on exceeding it."""
-        bound = np.asarray(bound, dtype=float)
-        uniform = 1.0 - rng.random(bound.shape)
-        return np.asarray(np.maximum(self.inverse_survival(uniform * self.survival(bound)), bound))
-
-    @property
-    def support(self) -> tuple[float, float]:
-        """Interval that holds all but a negligible part of the probability on each side."""
-        low, high = self.inverse_survival(np.array([1.0 - NEGLIGIBLE, NEGLIGIBLE]))
-        return float(low), float(high)
-
-
-def excess(distribution: Distribution, x: ArrayLike, order: int) -> Array:
-    """Mean of ``max(x_s - x, 0)**order / order!``: the survival function integrated `order` times from above."""
-    x = np.asarray(x, dtype=float)
-    total = np.zeros_like(x)
-    for power in range(order + 1):
-        factor = math.comb(order, power) / math.factorial(order)
-        total += factor * (-x) ** (order - power) * distribution.partial_moment(x, power)
-    return total
-
-
+@register("gaussian")
 @dataclass(frozen=True, kw_only=True)
 class Gaussian(Distribution):
-    """Gaussian distribution, optionally cut off from below; a standard deviation of zero puts all stretchings at the mean.
+    """Gaussian distribution, optionally cut off from below; with a standard deviation of 0 all values are the mean.
 
     Parameters
     ----------
@@ -225,6 +161,20 @@ class Gaussian(Distribution):
             raise InputError(f"laplace(order={order}): only orders 0 and 1 are defined")
         return np.asarray(kept / self._beyond_lower())
 
+    def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """`laplace` of orders 0 and 1: by parts, one transform instead of two."""
+        mean = self.laplace(q)
+        if self.std == 0:
+            return mean, self.laplace(q, 1)
+        variance = self.std**2
+        cut = self.density(self.lower) * np.exp(-q * self.lower) if math.isfinite(self.lower) else 0.0
+        return mean, np.asarray((self.mean - q * variance) * mean + variance * cut)
+
+    @property
+    def leftmost(self) -> float:
+        """Minus infinity: the transform exists everywhere."""
+        return -math.inf
+
     def positive(self) -> Gaussian:
         """Return the distribution cut off at zero."""
         return replace(self, lower=max(self.lower, 0.0))
@@ -243,6 +193,7 @@ class Gaussian(Distribution):
         return max(self.lower, self.mean + low * self.std), self.mean - high * self.std
 
 
+@register("uniform")
 @dataclass(frozen=True, kw_only=True)
 class Uniform(Distribution):
     """Rectangular distribution on ``[low, high]``."""
@@ -280,7 +231,12 @@ class Uniform(Distribution):
 
     def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
         """Mean of ``x**order * exp(-q x)``."""
-        return _laplace_of_bins(q, np.array([self.low, self.high]), np.array([1.0]), order)
+        return laplace_of_bins(q, np.array([self.low, self.high]), np.array([1.0]), order)
+
+    @property
+    def leftmost(self) -> float:
+        """Minus infinity: the transform exists everywhere."""
+        return -math.inf
 
     def positive(self) -> Uniform:
         """Return the distribution on the positive part of its interval."""
@@ -299,6 +255,7 @@ class Uniform(Distribution):
         return self.low, self.high
 
 
+@register("exponential")
 @dataclass(frozen=True, kw_only=True)
 class Exponential(Distribution):
     """Exponential distribution: a contact that has no memory of its stretching."""
@@ -333,6 +290,11 @@ class Exponential(Distribution):
             math.factorial(order) * self.mean**order / (1 + self.mean * np.asarray(q, dtype=complex)) ** (order + 1)
         )
 
+    @property
+    def leftmost(self) -> float:
+        """The rate of the tail: ``-1/mean``."""
+        return -1.0 / self.mean
+
     def positive(self) -> Exponential:
         """Return the distribution itself: it is positive."""
         return self
@@ -343,6 +305,7 @@ class Exponential(Distribution):
         return (0.0,)
 
 
+@register("gamma")
 @dataclass(frozen=True, kw_only=True)
 class Gamma(Distribution):
     """Gamma distribution with the given mean and standard deviation."""
@@ -399,6 +362,11 @@ class Gamma(Distribution):
         factor = self.scale**order * float(special.poch(self.shape, order))
         return np.asarray(factor * (1 + self.scale * np.asarray(q, dtype=complex)) ** (-self.shape - order))
 
+    @property
+    def leftmost(self) -> float:
+        """The rate of the tail: ``-1/scale``."""
+        return -1.0 / self.scale
+
     def positive(self) -> Gamma:
         """Return the distribution itself: it is positive."""
         return self
@@ -409,6 +377,7 @@ class Gamma(Distribution):
         return (0.0,)
 
 
+@register("lognormal")
 @dataclass(frozen=True, kw_only=True)
 class LogNormal(Distribution):
     """Log-normal distribution with the given mean and standard deviation (of the stretching, not of its logarithm)."""
@@ -451,7 +420,8 @@ class LogNormal(Distribution):
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
         """Integral of ``y**order`` times the density over ``y > x``."""
-        scale = math.exp(order * self.log_mean + 0.5 * (order * self.log_spread) ** 2)
+        with np.errstate(over="ignore"):  # a wide distribution has high moments beyond any number
+            scale = float(np.exp(order * self.log_mean + 0.5 * (order * self.log_spread) ** 2))
         x = np.asarray(x, dtype=float)
         return np.where(x > 0, scale * special.ndtr(order * self.log_spread - self._z(x)), scale)
 
@@ -468,7 +438,7 @@ class LogNormal(Distribution):
         """Mean of ``x**order * exp(-q x)``, by quadrature in the logarithm (there is no closed form)."""
         # The phase q x turns fastest where the density is still felt, about five deviations up.
         per_turn = 17 * float(self.inverse_survival(1e-7)) * self.log_spread / 6
-        return _laplace_on_a_ray(q, order, self._on_a_ray, 2.0 * self.log_spread, 12, per_turn)
+        return laplace_on_a_ray(q, order, self._on_a_ray, 2.0 * self.log_spread, 12, per_turn)
 
     def _on_a_ray(self, angle: float, count: int, growing: bool) -> tuple[ComplexArray, ComplexArray]:
         del growing  # the transform has no value there
@@ -478,11 +448,24 @@ class LogNormal(Distribution):
         x = np.asarray(np.exp(self.log_mean + self.log_spread * z))
         return x, np.asarray(np.log(weight) - 0.5 * z * z - 0.5 * math.log(2 * math.pi))
 
+    def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """`laplace` of orders 0 and 1, with nodes on one path for all `q`."""
+        # x = exp(log_mean + log_spread (z - i turn)): the density grows by exp(turn^2/2), at most 90.
+        z = np.arange(-9.0, 9.0, 0.04) - 1j * min(3.0, 0.7 / self.log_spread)
+        x, weight = np.exp(self.log_mean + self.log_spread * z), np.exp(-0.5 * z * z)
+        return transforms_on_a_path(q, x, weight / weight.sum())
+
+    @property
+    def leftmost(self) -> float:
+        """Zero: the tail is heavier than any exponential."""
+        return 0.0
+
     def positive(self) -> LogNormal:
         """Return the distribution itself: it is positive."""
         return self
 
 
+@register("weibull")
 @dataclass(frozen=True, kw_only=True)
 class Weibull(Distribution):
     """Weibull distribution: ``J_c(x) = exp(-(x/scale)**shape)``, the weakest link of many."""
@@ -518,7 +501,7 @@ class Weibull(Distribution):
     def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
         """Mean of ``x**order * exp(-q x)``, by quadrature in the logarithm of the hazard (no closed form)."""
         per_turn = 4 * float(self.inverse_survival(1e-9)) / self.shape
-        return _laplace_on_a_ray(q, order, self._on_a_ray, 1.2 / self.shape, 24, per_turn)
+        return laplace_on_a_ray(q, order, self._on_a_ray, 1.2 / self.shape, 24, per_turn)
 
     def _on_a_ray(self, angle: float, count: int, growing: bool) -> tuple[ComplexArray, ComplexArray]:
         # Turning x by an angle turns (x/scale)**shape by `shape` times as much, which must stay below a right angle.
@@ -526,6 +509,18 @@ class Weibull(Distribution):
         y, weight = panels(-40.0, 6.6 if growing else 3.7 - math.log(turn.real), count)
         x = np.asarray(self.scale * np.exp(y / self.shape - 1j * angle))
         return x, np.asarray(np.log(weight) + y - 1j * angle * self.shape - np.exp(y) * turn)
+
+    def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """`laplace` of orders 0 and 1, with nodes on one path for all `q`."""
+        # x = scale t^(1/shape), with t = exp(y) turned
+        t = np.exp(np.arange(-40.0, 4.2, 0.05) - 0.7j * min(1.0, self.shape))
+        weight = t * np.exp(-t)
+        return transforms_on_a_path(q, self.scale * t ** (1 / self.shape), weight / weight.sum())
+
+    @property
+    def leftmost(self) -> float:
+        """Zero where the tail is heavier than an exponential, ``-1/scale`` where it is one."""
+        return 0.0 if self.shape < 1 else -1.0 / self.scale if self.shape == 1 else -math.inf
 
     def positive(self) -> Weibull:
         """Return the distribution itself: it is positive."""
@@ -537,6 +532,7 @@ class Weibull(Distribution):
         return (0.0,)
 
 
+@register("empirical")
 @dataclass(frozen=True, kw_only=True)
 class Empirical(Distribution):
     """A measured distribution: a histogram, its density constant within each bin.
@@ -636,7 +632,12 @@ class Empirical(Distribution):
 
     def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
         """Mean of ``x**order * exp(-q x)``."""
-        return _laplace_of_bins(q, np.array(self.edges), np.array(self.weights), order)
+        return laplace_of_bins(q, np.array(self.edges), np.array(self.weights), order)
+
+    @property
+    def leftmost(self) -> float:
+        """Minus infinity: the transform exists everywhere."""
+        return -math.inf
 
     def positive(self) -> Empirical:
         """Return the part of the histogram above zero."""
@@ -662,179 +663,5 @@ class Empirical(Distribution):
         return self.edges[0], self.edges[-1]
 
 
-@dataclass(frozen=True, kw_only=True)
-class SteadyState(Distribution):
-    """Stretchings of smooth sliding without delay: ``Q_s(x) = J_c(x)/<x_s>``, the fixed point of Eq. (1).
-
-    Used as ``initial=``, it makes the interface start in the state it ends in: the force stays at ``F_k``.
-
-    Parameters
-    ----------
-    thresholds : Distribution
-        The distribution of thresholds of the same interface.
-    """
-
-    thresholds: Distribution
-
-    def __post_init__(self) -> None:
-        instance(
-            "SteadyState.thresholds",
-            self.thresholds,
-            Distribution,
-            "a distribution, such as Gaussian(mean=1.0, std=0.1)",
-        )
-        _set(self, "thresholds", self.thresholds.positive())
-
-    @property
-    def _scale(self) -> float:
-        return self.thresholds.moment(1)
-
-    def density(self, x: ArrayLike) -> Array:
-        """Probability density at `x`."""
-        x = np.asarray(x, dtype=float)
-        return np.where(x >= 0, self.thresholds.survival(np.maximum(x, 0.0)) / self._scale, 0.0)
-
-    def partial_moment(self, x: ArrayLike, order: int) -> Array:
-        """Integral of ``y**order`` times the density over ``y > x``, by parts."""
-        x = np.maximum(np.asarray(x, dtype=float), 0.0)
-        distribution, n = self.thresholds, order + 1
-        beyond = np.where(np.isfinite(x), np.where(np.isfinite(x), x, 0.0) ** n * distribution.survival(x), 0.0)
-        return np.asarray((distribution.partial_moment(x, n) - beyond) / (n * self._scale))
-
-    def inverse_survival(self, probability: ArrayLike) -> Array:
-        """Stretching exceeded with the given probability, by Newton steps from a table."""
-        wanted = np.asarray(probability, dtype=float)
-        grid, survival = _steady_table(self)
-        # The survival is convex: from the left, Newton's steps never overshoot.
-        place = np.clip(np.searchsorted(-survival, -wanted, side="right") - 1, 0, grid.size - 2)
-        x, end = grid[place], grid[place + 1]
-        for _ in range(60):
-            slope = np.maximum(self.density(x), 1e-300)
-            step = np.minimum(np.maximum((self.survival(x) - wanted) / slope, 0.0), end - x)
-            x = x + step
-            if not np.any(step > 4e-16 * x):
-                break
-        return np.asarray(x)
-
-    def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
-        """Mean of ``x**order * exp(-q x)``: ``(1 - P^(q))/(q <x_s>)``, or by quadrature where that cancels."""
-        if order not in (0, 1):
-            raise InputError(f"laplace(order={order}): only orders 0 and 1 are defined")
-        q = np.asarray(q, dtype=complex)
-        high = self.thresholds.support[1]
-        small = np.abs(q) * high <= 30.0
-        safe = np.where(small, 1.0, q)
-        result = (1.0 - self.thresholds.laplace(safe)) / (safe * self._scale)
-        if order == 1:
-            result = (result - self.thresholds.laplace(safe, 1) / self._scale) / safe
-        if np.any(small):
-            edges = [0.0, *(knot for knot in self.thresholds.knots if 0.0 < knot < high), high]
-            parts = [panels(a, b, 8 + math.ceil(48 * (b - a) / high)) for a, b in pairwise(edges)]
-            x, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
-            result = np.where(
-                small, _laplace_of_nodes(np.where(small, q, 0.0), x, weight * self.density(x), order), result
-            )
-        return np.asarray(result)
-
-    def positive(self) -> SteadyState:
-        """Return the distribution itself: it is positive."""
-        return self
-
-    @property
-    def knots(self) -> tuple[float, ...]:
-        """Zero, where the density starts."""
-        return (0.0,)
-
-    @property
-    def support(self) -> tuple[float, float]:
-        """From zero to the largest threshold."""
-        return 0.0, self.thresholds.support[1]
-
-
-DISTRIBUTIONS: tuple[type[Distribution], ...] = (
-    Gaussian,
-    Uniform,
-    Exponential,
-    Gamma,
-    LogNormal,
-    Weibull,
-    Empirical,
-    SteadyState,
-)
-
-
-@lru_cache(maxsize=16)
-def _steady_table(distribution: SteadyState) -> tuple[Array, Array]:
-    grid = np.linspace(0.0, distribution.thresholds.support[1], 4001)
-    return grid, distribution.survival(grid)
-
-
 def _set(record: object, field: str, value: object) -> None:
     object.__setattr__(record, field, value)
-
-
-@lru_cache(maxsize=64)
-def panels(low: float, high: float, count: int) -> tuple[Array, Array]:
-    """Nodes and weights of composite Gauss-Legendre quadrature with `count` panels of 16 nodes."""
-    node, weight = np.polynomial.legendre.leggauss(16)
-    edges = np.linspace(low, high, count + 1)
-    half = 0.5 * np.diff(edges)[:, None]
-    x = edges[:-1, None] + half * (1 + node)
-    return x.ravel(), (half * weight).ravel()
-
-
-def _laplace_of_nodes(q: ArrayLike, x: Array, weight: Array, order: int) -> ComplexArray:
-    q = np.asarray(q, dtype=complex)
-    weighted = weight * x**order
-    flat = np.array([np.exp(-value * x) @ weighted for value in q.ravel()], dtype=complex)
-    return flat.reshape(q.shape)
-
-
-def _laplace_on_a_ray(
-    q: ArrayLike,
-    order: int,
-    nodes: Callable[[float, int, bool], tuple[ComplexArray, ComplexArray]],
-    largest_angle: float,
-    fewest: int,
-    per_turn: float,
-) -> ComplexArray:
-    """Transform of an analytic density, on a ray turned towards the direction in which ``exp(-q x)`` decays.
-
-    On the real axis ``exp(-q x)`` turns ever faster with `q`, and so many more nodes would be needed. ``nodes(angle,
-    count, growing)`` gives places, and the logarithms of their weights, on `count` panels of the ray ``x exp(-i
-    angle)``, further out where ``exp(-q x)`` is `growing`; on the real axis `fewest` panels and `per_turn` for each
-    unit of ``|q|`` are enough.
-    """
-    q = np.asarray(q, dtype=complex)
-    result = np.empty(q.size, dtype=complex)
-    for i, value in enumerate(q.ravel().tolist()):
-        count, angle = fewest + int(per_turn * abs(value)), 0.0
-        if count > _MOST and value.real >= 0:
-            angle = math.copysign(min(abs(cmath.phase(value)), largest_angle), value.imag)
-            count = _MOST
-        x, log_weight = nodes(angle, 32 * math.ceil(count / 32), value.real < 0)  # few counts: the panels are kept
-        result[i] = np.sum(x**order * np.exp(log_weight - value * x))
-    return result.reshape(q.shape)
-
-
-_MOST = 256  # panels: enough on a ray, whatever q
-
-
-def _laplace_of_bins(q: ArrayLike, edges: Array, weights: Array, order: int) -> ComplexArray:
-    """Transform of a histogram, bin by bin about its middle: ``exp(-q c) sinh(q w)/(q w)`` and its slope."""
-    q = np.asarray(q, dtype=complex)[..., None]
-    centre, half = 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges)
-    z = q * half
-    small = np.abs(z) < 1e-2
-    safe = np.where(small, 1.0, z)
-    # The shift by exp(-q left) keeps sinh of a large argument from overflowing.
-    ratio = np.where(small, 0.0, -np.expm1(-2 * safe) / (2 * safe))
-    even = np.where(small, (1 + z * z / 6 + z**4 / 120) * np.exp(-z), ratio)
-    start = np.exp(-q * (centre - half))
-    if order == 0:
-        return cast(ComplexArray, np.sum(weights * start * even, axis=-1))
-    if order != 1:
-        raise InputError(f"laplace(order={order}): only orders 0 and 1 are defined")
-    cosh = 0.5 * (1 + np.exp(-2 * safe))
-    odd = np.where(small, (z / 3 + z**3 / 30) * np.exp(-z), (cosh - even) / safe)
-    return cast(ComplexArray, np.sum(weights * start * (centre * even - half * odd), axis=-1))

@@ -12,45 +12,43 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import accumulate
-from typing import TYPE_CHECKING
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError, instance, number
-
-if TYPE_CHECKING:
-    from stickslip.model.units import Scales
+from stickslip.model.records import Number, check, rescaled
 
 
 @dataclass(frozen=True)
 class Travel:
     """Condition: the slider has moved this far (either way) since the piece of the drive began."""
 
-    distance: float
+    distance: Annotated[float, Number("x_s", above=0, hint="in x_s")]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "distance", number("Travel.distance", self.distance, above=0, hint="in x_s"))
+        check(self)
 
 
 @dataclass(frozen=True)
 class ForceAbove:
     """Condition: the spring force per contact has reached this value."""
 
-    force: float
+    force: Annotated[float, Number("f_s", hint="in f_s")]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "force", number("ForceAbove.force", self.force, hint="in f_s"))
+        check(self)
 
 
 @dataclass(frozen=True)
 class ForceBelow:
     """Condition: the spring force per contact has fallen to this value."""
 
-    force: float
+    force: Annotated[float, Number("f_s", hint="in f_s")]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "force", number("ForceBelow.force", self.force, hint="in f_s"))
+        check(self)
 
 
 Condition = Travel | ForceAbove | ForceBelow
@@ -63,15 +61,13 @@ class Piece:
     `until`, if given, ends the piece early, at the first sample of the run where the condition holds.
     """
 
-    start: float
-    end: float
-    duration: float
+    start: Annotated[float, Number("x_s/time", place="drive velocity")]
+    end: Annotated[float, Number("x_s/time", place="drive velocity")]
+    duration: Annotated[float, Number("time", above=0, place="drive duration")]
     until: Condition | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "start", number("drive velocity", self.start))
-        object.__setattr__(self, "end", number("drive velocity", self.end))
-        object.__setattr__(self, "duration", number("drive duration", self.duration, above=0))
+        check(self)
         if self.until is not None:
             instance("drive until", self.until, Condition, "Travel, ForceAbove or ForceBelow")
 
@@ -111,34 +107,7 @@ class Drive:
 
     def faster(self, factor: float) -> Drive:
         """Return the same path at velocities that are larger by a factor, in as much less time."""
-        return self._with_units(velocity=factor, time=1.0 / factor, force=1.0, length=1.0)
-
-    def scaled(self, scales: Scales) -> Drive:
-        """Return a drive in SI units as one in natural units."""
-        return self._with_units(
-            velocity=1.0 / scales.size("x_s/time"),
-            time=1.0 / scales.size("time"),
-            force=1.0 / scales.size("f_s"),
-            length=1.0 / scales.size("x_s"),
-        )
-
-    def _with_units(self, *, velocity: float, time: float, force: float, length: float) -> Drive:
-        def end(condition: Condition | None) -> Condition | None:
-            if isinstance(condition, Travel):
-                return Travel(condition.distance * length)
-            return None if condition is None else type(condition)(condition.force * force)
-
-        return Drive(
-            tuple(
-                Piece(
-                    start=piece.start * velocity,
-                    end=piece.end * velocity,
-                    duration=piece.duration * time,
-                    until=end(piece.until),
-                )
-                for piece in self.pieces
-            )
-        )
+        return rescaled(self, lambda unit: {"x_s/time": factor, "time": 1.0 / factor}.get(unit, 1.0))
 
     def velocity(self, t: ArrayLike) -> NDArray[np.float64]:
         """Velocity of the drive at times `t`, conditions aside; constant beyond both ends."""

@@ -45,13 +45,18 @@ class Interface:
             "Interface.initial", self.initial, Distribution, "a distribution, such as Gaussian(mean=0.0, std=0.01)"
         )
         instance("Interface.delay", self.delay, DelayModel, "a delay, such as Delay(0.2)")
-        if self.ageing is not None:
-            instance("Interface.ageing", self.ageing, Strengthening, "a ageing model, such as Langevin(rate=1.5)")
+        instance(
+            "Interface.ageing",
+            self.ageing,
+            Strengthening | None,
+            "an ageing model, such as Langevin(rate=1.5), or None",
+        )
         lost = self.initial_loss
         if lost > 1e-3:
             raise InputError(
                 f"Interface.initial = {self.initial}: {100 * lost:.3g} % of the contacts would start beyond the "
-                f"largest threshold ({self.threshold_distribution.support[1]:g}); narrow it or bring it nearer to 0"
+                f"largest threshold ({self.threshold_distribution.support[1]:g}); narrow it or bring it nearer to 0",
+                "Interface.initial",
             )
 
     @cached_property

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Annotated
 
-from stickslip.errors import instance, number, sequence, whole
-
-if TYPE_CHECKING:
-    from stickslip.model.units import Scales
+from stickslip.errors import instance, number, sequence
+from stickslip.model.records import Number, check
 
 
 @dataclass(frozen=True)
@@ -24,14 +22,12 @@ class Contacts:
         of recording may be other steps, and give another run of the same distribution.)
     """
 
-    count: int = 10_000
-    seed: int = 0
+    # 1e8 contacts take some 15 GB.
+    count: Annotated[int, Number(at_least=1, at_most=100_000_000, hint="number of contacts N")] = 10_000
+    seed: Annotated[int, Number(at_least=0, at_most=2**128)] = 0
 
     def __post_init__(self) -> None:
-        # 1e8 contacts take some 15 GB.
-        count = whole("Contacts.count", self.count, at_least=1, at_most=100_000_000, hint="number of contacts N")
-        object.__setattr__(self, "count", count)
-        object.__setattr__(self, "seed", whole("Contacts.seed", self.seed, at_least=0, at_most=2**128))
+        check(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,12 +46,11 @@ class MasterEquation:
         memory and gives an oscillation of its own; for comparison only.
     """
 
-    cells: int = 400
+    cells: Annotated[int, Number(at_least=10, at_most=100_000, hint="cohorts per x_s")] = 400
     memoryless: bool = False
 
     def __post_init__(self) -> None:
-        cells = whole("MasterEquation.cells", self.cells, at_least=10, at_most=100_000, hint="cohorts per x_s")
-        object.__setattr__(self, "cells", cells)
+        check(self)
         instance("MasterEquation.memoryless", self.memoryless, bool, "True or False")
 
 
@@ -75,11 +70,10 @@ class PaperClosure:
         fiftieth. The error falls as ``1/cells``.
     """
 
-    cells: int = 400
+    cells: Annotated[int, Number(at_least=10, at_most=100_000, hint="four times the cohorts")] = 400
 
     def __post_init__(self) -> None:
-        cells = whole("PaperClosure.cells", self.cells, at_least=10, at_most=100_000, hint="four times the cohorts")
-        object.__setattr__(self, "cells", cells)
+        check(self)
 
 
 Method = Contacts | MasterEquation | PaperClosure
@@ -99,23 +93,15 @@ class Output:
         Bins of a snapshot.
     """
 
-    interval: float | None = None
-    snapshots: tuple[float, ...] = ()
-    bins: int = 200
+    interval: Annotated[float | None, Number("time", above=0)] = None
+    snapshots: tuple[Annotated[float, Number("time", at_least=0)], ...] = ()
+    bins: Annotated[int, Number(at_least=1, at_most=100_000)] = 200
 
     def __post_init__(self) -> None:
-        if self.interval is not None:
-            object.__setattr__(self, "interval", number("Output.interval", self.interval, above=0))
+        check(self)
         looks = sequence("Output.snapshots", self.snapshots, "times, such as (1.0, 2.5)")
         times = tuple(number(f"Output.snapshots[{i}]", t, at_least=0) for i, t in enumerate(looks))
         object.__setattr__(self, "snapshots", tuple(sorted(times)))
-        object.__setattr__(self, "bins", whole("Output.bins", self.bins, at_least=1, at_most=100_000))
-
-    def scaled(self, scales: Scales) -> Output:
-        """Return an output whose times are in SI units as one in natural units."""
-        time = scales.size("time")
-        interval = None if self.interval is None else self.interval / time
-        return Output(interval=interval, snapshots=tuple(t / time for t in self.snapshots), bins=self.bins)
 
 
 @dataclass(frozen=True)
@@ -133,10 +119,10 @@ class FromSliding:
         Added to the slider's velocity, as a fraction of it: whether it decays or grows tells the stability.
     """
 
-    perturbation: float = 0.0
+    perturbation: Annotated[float, Number()] = 0.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "perturbation", number("FromSliding.perturbation", self.perturbation))
+        check(self)
 
 
 Start = FromRest | FromSliding

@@ -12,10 +12,38 @@ from stickslip.model.interface import Interface
 from stickslip.model.methods import Contacts, FromRest, FromSliding, MasterEquation, Method, Output, PaperClosure, Start
 from stickslip.model.parameters import Parameter, parameter_named
 from stickslip.model.quantities import read_quantity
+from stickslip.model.records import Record, rescaled
 from stickslip.model.units import Quantity, Scales, in_si, in_words
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+@dataclass(frozen=True)
+class Assumption:
+    """A value of a rig that was not measured; in words, the value and how to measure it.
+
+    Parameters
+    ----------
+    value : str
+        As it stands in the rig's file; empty if the file does not say.
+    how : str
+        How to measure it.
+    default : bool
+        Whether it was taken because the file said nothing.
+    """
+
+    value: str
+    how: str
+    default: bool = False
+
+    @property
+    def said(self) -> str:
+        """The value, and whether it is a default."""
+        return f"{self.value} (default)" if self.default else self.value
+
+    def __str__(self) -> str:
+        return f"{self.said}; {self.how}" if self.said else self.how
 
 
 @dataclass(frozen=True)
@@ -44,10 +72,10 @@ class Rig:
         The rig's force, length and time in SI units; none for a rig in natural units.
     name : str
         What to call it.
-    assumed : mapping
-        Keys of the rig's file that were not measured, each with how to measure it.
-    document : mapping
-        What the rig's file holds.
+    assumed : mapping of str to Assumption
+        Keys of the rig's file that were not measured, and the defaults that were taken.
+    source : str
+        Where the numbers come from.
 
     Raises
     ------
@@ -72,8 +100,8 @@ class Rig:
     output: Output = Output()
     scales: Scales | None = None
     name: str = "rig"
-    assumed: Mapping[str, str] = field(default_factory=dict, compare=False)
-    document: Mapping[str, Any] = field(default_factory=dict, compare=False)
+    assumed: Mapping[str, Assumption] = field(default_factory=dict, compare=False)
+    source: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
         instance("Rig.interface", self.interface, Interface, "an Interface")
@@ -150,10 +178,13 @@ class Rig:
         return known.set(self, number(name, value, at_least=0) / self.unit(known.unit))
 
     def _natural_drive(self, drive: Drive) -> Drive:
-        return drive if self.scales is None or not isinstance(drive, Drive) else drive.scaled(self.scales)
+        return self._in_natural_units(drive) if isinstance(drive, Drive) else drive
 
     def _natural_output(self, output: Output) -> Output:
-        return output if self.scales is None or not isinstance(output, Output) else output.scaled(self.scales)
+        return self._in_natural_units(output) if isinstance(output, Output) else output
+
+    def _in_natural_units(self, record: Record) -> Record:
+        return record if self.scales is None else rescaled(record, lambda unit: 1.0 / self.unit(unit))
 
     def in_its_units(self, result: xr.Dataset) -> xr.Dataset:
         """Return a result in natural units in the rig's own."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
-from stickslip.errors import number
+from stickslip.model.records import Number, check
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,16 +23,19 @@ class Slider:
         ``eta`` in 1/time.
     """
 
-    stiffness: float
-    mass: float
-    damping: float
+    stiffness: Annotated[float, Number("k", above=0, hint="K/N")]
+    mass: Annotated[float, Number("f_s time^2/x_s", at_least=0, hint="M/N")]
+    damping: Annotated[float, Number("1/time", at_least=0, hint="eta")]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "stiffness", number("Slider.stiffness", self.stiffness, above=0, hint="K/N"))
-        object.__setattr__(self, "mass", number("Slider.mass", self.mass, at_least=0, hint="M/N"))
-        object.__setattr__(self, "damping", number("Slider.damping", self.damping, at_least=0, hint="eta"))
+        check(self)
 
     @property
     def frequency(self) -> float:
         """Angular frequency ``Omega = sqrt(K/M)`` of the slider on its spring alone; infinite without mass."""
         return math.sqrt(self.stiffness / self.mass) if self.mass > 0 else math.inf
+
+    @property
+    def damping_ratio(self) -> float:
+        """Damping ratio ``zeta = eta/(2 Omega)`` of the slider on its spring alone; zero without mass."""
+        return 0.5 * self.damping / self.frequency

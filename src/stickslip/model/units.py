@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
-from stickslip.errors import InputError, number
+from stickslip.errors import InputError
+from stickslip.model.records import Number, check
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -28,14 +29,12 @@ class Scales:
         The unit of time, in s.
     """
 
-    force: float
-    stretching: float
-    time: float = 1.0
+    force: Annotated[float, Number(above=0, hint="in N")]
+    stretching: Annotated[float, Number(above=0, hint="in m")]
+    time: Annotated[float, Number(above=0, hint="in s")] = 1.0
 
     def __post_init__(self) -> None:
-        for name, unit in (("force", "N"), ("stretching", "m"), ("time", "s")):
-            checked = number(f"Scales.{name}", getattr(self, name), above=0, hint=f"in {unit}")
-            object.__setattr__(self, name, checked)
+        check(self)
 
     def unit(self, quantity: Quantity) -> float:
         """Size of one natural unit of the quantity, in SI units.
@@ -99,6 +98,8 @@ _SI_OF: dict[str, tuple[Quantity, int, str]] = {
 """Natural unit of a variable: its quantity, the power of it, and the SI unit."""
 SI: dict[Quantity, str] = {kind: unit for kind, power, unit in _SI_OF.values() if power == 1}
 """SI unit of each quantity."""
+SI_NAMES: dict[str, str] = {natural: name for natural, (_, _, name) in _SI_OF.items()}
+"""SI unit of each natural unit."""
 
 
 def quantity(unit: str) -> Quantity:
@@ -163,17 +164,17 @@ _NATURAL: dict[Quantity, str] = {
 }
 
 
-def engineering(value: float, unit: str) -> str:
-    """Four digits, a prefix and a unit: ``"4 MN/m"``."""
+def engineering(value: float, unit: str, digits: int = 4) -> str:
+    """Four digits (or as many as are asked for), a prefix and a unit: ``"4 MN/m"``."""
     if unit in ("1/s",) or value == 0 or not math.isfinite(value):
-        return f"{value:.4g} {unit}"
+        return f"{value:.{digits}g} {unit}"
     if unit == "kg":
         value, unit = value * 1e3, "g"
         if value >= 1e3:
-            return f"{value / 1e3:.4g} kg"
+            return f"{value / 1e3:.{digits}g} kg"
     power = min(max(math.floor(math.log10(abs(value)) / 3 + 1e-12), -5), 4)
     prefix = {-5: "f", -4: "p", -3: "n", -2: "u", -1: "m", 0: "", 1: "k", 2: "M", 3: "G", 4: "T"}[power]
-    return f"{value / 1000.0**power:.4g} {prefix}{unit}"
+    return f"{value / 1000.0**power:.{digits}g} {prefix}{unit}"
 
 
 def in_words(value: float, quantity: Quantity, scales: Scales | None) -> str:

@@ -13,8 +13,10 @@ settled numbers stand in the claims, as expectations.
 
 from __future__ import annotations
 
+from stickslip.errors import InputError
 from stickslip.paper import fig1, fig2, fig3, fig4, fig5, fig6, fig7, fig8, fig9, fig10, fig11
 from stickslip.paper.figure import Claim, Figure, Measured, Verdict
+from stickslip.paper.reproduce import Format, Reproduction, places, reproduce
 
 FIGURES: dict[str, Figure] = {
     figure.name: figure
@@ -22,4 +24,31 @@ FIGURES: dict[str, Figure] = {
 }
 """The figures by name, ``"fig1"`` and on, in the order of the paper."""
 
-__all__ = ["FIGURES", "Claim", "Figure", "Measured", "Verdict"]
+
+def figures_named(name: str) -> tuple[Figure, ...]:
+    """Return one figure, or every one for ``"all"``.
+
+    Raises
+    ------
+    InputError
+        If there is no such figure.
+    """
+    if name == "all":
+        return tuple(FIGURES.values())
+    if name not in FIGURES:
+        raise InputError(f"{name}: no such figure; there are {', '.join(FIGURES)}, or all")
+    return (FIGURES[name],)
+
+
+__all__ = [
+    "FIGURES",
+    "Claim",
+    "Figure",
+    "Format",
+    "Measured",
+    "Reproduction",
+    "Verdict",
+    "figures_named",
+    "places",
+    "reproduce",
+]

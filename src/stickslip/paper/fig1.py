@@ -28,15 +28,15 @@ from stickslip.model.distributions import (
     Weibull,
 )
 from stickslip.paper.cases import FIG1
-from stickslip.paper.figure import Claim, Figure, Progress, at_least, at_most, near, portions, verdict
+from stickslip.paper.figure import Claim, Figure, Progress, at_least, at_most, near, portions, variable, verdict
 from stickslip.rigid import Renewal, rigid_slide
 from stickslip.simulation import LABELS
 from stickslip.theory import kinetic_friction
 
 Array = NDArray[np.float64]
 
-INITIAL_SPREADS = (0.01, 0.3)
-THRESHOLD_SPREADS = (0.1, 0.3)
+INITIAL_STDS = (0.01, 0.3)
+THRESHOLD_STDS = (0.1, 0.3)
 DISTANCE = 8.0
 _POINTS = 1600  # of the curves
 _STRIDE = 5  # the other methods are sampled so many times as finely
@@ -84,8 +84,8 @@ def _start(name: str, distribution: Distribution) -> Distribution:
 
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
-    cases = list(itertools.product(INITIAL_SPREADS, THRESHOLD_SPREADS))
-    shape = (len(INITIAL_SPREADS), len(THRESHOLD_SPREADS))
+    cases = list(itertools.product(INITIAL_STDS, THRESHOLD_STDS))
+    shape = (len(INITIAL_STDS), len(THRESHOLD_STDS))
     counts = (250, 1000, 4000) if quick else (250, 1000, 4000, 16_000)
     seeds = 3 if quick else 6
     parts = portions(progress, len(counts) * len(cases) * seeds + 3)
@@ -110,7 +110,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     contacts = np.empty((len(counts), seeds, *shape))
     shown = np.empty_like(master)
     for (i, count), seed, (j, case) in itertools.product(enumerate(counts), range(seeds), enumerate(cases)):
-        at = divmod(j, len(THRESHOLD_SPREADS))
+        at = divmod(j, len(THRESHOLD_STDS))
         # A stream of random numbers for every run.
         method = Contacts(count, seed=1000 * j + seed)
         force = rigid_slide(_interface(*case), DISTANCE, method=method)["friction_force"].to_numpy()[::_STRIDE]
@@ -119,71 +119,48 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
             shown[at] = force
         next(parts)(1.0)
 
-    force_of = ("initial_spread", "threshold_spread", "displacement")
+    force_of = ("initial_std", "threshold_std", "displacement")
     return xr.Dataset(
         {
             "friction_force": (force_of, master, LABELS["friction_force"]),
-            "F_c_contacts": (
-                force_of,
-                shown,
-                {"units": "f_s", "long_name": f"force of {FIG1.contacts} contacts, per contact"},
+            "F_c_contacts": variable(force_of, shown, f"force of {FIG1.contacts} contacts, per contact", "f_s"),
+            "F_c_remembering": variable(
+                force_of, remembering, "force of contacts that remember how far they were stretched, per contact", "f_s"
             ),
-            "F_c_remembering": (
-                force_of,
-                remembering,
-                {
-                    "units": "f_s",
-                    "long_name": "force of contacts that remember how far they were stretched, per contact",
-                },
+            "F_k": variable(
+                "threshold_std",
+                [kinetic_friction(_interface(0.01, s)) for s in THRESHOLD_STDS],
+                "kinetic friction, per contact",
+                "f_s",
             ),
-            "F_k": (
-                "threshold_spread",
-                np.array([kinetic_friction(_interface(0.01, s)) for s in THRESHOLD_SPREADS]),
-                {"units": "f_s", "long_name": "kinetic friction, per contact"},
-            ),
-            "scatter": (
-                ("contacts", "seed", "initial_spread", "threshold_spread"),
+            "scatter": variable(
+                ("contacts", "seed", "initial_std", "threshold_std"),
                 contacts,
-                {"units": "f_s", "long_name": "rms distance of contacts from the master equation"},
+                "rms distance of contacts from the master equation",
+                "f_s",
             ),
-            "F_c_start": (
-                ("start", "threshold_spread", "displacement"),
-                starts,
-                {"units": "f_s", "long_name": "friction force by start, per contact"},
+            "F_c_start": variable(
+                ("start", "threshold_std", "displacement"), starts, "friction force by start, per contact", "f_s"
             ),
-            "deviation": (
-                ("distribution", "where"),
-                deviation,
-                {"units": "1", "long_name": "largest relative distance from the kinetic friction"},
+            "deviation": variable(
+                ("distribution", "where"), deviation, "largest relative distance from the kinetic friction", "1"
             ),
         },
         coords={
             "displacement": ("displacement", X.to_numpy(), LABELS["displacement"]),
-            "initial_spread": (
-                "initial_spread",
-                np.array(INITIAL_SPREADS),
-                {"units": "f_s", "long_name": "standard deviation of initial forces"},
-            ),
-            "threshold_spread": (
-                "threshold_spread",
-                np.array(THRESHOLD_SPREADS),
-                {"units": "f_s", "long_name": "standard deviation of thresholds"},
-            ),
-            "contacts": ("contacts", np.array(counts), {"units": "1", "long_name": "number of contacts"}),
-            "seed": ("seed", np.arange(seeds), {"units": "1", "long_name": "seed"}),
-            "start": (
-                "start",
-                list(_STARTS),
-                {"long_name": "start: standard deviation of initial forces, or steady sliding"},
-            ),
-            "distribution": ("distribution", list(_DISTRIBUTIONS), {"long_name": "distribution of thresholds"}),
-            "where": ("where", ["middle", "end"], {"long_name": f"half way to, and at, X = {_LATE:g} x_s"}),
+            "initial_std": variable("initial_std", INITIAL_STDS, "standard deviation of initial forces", "f_s"),
+            "threshold_std": variable("threshold_std", THRESHOLD_STDS, "standard deviation of thresholds", "f_s"),
+            "contacts": variable("contacts", counts, "number of contacts", "1"),
+            "seed": variable("seed", np.arange(seeds), "seed", "1"),
+            "start": variable("start", list(_STARTS), "start: standard deviation of initial forces, or steady sliding"),
+            "distribution": variable("distribution", list(_DISTRIBUTIONS), "distribution of thresholds"),
+            "where": variable("where", ["middle", "end"], f"half way to, and at, X = {_LATE:g} x_s"),
         },
     )
 
 
 def _threshold_distributions() -> list[Distribution]:
-    return [Gaussian(mean=1.0, std=s) for s in THRESHOLD_SPREADS]
+    return [Gaussian(mean=1.0, std=s) for s in THRESHOLD_STDS]
 
 
 def _force(interface: Interface) -> Array:
@@ -250,7 +227,7 @@ def _limit(data: xr.Dataset) -> Claim:
     friction = data["F_k"].to_numpy()
     return Claim(
         number=2,
-        statement="for any distribution of thresholds but a delta function the force tends to F_k, which is about N f_s/2",
+        statement="for any distribution of thresholds but a delta function the force tends to F_k, about N f_s/2",
         verdict=verdict(printed=worst < 1e-4),
         settled="reproduced",
         measured=(
@@ -261,7 +238,7 @@ def _limit(data: xr.Dataset) -> Claim:
             near("F_k, standard deviation .1", friction[0], 0.505, 1e-5, "f_s"),
             near("F_k, standard deviation .3", friction[1], 0.54498, 1e-5, "f_s"),
         ),
-        evidence=f"{end.size} distributions ({', '.join(map(str, data['distribution'].values))}) and the closed form of F_k",
+        evidence=f"{end.size} distributions ({', '.join(map(str, data['distribution'].values))}); F_k in closed form",
     )
 
 
@@ -278,7 +255,7 @@ def _steady_start(data: xr.Dataset) -> Claim:
         verdict=verdict(printed=far < 1e-6),
         settled="reproduced",
         measured=(at_most("largest distance from F_k", far, 1e-6, "f_s"),),
-        evidence=f"0 to {DISTANCE:g} x_s, standard deviations of thresholds {THRESHOLD_SPREADS[0]:g} and {THRESHOLD_SPREADS[1]:g}",
+        evidence=f"0 to {DISTANCE:g} x_s; thresholds with standard deviations {' and '.join(map(str, THRESHOLD_STDS))}",
     )
 
 
@@ -292,17 +269,17 @@ def _delta_start(data: xr.Dataset) -> Claim:
             oscillations[0, i] / oscillations[1, i],
             1.0,
         )
-        for i, t in enumerate(THRESHOLD_SPREADS)
+        for i, t in enumerate(THRESHOLD_STDS)
     ]
     for (initial, threshold), (top, bottom) in _SETTLED.items():
-        case = data.sel(initial_spread=initial, threshold_spread=threshold)
+        case = data.sel(initial_std=initial, threshold_std=threshold)
         high, low = _turning_points(case["friction_force"].to_numpy())
         where = f"start {initial:g}, thresholds {threshold:g}"
         measured += [
             near(f"first maximum, {where}", high, top, 2e-4, "f_s"),
             near(f"first minimum, {where}", low, bottom, 2e-4, "f_s"),
         ]
-    wide = data["F_c_remembering"].sel(initial_spread=0.3, threshold_spread=0.3).to_numpy()
+    wide = data["F_c_remembering"].sel(initial_std=0.3, threshold_std=0.3).to_numpy()
     measured.append(near("the same maximum where contacts remember", _turning_points(wide)[0], 0.56894, 2e-4, "f_s"))
     return Claim(
         number=4,
@@ -319,8 +296,8 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
     ax = figure.subplots()
     X = data["displacement"].to_numpy()
     colours = iter(plot.PALETTE)
-    for initial, threshold in itertools.product(INITIAL_SPREADS, THRESHOLD_SPREADS):
-        case = data.sel(initial_spread=initial, threshold_spread=threshold)
+    for initial, threshold in itertools.product(INITIAL_STDS, THRESHOLD_STDS):
+        case = data.sel(initial_std=initial, threshold_std=threshold)
         colour = next(colours)
         name = rf"$\Delta f_0$ = {initial:g} {_FORCE},  $\Delta f_\mathrm{{s}}$ = {threshold:g} {_FORCE}"
         ax.plot(X, case["friction_force"], color=colour, label=name)
@@ -369,4 +346,13 @@ def _spring(ax: Axes, start: tuple[float, float], end: tuple[float, float], colo
     )
 
 
-FIGURE = Figure(name="fig1", title="Force on a rigid slider", data=_data, drawing=_drawing, claims=_claims)
+FIGURE = Figure(
+    name="fig1",
+    title="Force on a rigid slider",
+    caption="Friction force on a rigid slider against its displacement, for three widths of the initial forces and "
+    "two of the thresholds: the master equation (lines) and contacts (dots). From a narrow start the force "
+    "rises, overshoots and decreases; it tends to the kinetic friction.",
+    data=_data,
+    drawing=_drawing,
+    claims=_claims,
+)

@@ -21,7 +21,7 @@ from stickslip.model import Contacts, FromSliding, Interface, Langevin, Output, 
 from stickslip.model.drive import ramp
 from stickslip.model.rig import Rig
 from stickslip.paper.cases import FIG10
-from stickslip.paper.figure import Claim, Figure, Progress, between, near, portions, verdict
+from stickslip.paper.figure import Claim, Figure, Progress, between, near, portions, variable, verdict
 from stickslip.simulation import simulate
 from stickslip.stability import critical
 
@@ -64,16 +64,15 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         losses = [edge.value for edge in edges if edge.loses_stability]
         onset[i] = losses[0] if losses else np.nan
     square = (rates**2)[:, None]
-    speed = {"units": "x_s/time", "long_name": "velocity of the drive"}
     return xr.Dataset(
         {
-            "v1": (("rate", "seed"), seen[:, :, 0] * square, {**speed, "long_name": "v1, onset on the way up"}),
-            "v2": (("rate", "seed"), seen[:, :, 1] * square, {**speed, "long_name": "v2, end on the way up"}),
-            "v1_linear": ("rate", onset, {**speed, "long_name": "v1: smooth sliding loses stability (linear)"}),
+            "v1": variable(("rate", "seed"), seen[:, :, 0] * square, "v1, onset on the way up", "x_s/time"),
+            "v2": variable(("rate", "seed"), seen[:, :, 1] * square, "v2, end on the way up", "x_s/time"),
+            "v1_linear": variable("rate", onset, "v1: smooth sliding loses stability (linear)", "x_s/time"),
         },
         coords={
-            "rate": ("rate", rates, {"units": "1/sqrt(time)", "long_name": "rate of ageing β"}),
-            "seed": ("seed", np.array(seeds), {"units": "1", "long_name": "seed"}),
+            "rate": variable("rate", rates, "rate of ageing β", "1/sqrt(time)"),
+            "seed": variable("seed", seeds, "seed", "1"),
         },
     )
 
@@ -110,7 +109,7 @@ def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
             settled="reproduced",
             measured=tuple(measured),
             evidence=f"ramps of {FIG10.contacts} contacts from smooth sliding at {rates.size} rates; stick-slip where "
-            f"F_d oscillations by more than {_LEVEL:g}; linear stability. The inertia of the slider, which does not scale, "
+            f"F_d varies by more than {_LEVEL:g}; linear stability. The inertia of the slider, which does not scale, "
             "makes v2 grow a little faster",
         ),
     )
@@ -147,5 +146,11 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
 
 
 FIGURE = Figure(
-    name="fig10", title="Critical velocities against the rate of ageing", data=_data, drawing=_drawing, claims=_claims
+    name="fig10",
+    title="Critical velocities against the rate of ageing",
+    caption="Velocities at which stick-slip begins and ends on a ramp, against the rate of ageing, with fits to its "
+    "square, and the linear stability limit of smooth sliding.",
+    data=_data,
+    drawing=_drawing,
+    claims=_claims,
 )

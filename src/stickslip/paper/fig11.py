@@ -1,7 +1,7 @@
 """Figure 11: friction and effective stiffness of ageing contacts against the velocity.
 
 The paper does not define ``K_eff(v)``. Here all contacts are newborn at the start, the slider is pulled rigidly at a
-constant velocity, and ``K_eff`` is the steepest fall of the force, ``max(-dF/dX)``. Lives at constant velocity are
+constant velocity, and ``K_eff`` is the steepest decrease of the force, ``max(-dF/dX)``. Lives at constant velocity are
 alike, so the force follows from a renewal equation (`stickslip.kernels.langevin_steady.pull_newborns`), and N contacts
 in small exact steps check it. A slope taken over a finite distance is smaller, by its square: over .065 x_s the values
 are 3.21, 2.22 and .91 (at v = .1, .3, .5), which another study of the model found.
@@ -27,7 +27,7 @@ from stickslip.model import Contacts, FromSliding, Output, constant
 from stickslip.model.drive import ramp
 from stickslip.model.rig import Rig
 from stickslip.paper.cases import FIG11
-from stickslip.paper.figure import Claim, Figure, Progress, at_most, between, near, portions, verdict
+from stickslip.paper.figure import Claim, Figure, Progress, at_most, between, near, portions, variable, verdict
 from stickslip.simulation import LABELS, simulate
 from stickslip.stability import critical
 from stickslip.theory import ageing_constants
@@ -62,7 +62,7 @@ def _pulled_contacts(velocity: float, count: int, positions: Array) -> Array:
 
 
 def _steepest(X: Array, force: Array, way: float) -> float:
-    """Steepest fall of the force, over a way."""
+    """Steepest decrease of the force, taken over a displacement."""
     span = max(round(way / (X[1] - X[0])), 2)
     return float(np.max(force[:-span] - force[span:]) / (X[span] - X[0]))
 
@@ -96,40 +96,38 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         edge.value
         for edge in critical(Rig(FIG11.interface, FIG11.slider, constant(1.0)), "velocity", between=(0.25, 2.0)).edges
     ]
-    forces = {"units": "f_s", "long_name": "force of newborn contacts, per contact"}
-    speed = {"units": "x_s/time", "long_name": "velocity"}
     return xr.Dataset(
         {
             "spring_force": ("time", run["spring_force"].to_numpy(), LABELS["spring_force"]),
             "drive_velocity": ("time", run["drive_velocity"].to_numpy(), LABELS["drive_velocity"]),
-            "friction_force": (("velocity", "displacement"), np.array([force for _, force in curves]), forces),
-            "F_contacts": (("checked", "X_checked"), np.array(checked), forces),
-            "K_eff": (
+            "friction_force": variable(
+                ("velocity", "displacement"),
+                [force for _, force in curves],
+                "force of newborn contacts, per contact",
+                "f_s",
+            ),
+            "F_contacts": variable(("checked", "X_checked"), checked, "force of newborn contacts, per contact", "f_s"),
+            "K_eff": variable(
+                "velocity", [_steepest(X, force, 0.0) for _, force in curves], "effective stiffness per contact", "k"
+            ),
+            "K_eff_smoothed": variable(
                 "velocity",
-                np.array([_steepest(X, force, 0.0) for _, force in curves]),
-                {"units": "k", "long_name": "effective stiffness per contact"},
+                [_steepest(X, force, _WAY) for _, force in curves],
+                f"effective stiffness per contact, over {_WAY:g} x_s",
+                "k",
             ),
-            "K_eff_smoothed": (
-                "velocity",
-                np.array([_steepest(X, force, _WAY) for _, force in curves]),
-                {"units": "k", "long_name": f"effective stiffness per contact, over {_WAY:g} x_s"},
-            ),
-            "crossing": ((), crossing, {**speed, "long_name": "velocity at which K_eff = K"}),
-            "v1_ramp": ((), float(seen["v1"]), {**speed, "long_name": "onset on the ramp"}),
-            "v2_ramp": ((), float(seen["v2"]), {**speed, "long_name": "end on the ramp"}),
-            "unstable": (
-                "end",
-                np.array(linear[:2]),
-                {**speed, "long_name": "where smooth sliding is unstable (linear)"},
-            ),
+            "crossing": variable((), crossing, "velocity at which K_eff = K", "x_s/time"),
+            "v1_ramp": variable((), float(seen["v1"]), "onset on the ramp", "x_s/time"),
+            "v2_ramp": variable((), float(seen["v2"]), "end on the ramp", "x_s/time"),
+            "unstable": variable("end", linear[:2], "where smooth sliding is unstable (linear)", "x_s/time"),
         },
         coords={
-            "velocity": ("velocity", velocities, speed),
-            "displacement": ("displacement", X, {"units": "x_s", "long_name": "displacement of the slider"}),
-            "checked": ("checked", np.array(_KNOWN), speed),
-            "X_checked": ("X_checked", X[coarse], {"units": "x_s", "long_name": "displacement of the slider"}),
+            "velocity": variable("velocity", velocities, "velocity", "x_s/time"),
+            "displacement": variable("displacement", X, "displacement of the slider", "x_s"),
+            "checked": variable("checked", _KNOWN, "velocity", "x_s/time"),
+            "X_checked": variable("X_checked", X[coarse], "displacement of the slider", "x_s"),
             "time": ("time", run["time"].to_numpy(), LABELS["time"]),
-            "end": ("end", ["low", "high"], {"long_name": "end of the range"}),
+            "end": variable("end", ["low", "high"], "end of the range"),
         },
         attrs={"count": count},
     )
@@ -179,7 +177,7 @@ def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
             ),
             evidence="renewal equation of newborn contacts pulled at constant velocity, K_eff = max(-dF/dX), checked "
             f"with {data.attrs['count']} contacts; a ramp of {_EACH_WAY:g} time units with {FIG11.contacts} contacts, "
-            f"stick-slip where F_d oscillations by more than {_LEVEL:g}; linear stability. Slopes over {_WAY:g} x_s are "
+            f"stick-slip where F_d varies by more than {_LEVEL:g}; linear stability. Slopes over {_WAY:g} x_s are "
             "the smaller numbers that a numerical derivative of scattered data gives",
         ),
     )
@@ -218,16 +216,19 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
     stiffness.text(1.15, FIG11.slider.stiffness + 0.06, "$K$", ha="right", color=plot.GREY)
     stiffness.axvline(float(data["v2_ramp"]), color=plot.BLACK, linewidth=0.9, linestyle=":")
     stiffness.text(float(data["v2_ramp"]) - 0.02, 2.6, "$v_2$", ha="right")
-    stiffness.set(xlim=(0.0, 1.2), ylim=(0.0, 3.6))
+    stiffness.set(xlim=(0.0, 1.2), ylim=(0.0, 1.08 * float(data["K_eff"].max())))
     plot.dress(stiffness.xaxis, data["velocity"])
     plot.dress(stiffness.yaxis, data["K_eff"])
-    plot.letter(stiffness, "(c) steepest fall")
+    plot.letter(stiffness, "(c) steepest decrease of the force in (b)")
     return figure
 
 
 FIGURE = Figure(
     name="fig11",
     title="Friction and effective stiffness of ageing contacts",
+    caption="Friction on a ramp of the velocity (a); force on newborn contacts pulled at constant velocity, renewal "
+    "equation and contacts (b); its steepest decrease, the effective stiffness, against the velocity (c). "
+    "Red: where it equals the stiffness of the spring.",
     data=_data,
     drawing=_drawing,
     claims=_claims,

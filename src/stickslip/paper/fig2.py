@@ -18,8 +18,8 @@ from scipy.optimize import brentq
 from stickslip import plot
 from stickslip.errors import UndecidedError
 from stickslip.model import Delay, Interface, Slider
-from stickslip.paper.cases import FIG2
-from stickslip.paper.figure import Claim, Figure, Progress, at_least, at_most, near, verdict
+from stickslip.paper.cases import CRITICAL_STIFFNESS, FIG2
+from stickslip.paper.figure import Claim, Figure, Progress, at_least, at_most, near, variable, verdict
 from stickslip.rigid import Renewal, critical_stiffness, effective_stiffness, rigid_slide
 from stickslip.simulation import LABELS
 from stickslip.theory import effective_potential
@@ -85,37 +85,22 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     return xr.Dataset(
         {
             "friction_force": run["friction_force"],
-            "K_eff": (
-                "displacement",
-                -run["stiffness"].to_numpy(),
-                {"units": "k", "long_name": "effective stiffness, per contact"},
-            ),
-            "V_eff": (
-                ("drive", "displacement"),
-                potential,
-                {"units": "f_s x_s", "long_name": "effective potential, per contact"},
-            ),
-            "point": (
-                "which",
-                np.array([onset, found.X, landing]),
-                {"units": "x_s", "long_name": "displacement at the points of the figure"},
-            ),
-            "instability": (
+            "K_eff": variable("displacement", -run["stiffness"].to_numpy(), "effective stiffness, per contact", "k"),
+            "V_eff": variable(("drive", "displacement"), potential, "effective potential, per contact", "f_s x_s"),
+            "point": variable("which", [onset, found.X, landing], "displacement at the points of the figure", "x_s"),
+            "instability": variable(
                 ("reattachment", "quantity"),
-                np.array([[found.X, found.drive], [forever.X, forever.drive]]),
-                {"units": "x_s", "long_name": "slider and drive at the elastic instability"},
+                [[found.X, found.drive], [forever.X, forever.drive]],
+                "slider and drive at the elastic instability",
+                "x_s",
             ),
-            "K_critical": (
-                (),
-                critical_stiffness(interface),
-                {"units": "k", "long_name": "critical stiffness, per contact"},
-            ),
+            "K_critical": variable((), critical_stiffness(interface), "critical stiffness, per contact", "k"),
         },
         coords={
             "displacement": ("displacement", X, LABELS["displacement"]),
-            "drive": ("drive", drives, {"units": "x_s", "long_name": "position of the drive"}),
+            "drive": variable("drive", drives, "position of the drive", "x_s"),
             "which": ("which", ["contacts start to break", "instability", "landing"]),
-            "reattachment": ("reattachment", ["at once", "never"], {"long_name": "when broken contacts come back"}),
+            "reattachment": variable("reattachment", ["at once", "never"], "when broken contacts re-attach"),
             "quantity": ("quantity", ["slider", "drive"]),
         },
         attrs={"stiffness": slider.stiffness},
@@ -155,7 +140,7 @@ def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
             measured=(
                 near("X*, no re-attachment", float(never.sel(quantity="slider")), 0.9247, 1e-4, "x_s"),
                 near("v_d t*, no re-attachment", float(never.sel(quantity="drive")), 1.2820, 1e-4, "x_s"),
-                near("largest K_eff on the curve", K_eff.max(), 2.989, 0.003, "k"),
+                near("largest K_eff on the curve", K_eff.max(), CRITICAL_STIFFNESS, 0.003, "k"),
             ),
             evidence=f"first root of K_eff(X) = {K:g} k; K_eff(X) against {STIFF:g} k over 0 to {_DISTANCE:g} x_s",
         ),
@@ -249,4 +234,12 @@ def _draw_potential(ax: matplotlib.axes.Axes, data: xr.Dataset) -> None:
     ax.set_ylabel(r"$V_\mathrm{eff}$", fontsize=7, labelpad=1)
 
 
-FIGURE = Figure(name="fig2", title="Elastic instability", data=_data, drawing=_drawing, claims=_claims)
+FIGURE = Figure(
+    name="fig2",
+    title="Elastic instability",
+    caption="A slider on a spring, quasi-statically: forces, effective potential (Eq. 5) and effective stiffness (Eq. "
+    "7). The slider jumps where the friction force decreases more steeply than the spring can follow.",
+    data=_data,
+    drawing=_drawing,
+    claims=_claims,
+)

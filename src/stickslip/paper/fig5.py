@@ -18,7 +18,18 @@ from stickslip.model.drive import constant
 from stickslip.model.rig import Rig
 from stickslip.paper.cases import FIG5
 from stickslip.paper.fig2 import first_instability
-from stickslip.paper.figure import Claim, Figure, Measured, Progress, at_most, between, near, portions, verdict
+from stickslip.paper.figure import (
+    Claim,
+    Figure,
+    Measured,
+    Progress,
+    at_most,
+    between,
+    near,
+    portions,
+    variable,
+    verdict,
+)
 from stickslip.simulation import LABELS, simulate
 from stickslip.theory import slip_displacement
 
@@ -62,48 +73,33 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     traces = {
         name: (("solver", "time"), np.array([run[name].to_numpy() for run in runs]), LABELS[name]) for name in _TRACES
     }
-    length = {"units": "x_s"}
     begin = np.array(starts)
     return xr.Dataset(
         traces
         | {
-            "slip": (
-                ("damping", "phase"),
-                np.array(slips),
-                length | {"long_name": "displacement since the instability"},
-            ),
-            "slip_printed": (
+            "slip": variable(("damping", "phase"), slips, "displacement since the instability", "x_s"),
+            "slip_printed": variable(
                 "phase",
                 slip_displacement(FIG5.slider, FIG5.velocity, elapsed),
-                length | {"long_name": "displacement by Eq. (12) with the drive's velocity"},
+                "displacement by Eq. (12) with the drive's velocity",
+                "x_s",
             ),
-            "slip_actual": (
+            "slip_actual": variable(
                 ("damping", "phase"),
-                np.array([slip_displacement(FIG5.slider, v, elapsed) for v in begin[:, 1]]),
-                length | {"long_name": "displacement by Eq. (12) with the slider's velocity at the instability"},
+                [slip_displacement(FIG5.slider, v, elapsed) for v in begin[:, 1]],
+                "displacement by Eq. (12) with the slider's velocity at the instability",
+                "x_s",
             ),
-            "passed": (
-                "damping",
-                begin[:, 0],
-                {"units": "x_s/v_d", "long_name": "time at which the slider passes X*"},
-            ),
-            "velocity_passed": (
-                "damping",
-                begin[:, 1],
-                {"units": "v_d", "long_name": "velocity at which the slider passes X*"},
-            ),
-            "X_star": ((), found.X, length | {"long_name": "displacement at the quasi-static instability"}),
-            "t_star": (
-                (),
-                found.drive / FIG5.velocity,
-                {"units": "x_s/v_d", "long_name": "time of the quasi-static instability"},
-            ),
+            "passed": variable("damping", begin[:, 0], "time at which the slider passes X*", "time"),
+            "velocity_passed": variable("damping", begin[:, 1], "velocity at which the slider passes X*", "v_d"),
+            "X_star": variable((), found.X, "displacement at the quasi-static instability", "x_s"),
+            "t_star": variable((), found.drive / FIG5.velocity, "time of the quasi-static instability", "time"),
         },
         coords={
-            "time": ("time", runs[0]["time"].to_numpy(), {"units": "x_s/v_d", "long_name": "time"}),
-            "solver": ("solver", list(_METHODS), {"long_name": "solver"}),
-            "damping": ("damping", list(_sliders()), {"long_name": "damping eta, in v_d/x_s"}),
-            "phase": ("phase", phase, {"units": "1", "long_name": "time since the instability, times Omega"}),
+            "time": variable("time", runs[0]["time"].to_numpy(), "time", "time"),
+            "solver": variable("solver", list(_METHODS), "solver"),
+            "damping": variable("damping", list(_sliders()), "damping eta, in v_d/x_s"),
+            "phase": variable("phase", phase, "time since the instability, times Omega", "1"),
         },
     )
 
@@ -130,12 +126,12 @@ def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
     factors = printed.max("phase").to_numpy()
     measured: list[Measured] = [
         near("X*, quasi-static", float(data["X_star"]), 0.9247, 1e-4, "x_s"),
-        near("t*, quasi-static", float(data["t_star"]), 1.2820, 1e-4, "x_s/v_d"),
+        near("t*, quasi-static", float(data["t_star"]), 1.2820, 1e-4, "time"),
     ]
     for method in _METHODS:
         run = data.sel(solver=method)
         measured += [
-            near(f"time at which X passes .9247, {method}", _passes(run, 0.9247), 1.309, 0.004, "x_s/v_d"),
+            near(f"time at which X passes .9247, {method}", _passes(run, 0.9247), 1.309, 0.004, "time"),
             near(f"largest velocity, {method}", float(run["velocity"].max()), 14.4, 0.4, "v_d"),
             near(
                 f"largest F_d - F_c, {method}",
@@ -224,4 +220,12 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
     return figure
 
 
-FIGURE = Figure(name="fig5", title="At and after the elastic instability", data=_data, drawing=_drawing, claims=_claims)
+FIGURE = Figure(
+    name="fig5",
+    title="At and after the elastic instability",
+    caption="The first slip, with contacts that never re-attach, by contacts and by the master equation, and the "
+    "displacement after the instability beside Eq. (12).",
+    data=_data,
+    drawing=_drawing,
+    claims=_claims,
+)

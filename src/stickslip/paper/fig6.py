@@ -1,6 +1,6 @@
 """Figure 6: the critical delay against the mass of the slider and against the velocity of the drive.
 
-The paper's ``tau*`` is where stick-slip persists from a narrow start: nonlinear, the *lasting* delay here. Beside it
+The paper's ``tau*`` is where stick-slip persists from a narrow start: nonlinear, "sustained" here. Beside it
 stands the linear critical delay, at which smooth sliding itself becomes unstable. Time can be measured in ``x_s/v``:
 then Eq. (11) holds the velocity only in ``M v^2``, so that (a) and (b) are one curve.
 """
@@ -31,6 +31,7 @@ from stickslip.paper.figure import (
     between,
     near,
     portions,
+    variable,
     verdict,
 )
 from stickslip.stability import onset
@@ -52,13 +53,13 @@ def _slider(mass: float, ratio: float = _RATIO) -> Slider:
 
 
 def _delays(slider: Slider, velocity: float, tolerance: float) -> tuple[float, float]:
-    """Lasting and linear critical delay."""
+    """Sustained (nonlinear) and linear critical delay."""
     guess = (_EXPECTED[0] + _EXPECTED[1] * math.cbrt(slider.mass * velocity**2)) / velocity
     interface = FIG6.interface
-    lasting = sustained_onset(
+    sustained = sustained_onset(
         Rig(interface, slider, constant(velocity)), "delay", between=(0.7 * guess, 4 * guess), tolerance=tolerance
     )
-    return lasting.value, onset(
+    return sustained.value, onset(
         Rig(interface, slider, constant(velocity)), "delay", between=(1e-3 / velocity, 1e2 / velocity)
     )
 
@@ -70,7 +71,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     ratios = np.array((0.3, 1.0) if quick else _RATIOS)
     parts = portions(progress, masses.size + 2 * velocities.size + ratios.size + 1)
 
-    known: dict[tuple[Slider, float], tuple[float, float]] = {}  # the panels share some cases
+    known: dict[tuple[Slider, float], tuple[float, float]] = {}  # some are in several panels
 
     def delays(slider: Slider, velocity: float = 1.0) -> tuple[float, float]:
         if (slider, velocity) not in known:
@@ -84,39 +85,38 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     by_ratio = np.array([delays(_slider(FIG6.slider.mass, ratio)) for ratio in ratios.tolist()])
     fig4 = delays(replace(FIG4.slider, stiffness=FIG6.slider.stiffness))[0]
 
-    lasting = "lasting delay tau*: the shortest with which stick-slip persists from a narrow start (nonlinear)"
+    sustained = "critical delay tau*: the shortest with which stick-slip persists from a narrow start (nonlinear)"
     linear = "linear critical delay: the shortest with which smooth sliding is unstable"
-
-    def of(dim: str, values: Array, name: str, unit: str = "time") -> tuple[str, Array, dict[str, str]]:
-        return dim, values, {"units": unit, "long_name": name}
 
     fits = [_fit(masses, by_mass[:, 0]), _fit(FIG6.slider.mass * velocities**2, by_velocity[:, 0] * velocities)]
     return xr.Dataset(
         {
-            "lasting_by_mass": of("mass", by_mass[:, 0], lasting),
-            "linear_by_mass": of("mass", by_mass[:, 1], linear),
-            "lasting_by_velocity": of("velocity", by_velocity[:, 0], lasting),
-            "linear_by_velocity": of("velocity", by_velocity[:, 1], linear),
-            "lasting_at_same_M_v2": of("velocity", same[:, 0], f"{lasting}, at velocity 1 and the mass M v^2"),
-            "linear_at_same_M_v2": of("velocity", same[:, 1], f"{linear}, at velocity 1 and the mass M v^2"),
-            "lasting_by_ratio": of("ratio", by_ratio[:, 0], lasting),
-            "linear_by_ratio": of("ratio", by_ratio[:, 1], linear),
-            "lasting_eta_200": ((), fig4, {"units": "time", "long_name": f"{lasting}, eta 200"}),
-            "fit": (
+            "sustained_by_mass": variable("mass", by_mass[:, 0], sustained, "time"),
+            "linear_by_mass": variable("mass", by_mass[:, 1], linear, "time"),
+            "sustained_by_velocity": variable("velocity", by_velocity[:, 0], sustained, "time"),
+            "linear_by_velocity": variable("velocity", by_velocity[:, 1], linear, "time"),
+            "sustained_at_same_M_v2": variable(
+                "velocity", same[:, 0], f"{sustained}, at velocity 1 and the mass M v^2", "time"
+            ),
+            "linear_at_same_M_v2": variable(
+                "velocity", same[:, 1], f"{linear}, at velocity 1 and the mass M v^2", "time"
+            ),
+            "sustained_by_ratio": variable("ratio", by_ratio[:, 0], sustained, "time"),
+            "linear_by_ratio": variable("ratio", by_ratio[:, 1], linear, "time"),
+            "sustained_eta_200": variable((), fig4, f"{sustained}, eta 200", "time"),
+            "fit": variable(
                 ("curve", "coefficient"),
-                np.array(fits),
-                {
-                    "long_name": "A1 and A2 of tau* v = A1 + A2 (M v^2)^(1/3), least squares, M v^2 up to 1e-3",
-                    "units": "x_s, x_s^(2/3) f_s^(-1/3)",
-                },
+                fits,
+                "A1 and A2 of tau* v = A1 + A2 (M v^2)^(1/3), least squares, M v^2 up to 1e-3",
+                "x_s, x_s^(2/3) f_s^(-1/3)",
             ),
         },
         coords={
-            "mass": of("mass", masses, "mass of the slider, per contact", "f_s time^2/x_s"),
-            "velocity": of("velocity", velocities, "velocity of the drive", "x_s/time"),
-            "ratio": of("ratio", ratios, "damping over Omega", "1"),
-            "curve": ("curve", ["mass", "velocity"], {"long_name": "curve that is fitted"}),
-            "coefficient": ("coefficient", ["A1", "A2"], {"long_name": "coefficient"}),
+            "mass": variable("mass", masses, "mass of the slider, per contact", "f_s time^2/x_s"),
+            "velocity": variable("velocity", velocities, "velocity of the drive", "x_s/time"),
+            "ratio": variable("ratio", ratios, "damping over Omega", "1"),
+            "curve": variable("curve", ["mass", "velocity"], "curve that is fitted"),
+            "coefficient": variable("coefficient", ["A1", "A2"], "coefficient"),
         },
         attrs={"tolerance": tolerance},
     )
@@ -130,13 +130,13 @@ def _fit(mass: Array, tau: Array) -> Array:
 
 def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
     fit = {name: data["fit"].sel(curve=name).to_numpy() for name in ("mass", "velocity")}
-    mass, tau = data["mass"].to_numpy(), data["lasting_by_mass"].to_numpy()
+    mass, tau = data["mass"].to_numpy(), data["sustained_by_mass"].to_numpy()
     kept = mass <= _FITTED * (1 + 1e-9)
     misfit = float(np.max(np.abs((fit["mass"][0] + fit["mass"][1] * np.cbrt(mass)) / tau - 1)[kept]))
     velocity = data["velocity"]
-    apart = _apart(data["lasting_by_velocity"] * velocity, data["lasting_at_same_M_v2"])
+    apart = _apart(data["sustained_by_velocity"] * velocity, data["sustained_at_same_M_v2"])
     linear_apart = _apart(data["linear_by_velocity"] * velocity, data["linear_at_same_M_v2"])
-    rises = float(data["lasting_by_ratio"].diff("ratio").min())
+    rises = float(data["sustained_by_ratio"].diff("ratio").min())
     bands = all(0.047 <= A1 <= 0.054 and 0.47 <= A2 <= 0.57 for A1, A2 in fit.values())
     linear = float(data["linear_by_mass"].sel(mass=FIG6.slider.mass, method="nearest"))
     return (
@@ -152,7 +152,7 @@ def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
             "not exceed it",
             measured=(
                 near("tau*, M 1e-4, v 1, eta .3 Omega", _at_paper(data), 0.0755, 0.003),
-                near("tau*, eta 200", float(data["lasting_eta_200"]), 0.098, 0.002),
+                near("tau*, eta 200", float(data["sustained_eta_200"]), 0.098, 0.002),
                 between("A1 of tau*(M)", fit["mass"][0], 0.047, 0.054),
                 between("A2 of tau*(M)", fit["mass"][1], 0.47, 0.57),
                 between("A3 of tau*(v)", fit["velocity"][0], 0.047, 0.054),
@@ -167,14 +167,14 @@ def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
                     value=float(data["linear_by_mass"].max() / data["linear_by_mass"].min()),
                 ),
             ),
-            evidence="bisection over runs of the master equation from the relaxed start, each followed until its oscillation "
-            f"settles or dies; brackets to {data.attrs['tolerance']:g}",
+            evidence="bisection over runs of the master equation from rest, each followed until its oscillation "
+            f"settles or decays; brackets to {data.attrs['tolerance']:g}",
         ),
     )
 
 
 def _at_paper(data: xr.Dataset) -> float:
-    return float(data["lasting_by_velocity"].sel(velocity=1.0))
+    return float(data["sustained_by_velocity"].sel(velocity=1.0))
 
 
 def _apart(one: xr.DataArray, two: xr.DataArray) -> float:
@@ -196,7 +196,7 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
 
     fine = np.geomspace(mass.min(), mass.max(), 401)
     fitted(by_mass, fine, fine, A1 + A2 * np.cbrt(fine), rf"{A1:.3f} + {A2:.2f} $M^{{1/3}}$")
-    by_mass.plot(mass, data["lasting_by_mass"], "o", color=plot.BLUE, markersize=4, label=r"lasting: $\tau^*$")
+    by_mass.plot(mass, data["sustained_by_mass"], "o", color=plot.BLUE, markersize=4, label=r"sustained: $\tau^*$")
     by_mass.plot(mass, data["linear_by_mass"], "s-", color=plot.VERMILLION, markersize=3, linewidth=0.9, label="linear")
     by_mass.set(xscale="log", ylim=(0, 0.2))
     by_mass.legend(loc="lower right")
@@ -207,16 +207,20 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
     A4 = A2 * math.cbrt(M0)
     label = rf"{A1:.3f} $v^{{-1}}$ + {A4:.4f} $v^{{-1/3}}$"
     fitted(by_velocity, fine, M0 * fine**2, A1 / fine + A4 / np.cbrt(fine), label)
-    by_velocity.plot(velocity, data["lasting_by_velocity"], "o", color=plot.BLUE, markersize=4)
-    by_velocity.plot(velocity, data["linear_by_velocity"], "s-", color=plot.VERMILLION, markersize=3, linewidth=0.9)
+    by_velocity.plot(
+        velocity, data["sustained_by_velocity"], "o", color=plot.BLUE, markersize=4, label=r"sustained: $\tau^*$"
+    )
+    by_velocity.plot(
+        velocity, data["linear_by_velocity"], "s-", color=plot.VERMILLION, markersize=3, linewidth=0.9, label="linear"
+    )
     by_velocity.set(xscale="log", yscale="log")
-    by_velocity.legend(loc="upper right")
+    by_velocity.legend(loc="lower left")
     plot.dress(by_velocity.xaxis, data["velocity"])
     plot.letter(by_velocity, "(b) $M$ = 10$^{-4}$")
 
-    collapse.plot(np.cbrt(mass), data["lasting_by_mass"], "o", color=plot.BLUE, markersize=4, label="from (a)")
+    collapse.plot(np.cbrt(mass), data["sustained_by_mass"], "o", color=plot.BLUE, markersize=4, label="from (a)")
     cube = np.cbrt(M0 * velocity**2)
-    scaled = data["lasting_by_velocity"] * data["velocity"]
+    scaled = data["sustained_by_velocity"] * data["velocity"]
     collapse.plot(cube, scaled, "x", color=plot.BLACK, markersize=6, label="from (b)")
     line = np.linspace(0.0, float(np.cbrt(mass.max())), 401)
     fitted(collapse, line, line**3, A1 + A2 * line, None)
@@ -229,7 +233,7 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
     plot.letter(collapse, "(c) one curve")
 
     by_ratio.plot(
-        data["ratio"], data["lasting_by_ratio"], "o-", color=plot.BLUE, markersize=4, label=r"lasting: $\tau^*$"
+        data["ratio"], data["sustained_by_ratio"], "o-", color=plot.BLUE, markersize=4, label=r"sustained: $\tau^*$"
     )
     by_ratio.plot(data["ratio"], data["linear_by_ratio"], "s-", color=plot.VERMILLION, markersize=3, label="linear")
     by_ratio.set(xscale="log", ylim=(0, 0.2))
@@ -241,4 +245,14 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
     return figure
 
 
-FIGURE = Figure(name="fig6", title="Critical delay", data=_data, drawing=_drawing, claims=_claims)
+FIGURE = Figure(
+    name="fig6",
+    title="Critical delay",
+    caption="Critical delay against the mass of the slider (a), the velocity of the drive (b) and the damping (d). "
+    "Circles: stick-slip persists from a narrow start (nonlinear). Squares: smooth sliding is unstable "
+    "(linear). Blue lines are fits, dotted outside the range fitted; in (c) the two fits are one curve of M "
+    "v^2.",
+    data=_data,
+    drawing=_drawing,
+    claims=_claims,
+)

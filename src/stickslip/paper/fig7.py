@@ -1,7 +1,7 @@
 """Figure 7: the velocity of the drive goes up and down; stick-slip sets in, and ends elsewhere.
 
 With a fixed delay there are two boundaries, and both are computed: smooth sliding loses stability at ``v1`` (linear),
-and the cycle of stick-slip, followed downwards, dies at its fold ``v1'`` (nonlinear). A ramp passes ``v1`` before the
+and the cycle of stick-slip, followed downwards, ends at its fold ``v1'`` (nonlinear). A ramp passes ``v1`` before the
 oscillation has grown. With random delays stick-slip ends at high velocity too, if it lasts at all: that depends on the
 standard deviation, and on what is done with negative draws.
 """
@@ -9,6 +9,7 @@ standard deviation, and on what is done with negative draws.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import matplotlib.figure
@@ -24,7 +25,7 @@ from stickslip.measure import transitions
 from stickslip.model import Contacts, Interface, NegativeDelay, Output, RandomDelay, constant
 from stickslip.model.drive import ramp
 from stickslip.model.rig import Rig
-from stickslip.paper.cases import FIG7
+from stickslip.paper.cases import FIG7, V1
 from stickslip.paper.figure import (
     Claim,
     Figure,
@@ -35,6 +36,7 @@ from stickslip.paper.figure import (
     between,
     near,
     portions,
+    variable,
     verdict,
 )
 from stickslip.simulation import simulate
@@ -69,7 +71,7 @@ def _random(case: _Case) -> Interface:
 
 
 def _name(case: _Case) -> str:
-    return f"{case[0]:g} {case[1]}"
+    return f"{case[0]:g}, {case[1]}"
 
 
 def _sweep(interface: Interface, top: float, method: Contacts, progress: Progress) -> xr.Dataset:
@@ -77,6 +79,24 @@ def _sweep(interface: Interface, top: float, method: Contacts, progress: Progres
     return simulate(
         Rig(interface, FIG7.slider, drive), method=method, output=Output(interval=_INTERVAL), progress=progress
     )
+
+
+def _ranges(
+    case: _Case, velocities: list[float], points: int, parts: Iterator[Progress]
+) -> tuple[list[float], list[float], list[float]]:
+    """Velocities between which stick-slip persists and smooth sliding is unstable; oscillation at some velocities."""
+    rig = Rig(_random(case), FIG7.slider, constant(1.0))
+    nowhere = [math.nan, math.nan]
+    # With redrawn delays the range is narrow, .7 to .9: hence the number of points.
+    windows = sustained(rig, "velocity", between=(0.2, _TOP), points=points, tolerance=0.01).windows
+    persists = [windows[0].low.value, windows[-1].high.value] if windows else nowhere
+    next(parts)(1.0)
+    edges = critical(rig, "velocity", between=(0.05, 100.0)).edges
+    unstable = [edges[0].value, edges[-1].value] if edges else nowhere
+    looked = _ON.get(case[0], ()) + _OFF.get(case[0], ())
+    oscillation = [is_sustained(rig.replace(velocity=v)).peak_to_peak if v in looked else math.nan for v in velocities]
+    next(parts)(1.0)
+    return persists, unstable, oscillation
 
 
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
@@ -98,71 +118,51 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     next(parts)(1.0)
 
     velocities = sorted({v for looked in (_ON, _OFF) for there in looked.values() for v in there})
-    lasting, unstable, oscillation = (np.full((len(cases), n), np.nan) for n in (2, 2, len(velocities)))
-    for i, case in enumerate(cases):
-        interface = _random(case)
-        # With redrawn delays the window is narrow: .7 to .9.
-        points = 5 if quick else 16
-        answer = sustained(
-            Rig(interface, FIG7.slider, constant(1.0)), "velocity", between=(0.2, _TOP), points=points, tolerance=0.01
-        )
-        if answer.windows:
-            lasting[i] = answer.windows[0].low.value, answer.windows[-1].high.value
-        next(parts)(1.0)
-        edges = [
-            c.value
-            for c in critical(Rig(interface, FIG7.slider, constant(1.0)), "velocity", between=(0.05, 100.0)).edges
-        ]
-        if edges:
-            unstable[i] = edges[0], edges[-1]
-        for j, v in enumerate(velocities):
-            if v in _ON.get(case[0], ()) + _OFF.get(case[0], ()):
-                oscillation[i, j] = is_sustained(Rig(interface, FIG7.slider, constant(v))).peak_to_peak
-        next(parts)(1.0)
-
-    force = {"units": "f_s", "long_name": "spring force, per contact"}
-    oscillations = {"units": "f_s", "long_name": "peak to peak of the spring force, per contact"}
-    speed = {"units": "x_s/time", "long_name": "velocity of the drive"}
-
-    def velocity(name: str) -> dict[str, str]:
-        return {"units": "x_s/time", "long_name": name}
+    ranges = [_ranges(case, velocities, 5 if quick else 16, parts) for case in cases]
+    persists, unstable, oscillation = (np.array(values) for values in zip(*ranges, strict=True))
 
     return xr.Dataset(
         {
-            "spring_force": (("sweep", "time"), np.array([run["spring_force"] for run in sweeps]), force),
-            "drive_velocity": (("sweep", "time"), np.array([run["drive_velocity"] for run in sweeps]), speed),
-            "v1_ramp": ("seed", seen["v1"], velocity("v1, on the way up a ramp")),
-            "v1_down_ramp": (
+            "spring_force": variable(
+                ("sweep", "time"), [run["spring_force"] for run in sweeps], "spring force, per contact", "f_s"
+            ),
+            "drive_velocity": variable(
+                ("sweep", "time"), [run["drive_velocity"] for run in sweeps], "velocity of the drive", "x_s/time"
+            ),
+            "v1_ramp": variable("seed", seen["v1"], "v1, on the way up a ramp", "x_s/time"),
+            "v1_down_ramp": variable(
                 "seed",
                 seen["v1_down"],
-                velocity("v1', on the way down a ramp"),
+                "v1', on the way down a ramp",
+                "x_s/time",
             ),
-            "v1_linear": ((), band.high.value, velocity("v1: smooth sliding loses stability (linear)")),
-            "v1_down_fold": ((), band.low.value, velocity("v1': stick-slip decays at its fold (nonlinear)")),
-            "cycle": ("v_cycle", branch["amplitude"].to_numpy(), oscillations),
-            "up": ("v_ramp", found[0]["up"].to_numpy(), oscillations),
-            "down": ("v_ramp", found[0]["down"].to_numpy(), oscillations),
-            "lasting": (
+            "v1_linear": variable((), band.high.value, "v1: smooth sliding loses stability (linear)", "x_s/time"),
+            "v1_down_fold": variable((), band.low.value, "v1': stick-slip decays at its fold (nonlinear)", "x_s/time"),
+            "cycle": variable(
+                "v_cycle", branch["amplitude"].to_numpy(), "peak to peak of the spring force, per contact", "f_s"
+            ),
+            "up": variable("v_ramp", found[0]["up"].to_numpy(), "peak to peak of the spring force, per contact", "f_s"),
+            "down": variable(
+                "v_ramp", found[0]["down"].to_numpy(), "peak to peak of the spring force, per contact", "f_s"
+            ),
+            "sustained": variable(
                 ("case", "end"),
-                lasting,
-                velocity("where stick-slip persists from a narrow start (nonlinear)"),
+                persists,
+                "where stick-slip persists from a narrow start (nonlinear)",
+                "x_s/time",
             ),
-            "unstable": (("case", "end"), unstable, velocity("where smooth sliding is unstable (linear)")),
-            "oscillation": (("case", "v"), oscillation, oscillations),
+            "unstable": variable(("case", "end"), unstable, "where smooth sliding is unstable (linear)", "x_s/time"),
+            "oscillation": variable(("case", "v"), oscillation, "peak to peak of the spring force, per contact", "f_s"),
         },
         coords={
-            "time": ("time", runs[0]["time"].to_numpy(), {"units": "time", "long_name": "time"}),
-            "sweep": ("sweep", ["fixed", *map(_name, _SWEPT)], {"long_name": "delays of the ramp"}),
-            "seed": ("seed", np.array(seeds), {"units": "1", "long_name": "seed"}),
-            "v_cycle": ("v_cycle", branch["velocity"].to_numpy(), speed),
-            "v_ramp": ("v_ramp", found[0]["velocity"].to_numpy(), speed),
-            "case": (
-                "case",
-                list(map(_name, cases)),
-                {"long_name": "standard deviation of the delays, negative draws"},
-            ),
-            "end": ("end", ["low", "high"], {"long_name": "end of the range"}),
-            "v": ("v", np.array(velocities), speed),
+            "time": variable("time", runs[0]["time"].to_numpy(), "time", "time"),
+            "sweep": variable("sweep", ["fixed", *map(_name, _SWEPT)], "delays of the ramp"),
+            "seed": variable("seed", seeds, "seed", "1"),
+            "v_cycle": variable("v_cycle", branch["velocity"].to_numpy(), "velocity of the drive", "x_s/time"),
+            "v_ramp": variable("v_ramp", found[0]["velocity"].to_numpy(), "velocity of the drive", "x_s/time"),
+            "case": variable("case", list(map(_name, cases)), "standard deviation of the delays, negative draws"),
+            "end": variable("end", ["low", "high"], "end of the range"),
+            "v": variable("v", velocities, "velocity of the drive", "x_s/time"),
         },
         attrs={"count": count},
     )
@@ -181,7 +181,7 @@ def _hysteresis(data: xr.Dataset) -> Claim:
         verdict=verdict(printed=fold < linear and bool(np.all(v1_down < v1))),
         settled="reproduced",
         measured=(
-            near("v1, smooth sliding loses stability (linear)", linear, 1.388221, 1e-6, "x_s/time"),
+            near("v1, smooth sliding loses stability (linear)", linear, V1, 1e-6, "x_s/time"),
             near("v1', stick-slip decays at its fold (nonlinear)", fold, 0.71, 0.02, "x_s/time"),
             between("v1 of the ramps, smallest", v1.min(), 1.0, 1.85, "x_s/time"),
             between("v1 of the ramps, largest", v1.max(), 1.0, 1.85, "x_s/time"),
@@ -197,8 +197,8 @@ def _smooth_again(data: xr.Dataset) -> Claim:
     measured: list[Measured] = []
     lasts_within = True
     for name in data["case"].to_numpy().tolist():
-        std = float(name.split()[0])
-        low, high = data["lasting"].sel(case=name).to_numpy().tolist()
+        std = float(name.split(",")[0])
+        low, high = data["sustained"].sel(case=name).to_numpy().tolist()
         oscillation = data["oscillation"].sel(case=name)
         for v in _ON.get(std, ()):
             measured.append(
@@ -229,12 +229,12 @@ def _smooth_again(data: xr.Dataset) -> Claim:
         statement="with random delays the motion is smooth again at high velocity",
         verdict=verdict(printed=False, read=lasts_within and all(m.ok for m in measured)),
         settled="reproduced under the stated reading",
-        reading="at mean .2 and standard deviations of .06 and .08. At the paper's standard deviation of .12 stick-slip persists from a narrow "
-        "start at no velocity if negative draws are clipped to 0 or folded, and only between about .7 and .85 if they "
-        "are drawn again",
+        reading="at mean .2 and standard deviations of .06 and .08. At the paper's .12 stick-slip persists from a "
+        "narrow start at no velocity if negative draws are clipped to 0 or folded, and only between about .7 and .85 "
+        "if they are drawn again",
         measured=tuple(measured),
         evidence=f"master equation from the relaxed start at velocities of .2 to {_TOP:g}: each run followed until its "
-        "oscillation settles or dies",
+        "oscillation settles or decays",
     )
 
 
@@ -247,7 +247,7 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
     _draw_onset(top, data)
     for j, case in enumerate(_SWEPT):
         ax = figure.add_subplot(grid[1, j])
-        title = rf"(b) $\tau_\mathrm{{d}}$ = {_MEAN:g} ± {case[0]:g}, {case[1]}ped"
+        title = rf"({'bc'[j]}) $\tau_\mathrm{{d}}$ = {_MEAN:g} ± {case[0]:g}"
         _draw_sweep(ax, data.sel(sweep=_name(case)), title, 1.05, left=j == 0, right=j == 1)
     _draw_hysteresis(figure.add_subplot(grid[2, 0]), data)
     _draw_windows(figure.add_subplot(grid[2, 1]), data)
@@ -308,26 +308,26 @@ def _draw_hysteresis(ax: Axes, data: xr.Dataset) -> None:
     ax.axvspan(float(data["v1_down_fold"]), float(data["v1_linear"]), color=plot.GREY, alpha=0.15, linewidth=0)
     ax.plot(v, data["up"], color=plot.ORANGE, linewidth=0.9, label="ramp up")
     ax.plot(v, data["down"], color=plot.SKY, linewidth=0.9, label="ramp down")
-    ax.plot(data["v_cycle"], data["cycle"], color=plot.BLACK, label="cycle, followed")
+    ax.plot(data["v_cycle"], data["cycle"], color=plot.BLACK, label="cycle, computed")
     middle = 0.5 * (float(data["v1_down_fold"]) + float(data["v1_linear"]))
-    ax.text(middle, 0.2, "both\nlast", ha="center", va="center", fontsize=8)
+    ax.text(middle, 0.2, "both\nstable", ha="center", va="center", fontsize=8)
     ax.set(xlim=(0, _FAST), ylim=(0, 1.25))
     plot.dress(ax.xaxis, v)
     ax.set_ylabel("peak to peak of $F_d$ ($f_\\mathrm{s}$)")
     ax.legend(loc="lower right")
-    plot.letter(ax, "(c) hysteresis of (a)")
+    plot.letter(ax, "(d) hysteresis of (a)")
 
 
 def _draw_windows(ax: Axes, data: xr.Dataset) -> None:
     names = data["case"].to_numpy().tolist()
     for i, name in enumerate(names):
-        low, high = data["lasting"].sel(case=name).to_numpy().tolist()
+        low, high = data["sustained"].sel(case=name).to_numpy().tolist()
         first, last = data["unstable"].sel(case=name).to_numpy().tolist()
         y = len(names) - 1 - i
         if math.isfinite(low):
             ax.plot([low, high], [y, y], color=plot.BLUE, linewidth=6, solid_capstyle="butt")
         else:
-            ax.text(0.22, y, "nowhere", va="center", fontsize=8, color=plot.BLUE)
+            ax.text(0.22, y, "none", va="center", fontsize=8, color=plot.BLUE)
         if math.isfinite(first):
             ax.plot([first, last], [y - 0.22, y - 0.22], color=plot.VERMILLION, linewidth=1.6)
     ax.plot([], [], color=plot.BLUE, linewidth=6, solid_capstyle="butt", label="stick-slip persists")
@@ -338,12 +338,18 @@ def _draw_windows(ax: Axes, data: xr.Dataset) -> None:
     ax.set_yticks(range(len(names)), names[::-1])
     plot.dress(ax.xaxis, data["v"])
     ax.legend(loc="center right", bbox_to_anchor=(1.0, 0.36), handlelength=1.2)
-    plot.letter(ax, f"(d) random delays of mean {_MEAN:g}, by standard deviation")
+    ax.set_ylabel("std of the delays,\nnegative draws")
+    plot.letter(ax, f"(e) random delays of mean {_MEAN:g}")
 
 
 FIGURE = Figure(
     name="fig7",
     title="Velocity up and down, with a fixed delay and with random ones",
+    caption="The velocity of the drive (red) goes up and down. (a) Fixed delay, with the computed limits v1 and v1'. "
+    "(b), (c) Random delays; negative draws are clipped to zero. (d) Peak to peak of the force on both ramps "
+    "of (a) and on the computed cycle; grey: smooth sliding and stick-slip are both stable. (e) Velocities at "
+    "which stick-slip persists from a narrow start, and at which smooth sliding is unstable, by the standard "
+    "deviation of the delays and by what is done with negative draws: clip to zero, fold to positive, redraw.",
     data=_data,
     drawing=_drawing,
     claims=_claims,

@@ -22,7 +22,7 @@ from stickslip.model.distributions import Gaussian
 from stickslip.model.drive import constant
 from stickslip.model.rig import Rig
 from stickslip.paper.cases import FIG8
-from stickslip.paper.figure import Claim, Figure, Progress, at_most, between, near, portions, verdict
+from stickslip.paper.figure import Claim, Figure, Progress, at_most, between, near, portions, variable, verdict
 from stickslip.simulation import LABELS, simulate
 from stickslip.stability import AGEING, critical
 from stickslip.theory import ageing_constants
@@ -63,34 +63,31 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     edges = [edge.value**-0.5 for edge in times.edges]
     distribution, seen = _at_rest()
     late = np.where(t >= 0.5 * min(duration.values()), force, np.nan)
-    rate_label = {"units": "1/sqrt(time)", "long_name": "rate of ageing β"}
     return xr.Dataset(
         {
             "spring_force": (("solver", "rate", "start", "time"), force, LABELS["spring_force"]),
-            "amplitude": (
+            "amplitude": variable(
                 ("solver", "rate", "start"),
                 np.nanmax(late, axis=-1) - np.nanmin(late, axis=-1),
-                {"units": "f_s", "long_name": "peak to peak of $F_d$"},
+                "peak to peak of $F_d$",
+                "f_s",
             ),
-            "unstable": (
+            "unstable": variable(
                 "end",
-                np.array([min(edges), max(edges)]),
-                {**rate_label, "long_name": "rates between which smooth sliding is unstable (linear)"},
+                [min(edges), max(edges)],
+                "rates between which smooth sliding is unstable (linear)",
+                "1/sqrt(time)",
             ),
-            "P_c": (
-                "f",
-                distribution,
-                {"units": "1/f_s", "long_name": "stationary distribution of thresholds, Eq. (17)"},
-            ),
-            "P_c_seen": ("f", seen, {"units": "1/f_s", "long_name": "the same, of contacts born at rest"}),
+            "P_c": variable("f", distribution, "stationary distribution of thresholds, Eq. (17)", "1/f_s"),
+            "P_c_seen": variable("f", seen, "the same, of contacts aged at rest", "1/f_s"),
         },
         coords={
-            "solver": ("solver", list(_METHODS), {"long_name": "solver"}),
-            "rate": ("rate", np.array(rates), rate_label),
-            "start": ("start", list(_STARTS), {"long_name": "start"}),
+            "solver": variable("solver", list(_METHODS), "solver"),
+            "rate": variable("rate", rates, "rate of ageing β", "1/sqrt(time)"),
+            "start": variable("start", list(_STARTS), "start"),
             "time": ("time", t, LABELS["time"]),
-            "end": ("end", ["low", "high"], {"long_name": "end of the range"}),
-            "f": ("f", _thresholds(), {"units": "f_s", "long_name": "threshold"}),
+            "end": variable("end", ["low", "high"], "end of the range"),
+            "f": variable("f", _thresholds(), "threshold", "f_s"),
         },
     )
 
@@ -102,7 +99,7 @@ def _thresholds() -> Array:
 
 
 def _at_rest(count: int = 100_000) -> tuple[Array, Array]:
-    """Distribution of thresholds, Eq. (17), and that of newborn contacts that have aged at rest for ten ``1/rate^2``."""
+    """Distribution of thresholds, Eq. (17), and that of contacts aged at rest for ten ``1/rate^2``."""
     from stickslip.kernels.drive import Quadratic
     from stickslip.kernels.langevin_contacts import Contacts, advance_contacts
     from stickslip.kernels.oscillator import RIGID
@@ -141,7 +138,7 @@ def _stationary(data: xr.Dataset) -> Claim:
         verdict=verdict(printed=all(m.ok for m in measured)),
         settled="reproduced",
         measured=measured,
-        evidence="100000 contacts born without strength, ten ageing times at rest",
+        evidence="100000 newborn contacts without strength, ten ageing times at rest",
     )
 
 
@@ -208,14 +205,14 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
             if rate in data["rate"]:
                 force = data["spring_force"].sel(solver="contacts", rate=rate, start=start, time=slice(0.0, 10.0))
                 ax.plot(force["time"], force, color=colour, linewidth=0.8, label=rf"$\beta$ = {rate:g}")
-        ax.set(ylim=(-0.6, 0.95), xlim=(0.0, 10.0))
+        ax.set(ylim=(-0.6, 1.45), xlim=(0.0, 10.0), yticks=(-0.5, 0.0, 0.5, 1.0))
         plot.dress(ax.yaxis, data["spring_force"])
         plot.letter(ax, title)
-        if row == 0:
-            ax.legend(loc="lower right", ncols=2, bbox_to_anchor=(1.02, 0.96), handlelength=1.0, columnspacing=1.0)
+        ax.legend(loc="upper right", ncols=4, handlelength=1.0, columnspacing=0.8, borderaxespad=0.0)
+        ax.tick_params(labelbottom=row == 1)
     distribution = figure.add_subplot(grid[2, 0])
     ax.set_xlabel(plot.label(data["time"]))
-    distribution.bar(data["f"], data["P_c_seen"], width=1.0 / _BINS, color=plot.SKY, label="contacts born at rest")
+    distribution.bar(data["f"], data["P_c_seen"], width=1.0 / _BINS, color=plot.SKY, label="contacts aged at rest")
     distribution.plot(data["f"], data["P_c"], color=plot.BLACK, label="Eq. (17)")
     plot.dress(distribution.xaxis, data["f"])
     distribution.set_ylabel(plot.label(data["P_c"].assign_attrs(long_name="density")))
@@ -226,7 +223,7 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
     amplitudes = figure.add_subplot(grid[:, 1])
     low, high = data["unstable"].to_numpy().tolist()
     amplitudes.axvspan(low, high, color=plot.GREY, alpha=0.15, linewidth=0)
-    amplitudes.text(0.5 * (low + high), 1.58, "smooth\nsliding\nunstable", ha="center", va="top", fontsize=8)
+    amplitudes.text(0.5 * (low + high), 0.04, "smooth\nsliding\nunstable", ha="center", va="bottom", fontsize=8)
     for start, colour in zip(_STARTS, (plot.VERMILLION, plot.BLUE), strict=True):
         for solver, mark in (("contacts", "o"), ("kinetic equation", "x")):
             oscillation = data["amplitude"].sel(start=start, solver=solver)
@@ -236,7 +233,7 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
     amplitudes.plot([], [], "o", color=plot.GREY, markersize=4, label="contacts")
     amplitudes.plot([], [], "x", color=plot.GREY, markersize=4, label="kinetic equation")
     amplitudes.set(ylim=(0.0, 1.6), xlim=(0.5, None))
-    plot.dress(amplitudes.xaxis, data["rate"])
+    amplitudes.set_xlabel(plot.label(data["rate"], units="time units$^{-1/2}$"))
     plot.dress(amplitudes.yaxis, data["amplitude"])
     amplitudes.legend(loc="upper right")
     plot.letter(amplitudes, "(d) oscillation of the force")
@@ -244,5 +241,12 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
 
 
 FIGURE = Figure(
-    name="fig8", title="Stick-slip against the rate of ageing", data=_data, drawing=_drawing, claims=_claims
+    name="fig8",
+    title="Stick-slip against the rate of ageing",
+    caption="Spring force of ageing contacts at four rates of ageing, from relaxed contacts (a) and from smooth "
+    "sliding (b); thresholds of contacts aged at rest beside Eq. (17) (c); peak to peak of the force against "
+    "the rate of ageing (d). Grey: smooth sliding is linearly unstable.",
+    data=_data,
+    drawing=_drawing,
+    claims=_claims,
 )

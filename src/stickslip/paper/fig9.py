@@ -1,6 +1,6 @@
 """Figure 9: the velocity of the drive goes up and down over ageing contacts; stick-slip begins and ends, twice.
 
-The ramps start from smooth sliding. They are slow where a transition is awaited: stick-slip grows, or dies, over some
+The ramps start from smooth sliding. They are slow where a transition is awaited: stick-slip grows, or decays, over some
 tens of ``x_s`` of travel, and at the lower end of the way down that takes long.
 """
 
@@ -10,6 +10,7 @@ import matplotlib.figure
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from stickslip import plot
@@ -18,7 +19,7 @@ from stickslip.model import Contacts, FromSliding, Output, constant
 from stickslip.model.drive import Drive, ramp
 from stickslip.model.rig import Rig
 from stickslip.paper.cases import FIG9
-from stickslip.paper.figure import Claim, Figure, Progress, at_least, between, portions, verdict
+from stickslip.paper.figure import Claim, Figure, Progress, at_least, between, portions, variable, verdict
 from stickslip.simulation import LABELS, simulate
 from stickslip.stability import critical
 
@@ -55,28 +56,24 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     found = [transitions(run, level=_LEVEL) for run in runs]
     edges = critical(Rig(FIG9.interface, FIG9.slider, constant(1.0)), "velocity", between=(0.3, 4.0))
     onset = [edge.value for edge in edges if edge.loses_stability]
-    oscillations = {"units": "f_s", "long_name": "peak to peak of $F_d$"}
-    speed = {"units": "x_s/time", "long_name": "velocity of the drive"}
     return xr.Dataset(
         {
             "spring_force": ("time", runs[0]["spring_force"].to_numpy(), LABELS["spring_force"]),
             "drive_velocity": ("time", runs[0]["drive_velocity"].to_numpy(), LABELS["drive_velocity"]),
             **{
-                name: ("seed", np.array([float(f[name]) for f in found]), {**speed, "long_name": f"{name} of the ramp"})
+                name: variable("seed", [float(f[name]) for f in found], f"{name} of the ramp", "x_s/time")
                 for name in _NAMES
             },
-            "v1_linear": (
-                (),
-                onset[0] if onset else np.nan,
-                {**speed, "long_name": "v1: smooth sliding loses stability (linear)"},
+            "v1_linear": variable(
+                (), onset[0] if onset else np.nan, "v1: smooth sliding loses stability (linear)", "x_s/time"
             ),
-            "up": ("v", found[0]["up"].to_numpy(), oscillations),
-            "down": ("v", found[0]["down"].to_numpy(), oscillations),
+            "up": variable("v", found[0]["up"].to_numpy(), "peak to peak of $F_d$", "f_s"),
+            "down": variable("v", found[0]["down"].to_numpy(), "peak to peak of $F_d$", "f_s"),
         },
         coords={
             "time": ("time", runs[0]["time"].to_numpy(), LABELS["time"]),
-            "seed": ("seed", np.array(seeds), {"units": "1", "long_name": "seed"}),
-            "v": ("v", found[0]["velocity"].to_numpy(), speed),
+            "seed": variable("seed", seeds, "seed", "1"),
+            "v": variable("v", found[0]["velocity"].to_numpy(), "velocity of the drive", "x_s/time"),
         },
         attrs={"count": count},
     )
@@ -102,7 +99,7 @@ def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
             settled="reproduced",
             measured=tuple(measured),
             evidence=f"{data.sizes['seed']} ramps of {data.attrs['count']} contacts from smooth sliding; stick-slip "
-            f"where F_d oscillations by more than {_LEVEL:g}. v2 and v2' depend on that level, for the oscillation fades "
+            f"where F_d varies by more than {_LEVEL:g}. v2 and v2' depend on that level, for the oscillation fades "
             "gradually; v1 and v1' do not",
         ),
     )
@@ -128,7 +125,9 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
         if np.isfinite(v):
             at = _time_of(data, v, down=name.endswith("down"))
             sweep.axvline(at, 0.0, 0.82, color=plot.BLACK, linewidth=0.9, linestyle=(0, (4, 2)))
-            sweep.text(at, 1.0 if name != "v2_down" else 1.14, f"${_SYMBOLS[name]}$ = {v:.3g}", ha="center", fontsize=8)
+            # The transitions may be close together: two lines of text, v2 and v2' to either side.
+            height, side = {"v2": (1.14, "right"), "v2_down": (1.14, "left")}.get(name, (1.0, "center"))
+            sweep.text(at, height, f"${_SYMBOLS[name]}$ = {v:.3g}", ha=side, fontsize=8)
     plot.letter(sweep, r"(a) up and down, $\beta$ = 1.5")
     _draw_inset(figure.add_subplot(grid[1, 0]), data, float(data["v1"][0]), "(b) at $v_1$", 24.0)
     _draw_inset(figure.add_subplot(grid[1, 1]), data, float(data["v2"][0]), "(c) at $v_2$", 10.0)
@@ -158,12 +157,19 @@ def _draw_inset(ax: Axes, data: xr.Dataset, velocity: float, title: str, span: f
         near_by = data["spring_force"].sel(time=slice(at - 0.6 * span, at + 0.4 * span))
         ax.plot(near_by["time"], near_by, color=plot.BLUE, linewidth=0.8)
     ax.margins(x=0)
-    ax.locator_params(axis="x", nbins=4)
+    ax.xaxis.set_major_locator(MaxNLocator(3, integer=True))
     plot.dress(ax.xaxis, data["time"])
     plot.dress(ax.yaxis, data["spring_force"])
     plot.letter(ax, title)
 
 
 FIGURE = Figure(
-    name="fig9", title="Velocity up and down over ageing contacts", data=_data, drawing=_drawing, claims=_claims
+    name="fig9",
+    title="Velocity up and down over ageing contacts",
+    caption="The velocity of the drive (red) goes up and down over ageing contacts (a); the onset of stick-slip (b) "
+    "and its end on the way up (c), enlarged; peak to peak of the force on both ramps, with the level that "
+    "defines v2 and v2' (d).",
+    data=_data,
+    drawing=_drawing,
+    claims=_claims,
 )

@@ -6,9 +6,11 @@ import json
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, Protocol, get_args
+from typing import TYPE_CHECKING, Any, Literal, Protocol, get_args
 
+import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from stickslip.errors import InputError
 from stickslip.io import datasets as store
@@ -134,7 +136,9 @@ class Claim:
     def __str__(self) -> str:
         lines = [f"{'ok' if self.ok else 'FAILED'}  {self.title}", f"    {self.verdict}"]
         if self.verdict != self.settled:
-            lines[-1] += f" (settled: {self.settled})"
+            lines[-1] += f" (expected: {self.settled})"
+        elif self.verdict == "not reproduced":
+            lines[-1] = f"    as expected: {self.verdict}"
         if self.reading:
             lines.append(f"    reading: {self.reading}")
         if self.exact:
@@ -197,6 +201,8 @@ class Figure:
     name : str
         Such as ``"fig4"``.
     title : str
+    caption : str
+        What the panels show.
     data : callable
         Computes everything that picture and claims need, as one labelled Dataset.
     drawing : callable
@@ -207,6 +213,7 @@ class Figure:
 
     name: str
     title: str
+    caption: str
     data: Compute
     drawing: Callable[[xr.Dataset], matplotlib.figure.Figure]
     claims: Callable[[xr.Dataset], tuple[Claim, ...]]
@@ -225,6 +232,7 @@ class Figure:
         data = self.data(report, quick)
         report(1.0)
         data.attrs["title"] = f"{self.name}: {self.title}"
+        data.attrs["caption"] = self.caption
         arguments: dict[str, object] = {"figure": self.name}
         if quick:
             arguments["quick"] = True
@@ -252,11 +260,18 @@ def _no_report(_: float) -> None:
     pass
 
 
+def variable(
+    dims: str | tuple[str, ...], values: object, long_name: str, units: str | None = None
+) -> tuple[str | tuple[str, ...], NDArray[Any], dict[str, str]]:
+    """Return a labelled variable or coordinate of a Dataset; texts have no unit."""
+    return dims, np.asarray(values), {"long_name": long_name} | ({} if units is None else {"units": units})
+
+
 def portions(progress: Progress, count: int) -> Iterator[Progress]:
-    """Share a progress among `count` tasks of equal length, one after the other."""
+    """Divide a progress between `count` tasks of equal length, one after the other."""
     for i in range(count):
 
-        def part(share: float, done: int = i) -> None:
-            progress((done + share) / count)
+        def part(fraction: float, done: int = i) -> None:
+            progress((done + fraction) / count)
 
         yield part

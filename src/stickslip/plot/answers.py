@@ -192,20 +192,15 @@ def chart(found: xr.Dataset) -> Figure:
     bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}".replace("-", "\N{MINUS SIGN}")))
     bar.ax.yaxis.set_minor_locator(LogLocator(subs=()))
     handles: dict[str, Any] = {}
-    stable_edge = found["other_unstable"].to_numpy() == 0
     number_of = found["curve"].to_numpy()
     x, y = found[f"edge_{across}"].to_numpy(), found[f"edge_{up}"].to_numpy()
     hertz = found["edge_frequency"].to_numpy() / (2 * np.pi)
     written: list[tuple[float, float]] = []
     for curve in np.unique(number_of):
         mine = number_of == curve
-        (more,) = ax.plot(x[mine], y[mine], color="0.35", lw=0.6, label="further modes become unstable")
-        inner = np.where(stable_edge[mine], y[mine], np.nan)
-        (line,) = ax.plot(x[mine], inner, color=BLACK, lw=1.6, label="limit of smooth sliding")
+        (line,) = ax.plot(x[mine], y[mine], color=BLACK, lw=1.6, label="limit of smooth sliding")
         handles |= {"edge": line}
-        if not stable_edge[mine].all():
-            handles |= {"more": more}
-        for i in _places(x[mine], y[mine], stable_edge[mine], found[across], found[up], written):
+        for i in _places(x[mine], y[mine], found[across], found[up], written):
             style: Any = {"fontsize": 7, "ha": "center", "va": "center"}
             style["bbox"] = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85}
             ax.annotate(_frequency(hertz[mine][i]), (x[mine][i], y[mine][i]), **style)
@@ -232,13 +227,11 @@ def _frequency(value: float) -> str:
     return f"{value:.0f}" if value >= 100 else f"{value:.3g}"
 
 
-def _places(
-    x: Any, y: Any, edge: Any, across: xr.DataArray, up: xr.DataArray, written: list[tuple[float, float]]
-) -> list[int]:
+def _places(x: Any, y: Any, across: xr.DataArray, up: xr.DataArray, written: list[tuple[float, float]]) -> list[int]:
     """Where along a curve its frequency is written: on the limit itself, inside the axes, and apart from each other."""
     u = np.log(x / float(across.min())) / np.log(float(across.max()) / float(across.min()))
     v = np.log(y / float(up.min())) / np.log(float(up.max()) / float(up.min()))
-    fits = edge & (u > 0.06) & (u < 0.94) & (v > 0.04) & (v < 0.96)
+    fits = (u > 0.06) & (u < 0.94) & (v > 0.04) & (v < 0.96)
     length = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(u), np.diff(v)))])
     inside = np.flatnonzero(fits)
     if inside.size == 0 or length[-1] < 0.2:

@@ -1,27 +1,31 @@
-"""Runs of a rig: an interface, a slider, a drive and a method in, a labelled Dataset out."""
+"""Runs of a rig: an interface, a slider, a drive and a method in, a labelled Dataset out.
 
-from stickslip.simulation.run import (
-    LABELS,
-    Progress,
-    check_method,
-    initial_nodes,
-    pull_rigidly,
-    rerun,
-    rig_of,
-    simulate,
-    slider_constants,
-    survival_table,
-)
+`engines` holds the solvers, one class each behind one protocol; `follow` takes any of them along any drive; `result`
+makes the Dataset.
+"""
+
+from stickslip.simulation.engines import Beginning, Leg
+from stickslip.simulation.engines.beginnings import initial_nodes
+from stickslip.simulation.engines.population import Population
+from stickslip.simulation.follow import Progress, follow_leg
+from stickslip.simulation.result import LABELS, labelled
+from stickslip.simulation.run import check_method, pull_rigidly, rerun, rig_of, simulate
+from stickslip.simulation.work import Work, estimate
 
 __all__ = [
     "LABELS",
+    "Beginning",
+    "Leg",
+    "Population",
     "Progress",
+    "Work",
     "check_method",
+    "estimate",
+    "follow_leg",
     "initial_nodes",
+    "labelled",
     "pull_rigidly",
     "rerun",
     "rig_of",
     "simulate",
-    "slider_constants",
-    "survival_table",
 ]

@@ -13,8 +13,7 @@ from stickslip.model.parameters import AGEING, DAMPING, DELAY, MASS, PARAMETERS,
 from stickslip.stability.critical import Crossing, Crossings, critical, critical_spring, onset
 from stickslip.stability.impedances import Impedance, Modes, RadiationDamping, SpringMassDamper
 from stickslip.stability.maps import boundary, stability_map
-from stickslip.stability.modes import count_unstable, growth_rate
-from stickslip.stability.response import dynamic_stiffness
+from stickslip.stability.modes import count_unstable, dynamic_stiffness, growth_rate
 
 __all__ = [
     "AGEING",

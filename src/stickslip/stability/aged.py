@@ -11,21 +11,22 @@ Off the axis, for growth rates, each point is computed.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
-from stickslip.errors import InputError
+from stickslip.errors import InputError, UndecidedError
 from stickslip.model import DelayModel, Interface, Langevin
 from stickslip.model.distributions import Gaussian
+from stickslip.stability.impedances import Impedance, is_plain, natural_frequencies
+from stickslip.stability.neutral import features, neutral_frequencies
+from stickslip.stability.response import Array, ComplexArray, Precision, Scan, distinct_roots
 from stickslip.theory import gaussian_ageing
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complexfloating[Any, Any]]
 
 ACCURACY = 1e-3
 """Of a tabulated kappa, per contact; about sharp resonances at low speed it is some times less."""
@@ -35,7 +36,11 @@ _PER_DECADE = 48
 _SLOWEST, _FASTEST = 1e-3, 50.0
 """Reduced speeds for which the response is computed."""
 _POINT = 80
-"""Cells of the gap where one point is asked for; one extrapolation to half their width."""
+"""Cells of the margin where one point is asked for; one extrapolation to half their width."""
+_ROUGH = 30
+"""Cells of the margin for roots that are looked for, not polished."""
+_LIVES = 4.0
+"""How quickly a mode may decay to be looked for, per mean life."""
 _LOWEST = 0.01
 """Phase of a life down to which the table goes; below it kappa is in proportion to the frequency."""
 
@@ -48,7 +53,9 @@ class AgedResponse:
     distribution: Gaussian
     delay: DelayModel
 
-    inert = False
+    inert: ClassVar[bool] = False
+    # The response is computed on grids that vary with the rig; counts come from a table, crossings do not.
+    precision: ClassVar[Precision] = Precision(step=1e-3, settled=1e-5, slack=1e-3)
 
     def stiffness(self, velocity: ArrayLike, s: ArrayLike) -> ComplexArray:
         """``kappa(s)`` on the imaginary axis, from the table; `velocity` and `s` broadcast."""
@@ -78,6 +85,88 @@ class AgedResponse:
         top = _top(u, self._shape[0])
         w = np.union1d(np.geomspace(1e-4 / longest, top, 240), fine[fine < top])
         return np.asarray(w * self._square)
+
+    def loss(self, body: Impedance, velocity: float | Array, omega: Array) -> Array:
+        """``Im(Z + kappa)``."""
+        s = 1j * omega
+        return np.asarray((body(s) + self.stiffness(velocity, s)).imag)
+
+    def scan(self, body: Impedance, velocity: float, softest: float | None) -> Scan:
+        """`loss` at all frequencies at which the response turns, whatever the rig."""
+        del softest
+        omega = self.frequencies(velocity)
+        if not is_plain(body):
+            omega = np.union1d(omega, features(body, omega, body(1j * omega)))
+        return Scan(omega, self.loss(body, velocity, omega))
+
+    def count(self, body: Impedance, velocity: float) -> int:
+        """Count the roots of ``Z + kappa`` with ``Re s > 0``, from the neutral frequencies."""
+        (neutral,) = neutral_frequencies(self, body, [velocity])
+        near = np.flatnonzero(np.abs(neutral.extra) < ACCURACY)
+        if near.size:
+            raise UndecidedError(
+                f"smooth sliding at velocity {velocity:g} is neutral to within the accuracy of the response "
+                f"({ACCURACY:g} of the stiffness of the contacts), at angular frequency {neutral.omega[near[0]]:.5g}: "
+                "on its stability boundary; move a parameter to one side"
+            )
+        return neutral.unstable()
+
+    def rightmost(self, body: Impedance, velocity: float) -> complex:
+        """Return the rightmost root of ``Z + kappa`` among those found; growing ones are confirmed by their count."""
+        growing = self.count(body, velocity)
+
+        def value(s: complex) -> complex:
+            points = np.array([s])
+            return complex((body(points) + self.exact(velocity, points))[0])
+
+        near = self.roots(body, velocity, np.empty(0, dtype=complex))
+        polished = [root for root in (_secant(value, s, 1e-9) for s in near[:6].tolist()) if root is not None]
+        roots = distinct_roots(np.array(polished, dtype=complex), 1.0 / velocity)
+        found = int(np.sum(np.where(roots.imag > 0, 2, 1)[roots.real > 0]))
+        if found == growing and roots.size:
+            return complex(roots[0])
+        if growing:
+            raise UndecidedError(
+                f"smooth sliding at velocity {velocity:g} has {growing} growing modes, not all of which were found"
+            )
+        raise UndecidedError(
+            f"smooth sliding at velocity {velocity:g} is stable; its modes decay too quickly to be followed from the "
+            "axis"
+        )
+
+    def roots(self, body: Impedance, velocity: float, starts: ComplexArray) -> ComplexArray:
+        """Return the roots not far from the axis, rightmost first: by secants from the dips along the axis."""
+        del starts  # those along the axis cost as much to correct as to find
+        omega = self.frequencies(velocity)
+        own = natural_frequencies(body)
+        size = np.abs(body(1j * omega) + self.stiffness(velocity, 1j * omega))
+        dip = np.flatnonzero((size[1:-1] < size[:-2]) & (size[1:-1] <= size[2:])) + 1
+        dip = dip[np.argsort(size[dip])][:5]
+
+        def value(points: ComplexArray) -> ComplexArray:
+            return np.asarray(body(points) + self.exact(velocity, points, cells=_ROUGH))
+
+        real = np.geomspace(omega[0], omega[-1], 40)
+        turned = np.flatnonzero(np.diff(np.sign(value(real + 0j).real)))
+        starts = np.concatenate([1j * omega[dip], own[own.imag > 0], np.sqrt(real[turned] * real[turned + 1])])
+        # Further left what many lives have left behind grows beyond all bounds, and the errors of the grid with it.
+        left = -_LIVES / self.life(velocity)
+        before, s = starts * (1 + 0.02j * (starts.imag != 0) - 0.05 * (starts.imag == 0)), starts.copy()
+        f_before, f = value(before), value(s)
+        settled = np.zeros(s.shape, dtype=bool)
+        with np.errstate(all="ignore"):
+            for _ in range(25):
+                step = np.where(settled | (f == f_before), 0.0, -f * (s - before) / (f - f_before))
+                step *= np.minimum(1.0, 0.3 * np.abs(s) / np.maximum(np.abs(step), 1e-300))
+                before, f_before, s = s, f, s + step
+                settled |= np.abs(step) < 1e-6 * np.abs(s)
+                s[s.real < left] = np.nan
+                busy = np.isfinite(s) & ~settled
+                if not busy.any():
+                    break
+                f = f.copy()
+                f[busy] = value(s[busy])
+        return distinct_roots(s[settled & np.isfinite(s)], 1e-3 / float(omega[0]))
 
     def life(self, velocity: float) -> float:
         """About how long a contact lives."""
@@ -206,3 +295,20 @@ def _row(delta: float, newborn: float, number: int) -> tuple[CubicSpline[Any], f
     cells = 40 if u > 0.15 else 60 if u > 0.04 else 80
     parts, rest = _life(u, delta, newborn, 1j * unit * phase, cells)
     return CubicSpline(np.log(phase), parts, axis=1), rest
+
+
+def _secant(function: Callable[[complex], complex], start: complex, tolerance: float) -> complex | None:
+    """Root near a start; None where the search does not settle."""
+    before, s = start * (1 + 1e-3j), start
+    f_before, f = function(before), function(s)
+    for _ in range(20):
+        if f == f_before:
+            return s
+        step = -f * (s - before) / (f - f_before)
+        if not abs(step) < 0.3 * abs(s):
+            return None
+        before, f_before, s = s, f, s + step
+        if abs(step) < tolerance * abs(s):
+            return complex(s.real, abs(s.imag))
+        f = function(s)
+    return None

@@ -1,7 +1,7 @@
-"""Critical values: where smooth sliding loses or regains stability as one parameter is turned.
+"""Critical values: where smooth sliding loses or regains stability as one parameter is varied.
 
-`critical` finds every crossing along a parameter of a rig. All is linear: it says where smooth sliding is unstable to the
-smallest disturbance, not where stick-slip, once started, decays.
+`critical` finds every crossing along a parameter of a rig. All is linear: it says where smooth sliding is unstable to
+the smallest disturbance, not where stick-slip, once started, decays.
 """
 
 from __future__ import annotations
@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 from stickslip.errors import UndecidedError, instance, number
 from stickslip.model.parameters import Parameter, check_range, parameter_named
 from stickslip.model.rig import Rig
-from stickslip.stability.aged import AgedResponse
 from stickslip.stability.impedances import impedance
-from stickslip.stability.modes import Neutral, neutral_frequencies
-from stickslip.stability.response import respond
+from stickslip.stability.modes import respond
+from stickslip.stability.neutral import Neutral, neutral_frequencies
 
 Array = NDArray[np.float64]
 
@@ -107,7 +106,7 @@ class Crossings:
 
     def __str__(self) -> str:
         low, high = self.searched
-        where = f"for {self.parameter} from {low:g} to {high:g} {self.unit}"
+        where = f"for {self.parameter} from {low:g} to {high:g}{'' if self.unit == '1' else f' {self.unit}'}"
         if not self.edges:
             state = "unstable" if self.unstable_at_ends[0] else "stable"
             return f"smooth sliding is {state} all the way {where}: no boundary there"
@@ -132,8 +131,8 @@ def critical(rig: Rig, parameter: Parameter | str, *, between: tuple[float, floa
     rig : Rig
         The parameter's own value in it does not matter.
     parameter : Parameter or str
-        What to vary: ``"stiffness"``, ``"velocity"``, ``"mass"``, ``"damping"``, ``"delay"``, ``"std"``, ``"ageing"``, or
-        a parameter of your own.
+        What to vary: ``"stiffness"``, ``"velocity"``, ``"mass"``, ``"damping"``, ``"delay"``, ``"std"``, ``"ageing"``,
+        or a parameter of your own.
     between : (float, float)
         Range searched, in the rig's own units, both above 0.
 
@@ -203,8 +202,8 @@ def critical_spring(rig: Rig) -> float:
     Returns
     -------
     float
-        In the rig's own units; 0 if smooth sliding is stable on any spring (down to 1e-6 ``k``). Linear: stick-slip once
-        started may live on stiffer ones.
+        In the rig's own units; 0 if smooth sliding is stable on any spring (down to 1e-6 ``k``). Linear: stick-slip
+        once started may live on stiffer ones.
 
     Raises
     ------
@@ -239,7 +238,7 @@ def _range(rig: Rig, parameter: Parameter | str, between: tuple[float, float]) -
 # ---------------------------------------------------------------- the search
 
 
-class _Point(NamedTuple):
+class Point(NamedTuple):
     """The neutral frequencies at one value of the parameter."""
 
     value: float
@@ -259,9 +258,9 @@ def neutral_along(
     return found
 
 
-def _look(parameter: Parameter, rig: Rig, values: Sequence[float]) -> list[_Point]:
+def _look(parameter: Parameter, rig: Rig, values: Sequence[float]) -> list[Point]:
     along = neutral_along(parameter, rig, values)
-    return [_Point(value, neutral, neutral.unstable()) for value, neutral in zip(values, along, strict=True)]
+    return [Point(value, neutral, neutral.unstable()) for value, neutral in zip(values, along, strict=True)]
 
 
 def search(
@@ -277,7 +276,7 @@ def search(
         ahead = values[len(points) : len(points) + (6 if first else count)]
         points += _look(parameter, rig, ahead)
         for k in range(len(points) - len(ahead), len(points)):
-            found += _between(parameter, rig, points[k - 1], points[k])
+            found += crossings_between(parameter, rig, points[k - 1], points[k])
             if k >= 2:
                 found += _hidden(parameter, rig, points[k - 2], points[k - 1], points[k], 6)
         if first and (points[0].unstable > 0 or any(c.unstable_below * c.unstable_above == 0 for c in found)):
@@ -291,13 +290,13 @@ def search(
     )
 
 
-def _between(parameter: Parameter, rig: Rig, left: _Point, right: _Point) -> list[Crossing]:
-    """Crossings between two points, by quartering until each part holds at most one branch that changes sign."""
+def crossings_between(parameter: Parameter, rig: Rig, left: Point, right: Point) -> list[Crossing]:
+    """Return the crossings between two points, by quartering until a part holds one branch that changes sign."""
     changing = [branch for branch in _matched(left, right) if (branch[1] > 0) != (branch[3] > 0)]
     if left.unstable == right.unstable and not changing:
         return []
     width = math.log(right.value / left.value)
-    slack = 1e-12 if rig.interface.ageing is None else 1e-3  # counts come from a table, crossings do not
+    slack = respond(rig.interface).precision.slack
     if abs(left.unstable - right.unstable) == 2 and len(changing) <= 1:
         starts = [(e / (e - f), w, u) for w, e, u, f in changing]
         if width < 1e-3:
@@ -317,10 +316,10 @@ def _between(parameter: Parameter, rig: Rig, left: _Point, right: _Point) -> lis
         return [] if left.unstable == right.unstable else [_crossing(at, left, right)]
     inner = (left.value * np.exp(width * np.array([0.25, 0.5, 0.75]))).tolist()
     points = [left, *_look(parameter, rig, inner), right]
-    return [c for pair in pairwise(points) for c in _between(parameter, rig, *pair)]
+    return [c for pair in pairwise(points) for c in crossings_between(parameter, rig, *pair)]
 
 
-def _crossing(at: tuple[float, float], left: _Point, right: _Point) -> Crossing:
+def _crossing(at: tuple[float, float], left: Point, right: Point) -> Crossing:
     return Crossing(value=at[0], frequency=at[1], unstable_below=left.unstable, unstable_above=right.unstable)
 
 
@@ -331,7 +330,7 @@ def _nearest(neutral: Neutral) -> Array:
     return omega[np.isfinite(omega)][:4]
 
 
-def _matched(one: _Point, two: _Point) -> list[tuple[float, float, float, float]]:
+def _matched(one: Point, two: Point) -> list[tuple[float, float, float, float]]:
     """Branches present at both points, each the other's nearest: frequency and lacking spring at one, then at two."""
     furthest = 0.02 + 2.5 * abs(math.log(two.value / one.value))
     pairs = []
@@ -349,7 +348,7 @@ def _matched(one: _Point, two: _Point) -> list[tuple[float, float, float, float]
     return pairs
 
 
-def _hidden(parameter: Parameter, rig: Rig, before: _Point, here: _Point, after: _Point, depth: int) -> list[Crossing]:
+def _hidden(parameter: Parameter, rig: Rig, before: Point, here: Point, after: Point, depth: int) -> list[Crossing]:
     """Pairs of crossings about a point where a branch comes near to changing sign and turns back."""
     if not before.unstable == here.unstable == after.unstable or depth == 0:
         return []
@@ -366,7 +365,7 @@ def _hidden(parameter: Parameter, rig: Rig, before: _Point, here: _Point, after:
         fine = np.geomspace(before.value, after.value, 9)[1:-1].tolist()
         points = [before, *_look(parameter, rig, fine), after]
         if any(p.unstable != here.unstable for p in points):
-            return [c for pair in pairwise(points) for c in _between(parameter, rig, *pair)]
+            return [c for pair in pairwise(points) for c in crossings_between(parameter, rig, *pair)]
         return [
             c
             for triple in zip(points, points[1:], points[2:], strict=False)
@@ -379,8 +378,7 @@ def residual_and_slopes(
     parameters: Sequence[Parameter], rig: Rig, logs: Sequence[float], log_omega: float
 ) -> tuple[complex, list[complex]]:
     """Return ``Z + kappa`` at ``s = i omega`` and its slopes in the logarithm of each parameter and of omega."""
-    # The response of ageing contacts is computed on grids that vary with the rig.
-    d, here = 1e-6 if rig.interface.ageing is None else 1e-3, rig
+    d, here = respond(rig.interface).precision.step, rig
     for parameter, log in zip(parameters, logs, strict=True):
         here = parameter.set(here, math.exp(log))
     # The point itself, omega turned both ways, then each parameter varied both ways.
@@ -395,9 +393,7 @@ def residual_and_slopes(
         values[own] = impedance(body)(s[own])
     for interface in dict.fromkeys(each.interface for each in there):
         own = np.array([each.interface == interface for each in there])
-        response = respond(interface)
-        kappa = response.exact if isinstance(response, AgedResponse) else response.stiffness
-        values[own] += kappa(speed[own], s[own])
+        values[own] += respond(interface).exact(speed[own], s[own])
     slopes = ((values[1::2] - values[2::2]) / (2 * d)).tolist()
     return complex(values[0]), [*slopes[1:], slopes[0]]
 
@@ -407,7 +403,7 @@ def polish(
 ) -> tuple[float, float] | None:
     """Newton's method in (log value, log omega) for ``Z + kappa = 0`` at ``i omega``; None if it does not settle."""
     x, y, last = log_value, log_omega, math.inf
-    aged = rig.interface.ageing is not None
+    settled = max(1e-14, respond(rig.interface).precision.settled)
     for _ in range(12):
         f, (fx, fy) = residual_and_slopes([parameter], rig, [x], y)
         det = (fx.conjugate() * fy).imag
@@ -418,7 +414,7 @@ def polish(
         x, y = x + dx, y + dy
         if not (step < 1.0 and abs(x - log_value) < furthest):
             return None
-        if step < 1e-14 or (step < 1e-10 and step >= 0.5 * last) or (step < 1e-5 and aged):
+        if step < settled or (step < 1e-10 and step >= 0.5 * last):
             return math.exp(x), math.exp(y)
         last = step
     return None

@@ -1,11 +1,11 @@
-"""Maps of the stability of smooth sliding over two parameters, and their boundaries followed by continuation."""
+"""Maps of the stability of smooth sliding over two parameters, and their boundaries."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import is_dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,10 +14,10 @@ from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.io import datasets as store
 from stickslip.model.parameters import STIFFNESS, VELOCITY, Parameter, check_range, parameter_named
 from stickslip.model.rig import Rig
-from stickslip.stability.critical import neutral_along, residual_and_slopes, search
+from stickslip.stability.critical import Point, crossings_between, neutral_along
 from stickslip.stability.impedances import impedance
-from stickslip.stability.modes import rightmost_root, track_roots
-from stickslip.stability.response import respond
+from stickslip.stability.modes import respond, rightmost_root
+from stickslip.stability.neutral import Neutral
 
 if TYPE_CHECKING:
     import xarray
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Window = tuple[tuple[float, float], tuple[float, float]]
 
-LINES = 25
-"""Lines across the window on which starts are looked for, where a line costs next to nothing."""
-FEW_LINES = 7
+LINES = 65
+"""Lines across the window in each direction, where a line costs next to nothing."""
+FEW_LINES = 33
 """The same where each point on a line has a response of its own."""
 
 
@@ -37,12 +37,11 @@ def boundary(
     over: tuple[Parameter | str, Parameter | str] = (STIFFNESS, VELOCITY),
     between: Window,
 ) -> xarray.Dataset:
-    """Follow every neutral curve of smooth sliding in a window of two parameters.
+    """Find where smooth sliding loses or regains stability in a window of two parameters.
 
-    Pseudo-arclength continuation of ``Z(i omega) + kappa(i omega) = 0`` in the logarithms of both parameters and
-    of omega: folds and re-entrant branches are nothing special, closed curves close. Starts are the crossings
-    on lines across the window in both directions, its edges among them; a closed curve that slips between two
-    lines is missed.
+    The contour between stable and unstable points of a grid, each of its points then polished by Newton's method along
+    its line of the grid, as `critical` does: folds and re-entrant branches are nothing special, closed curves close. An
+    island or a bay narrower than the grid, a 32nd of the window (over the stiffness a 64th), may be missed.
 
     Parameters
     ----------
@@ -56,9 +55,8 @@ def boundary(
     Returns
     -------
     xarray.Dataset
-        Along ``point``: the two parameters, ``frequency`` (angular, of the neutral mode), ``curve`` (which curve
-        the point is on; points of a curve follow each other) and ``other_unstable`` (growing modes beside the
-        neutral one: 0 on the edge of stability). No points where there is no boundary; the window searched is
+        Along ``point``: the two parameters, ``frequency`` (angular, of the neutral mode) and ``curve`` (which curve the
+        point is on; points of a curve follow each other). No points where there is no boundary; the window searched is
         in ``attrs``.
 
     Raises
@@ -70,12 +68,11 @@ def boundary(
     parameters, window = _window(over, between)
     natural = rig.natural
     window = window / np.array([[rig.unit(parameter.unit)] for parameter in parameters])
-    curves: list[_Curve] = []
-    for start in _starts(parameters, natural, window):
-        if not any(_lies_on(parameters, natural, curve, start) for curve in curves):
-            curve = _follow(parameters, natural, np.log(window), start)
-            if curve is not None:
-                curves.append(curve)
+    lines = LINES if any(_is_free(parameter, natural) for parameter in parameters) else FEW_LINES
+    grids = [np.geomspace(low, high, lines) for low, high in window]
+    for grid, ends in zip(grids, window, strict=True):
+        grid[[0, -1]] = ends
+    curves = _contour(parameters, natural, grids)
     return rig.in_its_units(_boundary_dataset(parameters, natural, window, curves))
 
 
@@ -148,7 +145,7 @@ def _counts(inner: Parameter, outer: Parameter, rig: Rig, a: Array, b: Array) ->
 
 
 def _is_free(parameter: Parameter, rig: Rig) -> bool:
-    """Whether the parameter adds the same to ``Z`` at every frequency: one set of neutral frequencies for all values."""
+    """Whether the parameter adds the same to ``Z`` at every frequency: one set of neutral frequencies for all."""
     return parameter is STIFFNESS and hasattr(rig.slider, "stiffness")
 
 
@@ -166,7 +163,7 @@ def _roots_on_grid(
             # Every few points the search starts afresh, for a root that overtakes from outside the ones carried along.
             starts = known[:8] if i % 16 else known[:0]
             for attempt in (starts, known[:0]):
-                known = track_roots(response, body, here.velocity, attempt)
+                known = response.roots(body, here.velocity, attempt)
                 growing = sum(2 if root.imag > 0 else 1 for root in known if root.real > 0)
                 if growing == counts[i, j] and known.size:
                     roots[i, j] = known[0]
@@ -217,7 +214,7 @@ def _provenance(call: str, parameters: Sequence[Parameter], rig: Rig, **more: ob
     return store.provenance(call, arguments)
 
 
-# ---------------------------------------------------------------- starts of curves
+# ---------------------------------------------------------------- boundaries
 
 
 def _two_parameters(over: tuple[Parameter | str, Parameter | str]) -> tuple[Parameter, Parameter]:
@@ -233,190 +230,79 @@ def _window(over: tuple[Parameter | str, Parameter | str], within: Window) -> tu
     return parameters, np.array(ranges)
 
 
-def _starts(parameters: tuple[Parameter, Parameter], rig: Rig, window: Array) -> list[Array]:
-    """Points ``(log a, log b, log omega)`` where neutral curves cross lines over the window."""
-    starts = []
-    for k, parameter in enumerate(parameters):
-        other, span = parameters[1 - k], window[1 - k]
-        free, other_free = _is_free(parameter, rig), _is_free(other, rig)
-        lines = np.geomspace(span[0], span[1], LINES if free else 2 if other_free else FEW_LINES).tolist()
-        lines[0], lines[-1] = span
-        for line, value, omega in _on_lines(parameter, other, rig, window[k], lines):
-            point = np.log([value, line, omega])
-            starts.append(point if k == 0 else point[[1, 0, 2]])
-    return starts
-
-
-def _on_lines(
-    parameter: Parameter, other: Parameter, rig: Rig, span: Array, lines: list[float]
-) -> list[tuple[float, float, float]]:
-    """Crossings ``(line, value, omega)`` along the parameter, on lines of constant value of the other one."""
-    low, high = float(span[0]), float(span[1])
-    if _is_free(parameter, rig):
-        along = neutral_along(other, parameter.set(rig, low), lines, softest=low)
-        return [
-            (line, low + extra, omega)
-            for line, neutral in zip(lines, along, strict=True)
-            for omega, extra in zip(neutral.omega.tolist(), neutral.extra.tolist(), strict=True)
-            if 0 <= extra <= high - low
+def _points_on_grid(parameters: tuple[Parameter, Parameter], rig: Rig, grids: Sequence[Array]) -> list[list[Neutral]]:
+    """Neutral frequencies at each point of the grid, by the first parameter and then by the second."""
+    free = next((k for k in range(2) if _is_free(parameters[k], rig)), None)
+    if free is None:
+        inner = 1 if parameters[0] is not VELOCITY else 0
+        found = [
+            neutral_along(parameters[inner], parameters[1 - inner].set(rig, value), grids[inner].tolist())
+            for value in grids[1 - inner].tolist()
         ]
-    return [
-        (line, crossing.value, crossing.frequency)
-        for line in lines
-        for crossing in search(parameter, other.set(rig, line), low, high, density=16 if parameter is VELOCITY else 8)
-        if math.isfinite(crossing.frequency)
-    ]
-
-
-# ---------------------------------------------------------------- continuation
-
-
-def _linearised(parameters: Sequence[Parameter], rig: Rig, z: Array) -> tuple[Array, Array]:
-    """Residual, shape (2,), and its Jacobian in the three logarithms, shape (2, 3)."""
-    value, slopes = residual_and_slopes(parameters, rig, z[:2].tolist(), float(z[2]))
-    return np.array([value.real, value.imag]), np.array(
-        [[slope.real for slope in slopes], [slope.imag for slope in slopes]]
+        return found if inner == 1 else [list(row) for row in zip(*found, strict=True)]
+    # What a softer spring lacks, a stiffer one lacks by so much less.
+    springs = grids[free]
+    softest = float(springs[0])
+    along = neutral_along(
+        parameters[1 - free], parameters[free].set(rig, softest), grids[1 - free].tolist(), softest=softest
     )
+    found = [[neutral._replace(extra=neutral.extra - (k - softest)) for neutral in along] for k in springs.tolist()]
+    return found if free == 0 else [list(row) for row in zip(*found, strict=True)]
 
 
-def _tangent(jacobian: Array) -> Array:
-    direction = np.cross(jacobian[0], jacobian[1])
-    return np.asarray(direction / np.linalg.norm(direction))
+def _contour(parameters: tuple[Parameter, Parameter], rig: Rig, grids: Sequence[Array]) -> list[Array]:
+    """Lines between stable and unstable points of the grid: both parameters and the frequency, shape (n, 3) each."""
+    import contourpy
+
+    points = _points_on_grid(parameters, rig, grids)
+    unstable = np.array([[neutral.unstable() > 0 for neutral in row] for row in points])
+    crossed: dict[tuple[float, float], tuple[float, float, float] | None] = {}
+    curves = []
+    for line in contourpy.contour_generator(z=np.where(unstable, 1.0, -1.0)).lines(0.0):
+        curve = []
+        # Each point of the contour lies half way between a stable and an unstable point of the grid.
+        for j, i in np.asarray(line).tolist():
+            if (i, j) not in crossed:
+                crossed[i, j] = _on_side(parameters, rig, grids, points, i, j)
+            curve.append(crossed[i, j])
+        found = [point for point in curve if point is not None]
+        if found:
+            curves.append(np.array(found))
+    return curves
 
 
-def _correct(
-    parameters: Sequence[Parameter], rig: Rig, guess: Array, normal: Array, through: Array | None = None
-) -> tuple[Array, Array] | None:
-    """Newton's method within a plane across `normal`; the point and the curve's direction there."""
-    anchor = guess if through is None else through
-    z, last = guess.copy(), math.inf
-    for _ in range(8):
-        residual, jacobian = _linearised(parameters, rig, z)
-        system = np.vstack([jacobian, normal])
-        if not np.all(np.isfinite(system)) or abs(np.linalg.det(system)) == 0:
-            return None
-        step = np.linalg.solve(system, -np.append(residual, normal @ (z - anchor)))
-        size = float(np.max(np.abs(step)))
-        if size > 0.5:
-            return None
-        z = z + step
-        enough = 1e-13 if rig.interface.ageing is None else 1e-10
-        if size < 1e-12 or (size < 1e-9 and size > 0.1 * last) or size**2 < enough:
-            return z, _tangent(jacobian)
-        last = size
+def _on_side(
+    parameters: tuple[Parameter, Parameter],
+    rig: Rig,
+    grids: Sequence[Array],
+    points: list[list[Neutral]],
+    i: float,
+    j: float,
+) -> tuple[float, float, float] | None:
+    """The boundary itself on the side of a cell, of which ``(i, j)`` is the middle, and the frequency there."""
+    at, beyond = (math.floor(i), math.floor(j)), (math.ceil(i), math.ceil(j))
+    k = 0 if beyond[0] > at[0] else 1
+    along, other = parameters[k], float(grids[1 - k][at[1 - k]])
+    left, right = (
+        Point(float(grids[k][end[k]]), neutral, neutral.unstable())
+        for end in (at, beyond)
+        for neutral in (points[end[0]][end[1]],)
+    )
+    for crossing in crossings_between(along, parameters[1 - k].set(rig, other), left, right):
+        changes = crossing.loses_stability or crossing.regains_stability
+        if changes and math.isfinite(crossing.frequency):
+            place = (crossing.value, other) if k == 0 else (other, crossing.value)
+            return *place, crossing.frequency
     return None
 
 
-class _Curve(NamedTuple):
-    """Points along a neutral curve and the curve's direction at each, shapes (n, 3)."""
-
-    points: Array
-    directions: Array
-
-
-def _follow(parameters: tuple[Parameter, Parameter], rig: Rig, window: Array, start: Array) -> _Curve | None:
-    """The curve through `start`, from one end in the window to the other, or all the way round."""
-    begun = _correct(parameters, rig, start, np.array([0.0, 0.0, 1.0])) or _correct(
-        parameters, rig, start, np.array([1.0, 0.0, 0.0])
-    )
-    if begun is None:
-        return None
-    origin, direction = begun
-    ahead, closed = _one_way(parameters, rig, window, origin, direction)
-    if closed:
-        return _Curve(*(np.array(a) for a in zip(begun, *ahead, begun, strict=True)))
-    behind, _ = _one_way(parameters, rig, window, origin, -direction)
-    back = [(point, -tangent) for point, tangent in behind[::-1]]
-    return _Curve(*(np.array(a) for a in zip(*back, begun, *ahead, strict=True)))
-
-
-def _one_way(
-    parameters: tuple[Parameter, Parameter], rig: Rig, window: Array, origin: Array, direction: Array
-) -> tuple[list[tuple[Array, Array]], bool]:
-    """Points and directions from the origin on, and whether the curve came back to it."""
-    span = window[:, 1] - window[:, 0]
-    longest = 0.05 * float(np.min(span))
-    points: list[tuple[Array, Array]] = []
-    z, tangent, bend, h = origin, direction, np.zeros(3), 0.25 * longest
-    while len(points) < 5000:
-        stepped = _correct(parameters, rig, z + h * (tangent + 0.5 * h * bend), tangent)
-        if stepped is None or abs(stepped[1] @ tangent) < math.cos(0.35):
-            h *= 0.5
-            bend = np.zeros(3)
-            if h < 1e-7 * longest:
-                raise UndecidedError(
-                    f"the boundary could not be followed beyond {parameters[0].name} = {math.exp(z[0]):.6g}, "
-                    f"{parameters[1].name} = {math.exp(z[1]):.6g}: it turns too sharply there"
-                )
-            continue
-        new, new_tangent = stepped[0], stepped[1] * math.copysign(1.0, stepped[1] @ tangent)
-        if np.any((new[:2] < window[:, 0]) | (new[:2] > window[:, 1])) or new[2] < -40:
-            edge = _at_edge(parameters, rig, window, z, new, new_tangent)
-            return ([*points, edge] if edge is not None else points), False
-        if len(points) > 2 and _passes(z, new, origin, direction, new_tangent):
-            return points, True
-        points.append((new, new_tangent))
-        bend = (new_tangent - tangent) / float(np.linalg.norm(new - z))
-        turn = math.acos(min(1.0, float(new_tangent @ tangent)))
-        z, tangent = new, new_tangent
-        h = float(np.clip(h * np.clip(0.15 / max(turn, 1e-3), 0.5, 2.0), 1e-7 * longest, longest))
-    return points, False
-
-
-def _passes(z: Array, new: Array, origin: Array, direction: Array, tangent: Array) -> bool:
-    """Whether the step from `z` to `new` goes through the origin of the curve again, the same way."""
-    chord = new - z
-    t = float(np.clip((origin - z) @ chord / (chord @ chord), 0.0, 1.0))
-    near = float(np.linalg.norm(z + t * chord - origin)) < 0.1 * float(np.linalg.norm(chord))
-    return near and float(tangent @ direction) > 0.8
-
-
-def _at_edge(
-    parameters: Sequence[Parameter], rig: Rig, window: Array, z: Array, new: Array, tangent: Array
-) -> tuple[Array, Array] | None:
-    """Where the curve leaves the window between `z` and `new`."""
-    found: tuple[float, tuple[Array, Array]] | None = None
-    for k in range(2):
-        for edge in window[k]:
-            if (z[k] - edge) * (new[k] - edge) < 0:
-                t = (edge - z[k]) / (new[k] - z[k])
-                guess = z + t * (new - z)
-                guess[k] = edge
-                landed = _correct(parameters, rig, guess, np.eye(3)[k])
-                if landed is not None and (found is None or t < found[0]):
-                    found = t, (landed[0], landed[1] * math.copysign(1.0, landed[1] @ tangent))
-    return None if found is None else found[1]
-
-
-def _lies_on(parameters: tuple[Parameter, Parameter], rig: Rig, curve: _Curve, point: Array) -> bool:
-    """Whether a point of some neutral curve is on this one."""
-    begin, chord = curve.points[:-1], np.diff(curve.points, axis=0)
-    length = np.maximum(np.linalg.norm(chord, axis=1), 1e-300)
-    t = np.clip(np.sum((point - begin) * chord, axis=1) / length**2, 0.0, 1.0)
-    away = np.linalg.norm(begin + t[:, None] * chord - point, axis=1)
-    k = int(np.argmin(away))
-    if away[k] > 0.3 * length[k] + 1e-6:
-        return False
-    # Cubic Hermite interpolation settles most cases, Newton's method the others.
-    u = float(t[k])
-    foot = begin[k] + u * chord[k]
-    foot = foot + u * (1 - u) * (
-        (1 - u) * (length[k] * curve.directions[k] - chord[k]) - u * (length[k] * curve.directions[k + 1] - chord[k])
-    )
-    if float(np.linalg.norm(foot - point)) < 2e-3 * length[k]:
-        return True
-    landed = _correct(parameters, rig, foot, chord[k] / length[k], through=point)
-    return landed is not None and float(np.linalg.norm(landed[0] - point)) < 1e-6
-
-
 def _boundary_dataset(
-    parameters: tuple[Parameter, Parameter], rig: Rig, window: Array, curves: list[_Curve]
+    parameters: tuple[Parameter, Parameter], rig: Rig, window: Array, curves: list[Array]
 ) -> xarray.Dataset:
     import xarray
 
-    points = np.concatenate([curve.points for curve in curves]) if curves else np.empty((0, 3))
-    values = np.exp(points)
-    which = np.repeat(np.arange(len(curves)), [len(curve.points) for curve in curves])
+    values = np.concatenate([np.empty((0, 3)), *curves])
+    which = np.repeat(np.arange(len(curves)), [len(curve) for curve in curves])
     data = {
         parameter.name: ("point", values[:, k], {"units": parameter.unit, "long_name": parameter.name})
         for k, parameter in enumerate(parameters)
@@ -427,33 +313,5 @@ def _boundary_dataset(
         {"units": "1/time", "long_name": "angular frequency of the neutral mode"},
     )
     data["curve"] = ("point", which, {"units": "1", "long_name": "number of the curve"})
-    data["other_unstable"] = (
-        "point",
-        _others(parameters, rig, values),
-        {"units": "1", "long_name": "growing modes beside the neutral one"},
-    )
     made = _provenance("boundary", parameters, rig, within=window.tolist())
     return xarray.Dataset(data, attrs={"provenance": made})
-
-
-def _others(parameters: tuple[Parameter, Parameter], rig: Rig, values: Array) -> NDArray[np.int64]:
-    """Growing modes at each point of a curve, the neutral one left out."""
-    if values.shape[0] == 0:
-        return np.empty(0, dtype=np.int64)
-    free = next((k for k, parameter in enumerate(parameters) if _is_free(parameter, rig)), None)
-    if free is not None:
-        softest = float(np.min(values[:, free]))
-        soft = parameters[free].set(rig, softest)
-        neutrals = neutral_along(parameters[1 - free], soft, values[:, 1 - free].tolist(), softest=softest)
-        added = values[:, free] - softest
-    else:
-        there = [parameters[1].set(parameters[0].set(rig, a), b) for a, b in values[:, :2].tolist()]
-        neutrals = [n for here in there for n in neutral_along(VELOCITY, here, [here.velocity])]
-        added = np.zeros(len(there))
-    counts = np.empty(len(neutrals), dtype=np.int64)
-    for k, (neutral, omega) in enumerate(zip(neutrals, values[:, 2], strict=True)):
-        own = np.abs(neutral.omega - omega) < 1e-6 * omega
-        stiffer = int(np.sum(neutral.modes[~own & (neutral.extra > added[k])]))
-        # Just above the neutral spring and just below it: the neutral pair counts on one side only.
-        counts[k] = min(stiffer, stiffer + int(np.sum(neutral.modes[own])))
-    return counts

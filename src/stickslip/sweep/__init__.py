@@ -10,16 +10,19 @@ from typing import Any
 
 from stickslip.sweep._executors import Processes, Threads
 from stickslip.sweep._grid import Status, in_words, open_sweep, run_cases, status_of
-from stickslip.sweep._refine import Span, refine
+from stickslip.sweep._refine import Refinement, Span, refine
 from stickslip.sweep._results import Failure, Summary, failures, summary
-from stickslip.sweep._run import MAX_CASES, Progress
+from stickslip.sweep._run import MAX_CASES, Options, Progress, Runs
 from stickslip.sweep._table import is_store
 
 __all__ = [
     "MAX_CASES",
     "Failure",
+    "Options",
     "Processes",
     "Progress",
+    "Refinement",
+    "Runs",
     "Span",
     "Status",
     "Summary",

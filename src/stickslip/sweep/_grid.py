@@ -3,29 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stickslip.errors import InputError, whole
+from stickslip.errors import InputError
 from stickslip.sweep import _refine
-from stickslip.sweep._cases import (
-    AxisValue,
-    Function,
-    Job,
-    case_key,
-    check_function,
-    check_name,
-    identity_of,
-    plain_attribute,
-)
+from stickslip.sweep._cases import AxisValue, Function, case_key, check_name, plain_attribute
 from stickslip.sweep._executors import Workers
-from stickslip.sweep._results import Grid, Summary, grid_dataset, head_of, summary
-from stickslip.sweep._run import MAX_CASES, Progress, Runner, check_size
+from stickslip.sweep._results import Grid, Summary, grid_dataset, summary
+from stickslip.sweep._run import Options, Progress, started
 from stickslip.sweep._table import Table, writer_of
 
 if TYPE_CHECKING:
@@ -38,14 +29,8 @@ def run_cases(
     *,
     store: str | PathLike[str] | None = None,
     executor: Workers | None = None,
-    seed: int = 0,
     progress: Callable[[Progress], object] | None = None,
-    attributes: Mapping[str, Mapping[str, Any]] | None = None,
-    categories: Mapping[str, Sequence[str]] | None = None,
-    fingerprint: object = None,
-    notes: Mapping[str, str] | None = None,
-    retry_failed: bool = False,
-    max_cases: int = MAX_CASES,
+    options: Options = Options(),
 ) -> xr.Dataset:
     """Run a function at every combination of the values of some axes.
 
@@ -58,7 +43,7 @@ def run_cases(
         numbers, texts, None (no value) or small arrays of numbers, the same names and shapes in every case. An
         `xarray.DataArray` brings dimensions, coordinates and attributes along. Numbers are kept as float64 or
         complex128, truth values as 0 and 1. If it has a parameter ``seed`` that is no axis, it is handed a seed of its
-        own, an int made from `seed` and the values of the axes. An axis that it ignores makes replicas.
+        own, made from `Options.seed` and the values of the axes. An axis that it ignores makes replicas.
     axes : mapping of name to values
         Numbers, texts or truth values, each value once; an `xarray.DataArray` brings its attributes along.
     store : path, optional
@@ -66,23 +51,10 @@ def run_cases(
         missing, also with other values on the axes. By default results are kept in memory.
     executor : Threads, Processes or concurrent.futures.Executor, optional
         Where cases run; by default threads, one per core. For Dask: ``client.get_executor()``.
-    seed : int
-        Seed of the sweep, at least 0.
     progress : callable, optional
         Called with a `Progress` at the start and whenever results have been written.
-    attributes : mapping, optional
-        Attributes (``units``, ``long_name``) by name of axis or measured variable.
-    categories : mapping of str to list of str, optional
-        The words that a measured text can be: it becomes an integer with CF flags, -1 where there is no result.
-    fingerprint : object, optional
-        Anything else that results depend on: the text of a configuration file, the version of another package, code
-        that the function calls. The function's own code and the version of this package are looked after.
-    notes : mapping of str to str, optional
-        Texts to keep with the results, as attributes of the Dataset; what a case is does not depend on them.
-    retry_failed : bool
-        Whether cases that failed in an earlier start are run again.
-    max_cases : int
-        Cases beyond which a sweep is refused before it starts.
+    options : Options
+        Seed, attributes, categories and what else.
 
     Returns
     -------
@@ -109,23 +81,19 @@ def run_cases(
     if len(axes) == 0:
         raise InputError(f"axes = {axes!r}: must map at least one name to its values")
     grid = Grid({name: _axis(name, given) for name, given in axes.items()})
-    check_size(len(grid), max_cases)
-    asks_seed = check_function(function, list(grid.axes))
-    seed = whole("seed", seed, at_least=0)
-    given = attributes or {}
+    given = options.attributes
     own = {name: dict(getattr(values, "attrs", {})) for name, values in axes.items()}
     merged = {
         name: {key: plain_attribute(value) for key, value in (own.get(name, {}) | dict(given.get(name, {}))).items()}
         for name in dict.fromkeys([*own, *given])
     }
-    identity = identity_of(function, list(grid.axes), seed, fingerprint)
-    head = head_of(function, identity, seed, merged, categories or {}, notes or {}) | {"axes": dict(grid.axes)}
-    job = Job(function=function, seed=seed if asks_seed else None)
-    with Table(None if store is None else Path(store), head) as table:
-        with Runner(job, table, executor, len(grid), progress, retry_failed) as runner:
-            runner.run(grid)
-        table.keep_head()
-        return grid_dataset(table.head, table.rows())
+    with started(
+        function, {"axes": dict(grid.axes)}, list(grid.axes), len(grid),
+        store=store, executor=executor, progress=progress, options=replace(options, attributes=merged),
+    ) as runner:  # fmt: skip
+        runner.run(grid)
+        runner.table.keep_head()
+        return grid_dataset(runner.table.head, runner.table.rows())
 
 
 def open_sweep(store: str | PathLike[str]) -> xr.Dataset:

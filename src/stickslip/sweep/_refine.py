@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,12 +16,9 @@ from stickslip.errors import InputError, number, whole
 from stickslip.sweep._cases import (
     AxisValue,
     Function,
-    Job,
     Values,
     case_key,
-    check_function,
     check_name,
-    identity_of,
 )
 from stickslip.sweep._executors import Workers
 from stickslip.sweep._results import (
@@ -33,9 +29,8 @@ from stickslip.sweep._results import (
     attributes_of,
     attributes_of_all,
     flags_of,
-    head_of,
 )
-from stickslip.sweep._run import MAX_CASES, Progress, Runner, check_size
+from stickslip.sweep._run import Options, Progress, started
 from stickslip.sweep._table import Table
 
 if TYPE_CHECKING:
@@ -79,31 +74,54 @@ class Span:
         return min(max(value, self.low), self.high)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Refinement:
+    """How the boundaries in a plane are searched for.
+
+    Parameters
+    ----------
+    runs : int
+        Runs to spend on a search at most; at least 16.
+    resolution : float
+        Lines across the boundary are bisected until they are this short, as a fraction of the box.
+    together : int
+        Runs made at a time. The result depends on it, but not on the executor or the number of workers.
+    each : mapping of name to values
+        Further parameters of the function; every combination of their values gets a search of its own.
+
+    Raises
+    ------
+    InputError
+        If a value cannot be.
+    """
+
+    runs: int = 160
+    resolution: float = 1 / 40
+    together: int = 8
+    each: Mapping[str, Sequence[AxisValue]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        whole("refine.runs", self.runs, at_least=16)
+        number("refine.resolution", self.resolution, above=0, below=1)
+        whole("refine.together", self.together, at_least=1)
+
+
 def refine(
     function: Function,
     box: Mapping[str, Span | tuple[float, float]],
     label: str,
+    refinement: Refinement = Refinement(),
     *,
-    each: Mapping[str, Sequence[AxisValue]] | None = None,
-    runs: int = 160,
-    resolution: float = 1 / 40,
-    executor: Workers | None = None,
     store: str | PathLike[str] | None = None,
-    seed: int = 0,
-    together: int = 8,
+    executor: Workers | None = None,
     progress: Callable[[Progress], object] | None = None,
-    attributes: Mapping[str, Mapping[str, Any]] | None = None,
-    categories: Mapping[str, Sequence[str]] | None = None,
-    fingerprint: object = None,
-    notes: Mapping[str, str] | None = None,
-    retry_failed: bool = False,
-    max_cases: int = MAX_CASES,
+    options: Options = Options(),
 ) -> xr.Dataset:
     """Find the boundaries between the regions of a plane in which a function returns the same category.
 
-    A quarter of the runs is spread over the box, the next go where categories differ (`adaptive.Learner2D`), the
+    A quarter of the runs is distributed over the box, the next go where categories differ (`adaptive.Learner2D`), the
     last bisect lines across the boundary. A region that all of the first quarter miss is not found. With
-    hysteresis, search for each branch, with cases that start on it; see `each`.
+    hysteresis, search for each branch, with cases that start on it; see `Refinement`.
 
     Parameters
     ----------
@@ -113,15 +131,9 @@ def refine(
         The plane.
     label : str
         Name under which the function returns the category, a text or a number, the same all over a region.
-    each : mapping of name to values, optional
-        Further parameters of the function; every combination of their values gets a search of its own.
-    runs : int
-        Runs to spend on a search at most; at least 16.
-    resolution : float
-        Lines across the boundary are bisected until they are this short, as a fraction of the box.
-    together : int
-        Runs made at a time. The result depends on it, but not on the executor or the number of workers.
-    store, executor, seed, progress, attributes, categories, fingerprint, notes, retry_failed, max_cases
+    refinement : Refinement
+        How many runs, and how fine.
+    store, executor, progress, options
         As for `run_cases`. A second start makes no run twice, also with more runs or in another box.
 
     Returns
@@ -138,36 +150,34 @@ def refine(
 
     Examples
     --------
-    >>> from stickslip.sweep import refine
+    >>> from stickslip.sweep import Refinement, refine
     >>> def side(x, y):
     ...     return {"side": "above" if y > 0.3 + 0.4 * x else "below"}
-    >>> found = refine(side, {"x": (0, 1), "y": (0, 1)}, "side", runs=60)
+    >>> found = refine(side, {"x": (0, 1), "y": (0, 1)}, "side", Refinement(runs=60))
     >>> bool((abs(found["y_at"] - 0.3 - 0.4 * found["x_at"]) < 0.03).all())
     True
     """
-    spans, branches = _spans(box), Grid({name: list(values) for name, values in (each or {}).items()})
+    spans = _spans(box)
+    branches = Grid({name: list(values) for name, values in refinement.each.items()})
     names = [*spans, *branches.axes]
     for name in names:
         check_name("box", name)
-    runs = whole("runs", runs, at_least=16)
-    check_size(runs * len(branches), max_cases)
-    seed = whole("seed", seed, at_least=0)
-    asks_seed = check_function(function, names)
-    identity = identity_of(function, names, seed, fingerprint)
-    head = head_of(function, identity, seed, attributes or {}, categories or {}, notes or {}) | {
+    content = {
         "box": {name: [span.low, span.high, span.log] for name, span in spans.items()},
         "each": branches.axes,
         "label": label,
-        "runs": runs,
-        "resolution": number("resolution", resolution, above=0, below=1),
-        "together": whole("together", together, at_least=1),
+        "runs": refinement.runs,
+        "resolution": refinement.resolution,
+        "together": refinement.together,
     }
-    job = Job(function=function, seed=seed if asks_seed else None)
-    with Table(None if store is None else Path(store), head) as table:
-        with Runner(job, table, executor, runs * len(branches), progress, retry_failed) as runner:
-            searches = [_Search(table, values, runner.run) for values in branches]
-            for search in searches:
-                search.go()
+    total = refinement.runs * len(branches)
+    with started(
+        function, content, names, total, store=store, executor=executor, progress=progress, options=options
+    ) as runner:
+        table = runner.table
+        searches = [_Search(table, values, runner.run) for values in branches]
+        for search in searches:
+            search.go()
         table.keep_head(complete=sum(len(search.points) for search in searches))
         return _dataset(table, searches)
 
@@ -223,7 +233,7 @@ class _Search:
             self.points[point] = found
 
     def _find(self, runs: int, together: int) -> None:
-        """Standard deviation runs over the box, then send them where categories differ."""
+        """Distribute runs over the box, then send them where categories differ."""
         learner_class = _learner_class()
         classes: dict[Any, int] = {}
         exploring = True
@@ -249,7 +259,7 @@ class _Search:
                 learner.tell(point, -1 if found is None else classes.setdefault(found, len(classes)))
 
     def _polish(self, runs: int, together: int, resolution: float) -> None:
-        """Bisect lines across the boundary, spread along it, as many as the runs left are enough for."""
+        """Bisect lines across the boundary, far apart along it, as many as the runs left are enough for."""
         brackets = self._crossings()
         if not brackets:
             return

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
-from stickslip.sweep._cases import ERROR, STATUS, AxisValue, Values, case_key, name_of, package_version
+from stickslip.sweep._cases import ERROR, STATUS, AxisValue, Values, case_key
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -158,27 +158,6 @@ def attributes_of_all(head: Head) -> dict[str, str]:
     if "axes" in head:
         about["axes"] = {name: len(values) for name, values in head["axes"].items()}
     return {**head["notes"], PROVENANCE: json.dumps(about)}
-
-
-def head_of(
-    function: object,
-    identity: Mapping[str, str],
-    seed: int,
-    attributes: Mapping[str, Mapping[str, Any]],
-    categories: Mapping[str, Sequence[str]],
-    notes: Mapping[str, str],
-) -> dict[str, Any]:
-    """What every head holds; a grid adds its axes, a refinement its box."""
-    return {
-        "format": "stickslip-sweep",
-        "stickslip": package_version(),
-        "function": name_of(function),
-        "seed": seed,
-        "identity": dict(identity),
-        "attributes": {name: dict(given) for name, given in attributes.items()},
-        "categories": {name: list(words) for name, words in categories.items()},
-        "notes": dict(notes),
-    }
 
 
 # ---------------------------------------------------------------- columns

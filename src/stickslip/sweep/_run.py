@@ -4,14 +4,29 @@ from __future__ import annotations
 
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, wait
-from contextlib import ExitStack, suppress
-from dataclasses import dataclass
-from typing import Self
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
+from typing import Any, Self
 
 from stickslip.errors import InputError, whole
-from stickslip.sweep._cases import DIED, CannotLoadError, Job, OtherVersionError, Values, case_key, failed
+from stickslip.sweep._cases import (
+    DIED,
+    CannotLoadError,
+    Function,
+    Job,
+    OtherVersionError,
+    Values,
+    case_key,
+    check_function,
+    failed,
+    identity_of,
+    name_of,
+    package_version,
+)
 from stickslip.sweep._executors import Batch, Pool, Workers, check_executor, open_pool
 from stickslip.sweep._table import Table
 
@@ -23,6 +38,8 @@ OVERDUE = 30.0
 batches with it. The wait is 4 times as long each time, and at least 10 times the longest batch."""
 MAX_CASES = 1_000_000
 """Cases beyond which a sweep is refused unless more are asked for: each takes about 1 kB of memory and of the store."""
+CYCLES = 30.0
+"""Cycles of loading that a run of a rig lasts at least."""
 CHANCES = 3
 """Times a case may be lost with its worker, or dropped, before it is held to be the cause."""
 
@@ -49,6 +66,120 @@ class Progress:
     found: int
 
 
+@dataclass(frozen=True, kw_only=True)
+class Runs:
+    """What each case of a sweep is, as the table ``[run]`` of a file says.
+
+    Parameters
+    ----------
+    distance, duration : float or str, optional
+        A run lasts until the drive has gone this far and for this long, in the rig's own units or as texts with a unit.
+    cycles : float
+        And through this many cycles of loading.
+    extensions : int
+        How often a run that cannot be classified is made again, twice as long.
+    measure : sequence of str, optional
+        What is in the results; see `stickslip.sweep.study.MEASURES`.
+    max_cases : int
+        Cases beyond which the sweep is refused.
+    """
+
+    distance: float | str | None = None
+    duration: float | str | None = None
+    cycles: float = CYCLES
+    extensions: int = 1
+    measure: Sequence[str] | None = None
+    max_cases: int = MAX_CASES
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """What else a sweep may be told.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the sweep, at least 0: a function with a parameter ``seed`` that is no axis is handed a seed of its own,
+        an int made from this one and the values of the axes.
+    attributes : mapping
+        Attributes (``units``, ``long_name``) by name of axis or measured variable.
+    categories : mapping of str to list of str
+        The words that a measured text can be: it becomes an integer with CF flags, -1 where there is no result.
+    fingerprint : object, optional
+        Anything else that results depend on: the text of a configuration file, the version of another package, code
+        that the function calls. The function's own code and the version of this package are looked after.
+    notes : mapping of str to str
+        Texts to keep with the results, as attributes of the Dataset; what a case is does not depend on them.
+    retry_failed : bool
+        Whether cases that failed in an earlier start are run again.
+    max_cases : int
+        Cases beyond which a sweep is refused before it starts.
+
+    Raises
+    ------
+    InputError
+        If the seed or the number of cases is no whole number in range.
+    """
+
+    seed: int = 0
+    attributes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    categories: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    fingerprint: object = None
+    notes: Mapping[str, str] = field(default_factory=dict)
+    retry_failed: bool = False
+    max_cases: int = MAX_CASES
+
+    def __post_init__(self) -> None:
+        whole("seed", self.seed, at_least=0)
+        whole("max_cases", self.max_cases, at_least=1)
+
+
+@contextmanager
+def started(
+    function: Function,
+    content: Mapping[str, Any],
+    names: Sequence[str],
+    total: int,
+    *,
+    store: str | PathLike[str] | None,
+    executor: Workers | None,
+    progress: Callable[[Progress], object] | None,
+    options: Options,
+) -> Iterator[Runner]:
+    """Check what is to be run, open the table, and make ready to run cases.
+
+    Parameters
+    ----------
+    function : callable
+    content : mapping
+        What the head holds of a grid or a refinement.
+    names : sequence of str
+        What the function is called with.
+    total : int
+        Number of cases.
+    store, executor, progress, options
+        As for `stickslip.sweep.run_cases`.
+    """
+    check_size(total, options.max_cases)
+    job = Job(function=function, seed=options.seed if check_function(function, names) else None)
+    head = {
+        "format": "stickslip-sweep",
+        "stickslip": package_version(),
+        "function": name_of(function),
+        "seed": options.seed,
+        "identity": identity_of(function, names, options.seed, options.fingerprint),
+        "attributes": {name: dict(given) for name, given in options.attributes.items()},
+        "categories": {name: list(words) for name, words in options.categories.items()},
+        "notes": dict(options.notes),
+        **content,
+    }
+    with (
+        Table(None if store is None else Path(store), head) as table,
+        Runner(job, table, executor, total, progress, options.retry_failed) as runner,
+    ):
+        yield runner
+
+
 def check_size(cases: int, max_cases: int) -> None:
     """Refuse a sweep of too many cases before it starts.
 
@@ -56,11 +187,10 @@ def check_size(cases: int, max_cases: int) -> None:
     ------
     InputError
     """
-    most = whole("max_cases", max_cases, at_least=1)
-    if cases > most:
+    if cases > max_cases:
         raise InputError(
-            f"axes: {cases:.4g} cases are more than max_cases = {most:g}; take fewer values, or set max_cases higher "
-            "(each case takes about 1 kB)"
+            f"axes: {cases:.4g} cases are more than max_cases = {max_cases:g}; take fewer values, or set max_cases "
+            "higher (each case takes about 1 kB)"
         )
 
 
@@ -89,7 +219,7 @@ class Runner:
         progress: Callable[[Progress], object] | None,
         retry_failed: bool = False,
     ) -> None:
-        self._job, self._table, self._total, self._progress = job, table, total, progress
+        self._job, self.table, self._total, self._progress = job, table, total, progress
         self._executor = check_executor(executor)
         self._held = ExitStack()
         self._pool: Pool | None = None
@@ -119,15 +249,15 @@ class Runner:
         self._suspects: deque[int] = deque()  # lost each time when workers died: run alone, to know the culprit
         self._losses: Counter[int] = Counter()
         self._running: dict[Batch, list[int]] = {}
-        if self._pool is None and any(case_key(values) not in self._table for values in cases):
-            self._table.claim()
+        if self._pool is None and any(case_key(values) not in self.table for values in cases):
+            self.table.claim()
             self._pool = self._held.enter_context(open_pool(self._executor, self._job))
         for i, values in enumerate(cases):
             key = case_key(values)
-            if key in self._table:
+            if key in self.table:
                 self._found += 1
                 self._finished += 1
-                self._failed += key in self._table.failed
+                self._failed += key in self.table.failed
             else:
                 self._todo.append(i)
         self._missing = len(self._todo)
@@ -138,24 +268,24 @@ class Runner:
             self._hand_out(self._pool)
         except BaseException:
             with suppress(InputError):
-                self._table.commit()
+                self.table.commit()
             raise
         finally:
             for future in self._running:
                 future.cancel()
-        self._table.commit()
+        self.table.commit()
         self._tell()
 
     def _hand_out(self, pool: Pool) -> None:
         heard, patience = time.monotonic(), OVERDUE
         while self._missing:
             intact = self._fill(pool)
-            due = self._table.until_commit()
+            due = self.table.until_commit()
             done, _ = wait(self._running, 1.0 if due is None else due, FIRST_COMPLETED)
             if not self._gather(done) or not intact:
                 self._replace(pool)
-            if self._table.until_commit() == 0.0:
-                self._table.commit()
+            if self.table.until_commit() == 0.0:
+                self.table.commit()
                 self._tell()
             now = time.monotonic()
             if done:
@@ -196,7 +326,7 @@ class Runner:
             shared = max(len(self._todo) / (2 * workers), 0.1 * full)  # all workers end nearly together
             size = max(1, int(min(LARGEST_BATCH, full, shared)))
         taken = [self._todo.popleft() for _ in range(min(size, len(self._todo)))]
-        return [i for i in taken if case_key(self._cases[i]) not in self._table]  # a copy may have been quicker
+        return [i for i in taken if case_key(self._cases[i]) not in self.table]  # a copy may have been quicker
 
     def _gather(self, done: set[Batch]) -> bool:
         """Note what has finished; false if the pool has lost a worker."""
@@ -233,11 +363,11 @@ class Runner:
 
     def _note(self, i: int, row: str) -> None:
         key = case_key(self._cases[i])
-        if key not in self._table:  # a copy of its batch may have been quicker
-            self._table.add(key, row)
+        if key not in self.table:  # a copy of its batch may have been quicker
+            self.table.add(key, row)
             self._missing -= 1
             self._finished += 1
-            self._failed += key in self._table.failed
+            self._failed += key in self.table.failed
 
     def _lost(self, cases: list[int]) -> None:
         """Put back the cases of a batch that was lost; those lost again and again run alone, then are named."""
@@ -264,9 +394,9 @@ class Runner:
             self._progress(Progress(total=self._total, finished=self._finished, failed=self._failed, found=self._found))
 
     def _kept(self) -> str:
-        if self._table.path is None:
+        if self.table.path is None:
             return "nothing is kept without a store"
-        return f"{self._finished} of {self._total} cases are kept in {str(self._table.path)!r}: start again"
+        return f"{self._finished} of {self._total} cases are kept in {str(self.table.path)!r}: start again"
 
     def _trouble(self, error: BaseException) -> str:
         if isinstance(error, CannotLoadError):

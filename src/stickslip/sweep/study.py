@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, get_args
 
 from stickslip.measure import Regime, regime
 from stickslip.measure.verdict import Kind
-from stickslip.model import Contacts, FromRest, FromSliding, Interface, Method, Slider, Start
-from stickslip.model.drive import constant
-from stickslip.model.parameters import parameter_named
-from stickslip.model.rig import Rig
-from stickslip.model.units import Scales, si_unit
+from stickslip.model import Contacts, FromRest, FromSliding, Method, Rig, Start, constant
 from stickslip.simulation import simulate
 
 KINDS: tuple[str, ...] = get_args(Kind)
@@ -32,79 +27,60 @@ class Study:
 
     Parameters
     ----------
-    interface, slider, velocity
-        The rig, in natural units; the axes replace what they name.
-    method : Contacts or MasterEquation
-    start : {"from rest", "sliding"}
+    rig : Rig
+        The axes replace what they name, in the rig's own units; its method and start are those of every case.
     distance, duration, cycles : float
         A run lasts until the drive has gone this far, for this long (natural units), and this many times as far as a
         spring of this stiffness takes for one cycle of loading, ``x_s (1 + k/K)``.
     extensions : int
         How often a run that cannot be classified is made again, twice as long.
-    scales : Scales, optional
-        From the units of the axes, and to those of the results; none for natural units.
     """
 
-    interface: Interface
-    slider: Slider
-    velocity: float
-    method: Method
-    start: str
+    rig: Rig
     distance: float
     duration: float
     cycles: float
     extensions: int
-    scales: Scales | None
 
     def __call__(self, *, seed: int = 0, **values: Any) -> dict[str, float | str]:
-        """Run one case; return all of `MEASURES`.
+        """Run one case; return all of `MEASURES`, in the rig's own units.
 
         Parameters
         ----------
         seed : int
             Of the contacts. A seed of the sweep's own making is cut to 53 bits, which a float64 keeps.
         **values
-            Of the axes, in their units.
+            Of the axes, in the rig's own units.
         """
-        start, count = values.pop("start", self.start), values.pop("contacts", None)
         seed = seed >> 10 if seed >= 2**53 else seed
-        setting = self.at(values)
-        assert isinstance(setting.slider, Slider)
-        method = self.method
+        start, count = values.pop("start", self.start), values.pop("contacts", None)
+        method = self.rig.method
         if isinstance(method, Contacts):
             method = Contacts(method.count if count is None else count, seed)
-        distance = max(self.distance, self.cycles * (1.0 + 1.0 / setting.slider.stiffness))
-        duration = max(distance / setting.velocity, self.duration)
+        rig = replace(self.rig.replace(**values).natural, method=method, start=_beginning(start, method))
+        distance = max(self.distance, self.cycles * (1.0 + 1.0 / rig.slider.stiffness))
+        duration = max(distance / rig.velocity, self.duration)
         for extension in range(self.extensions + 1):
-            drive = constant(setting.velocity, duration * 2.0**extension)
-            run = simulate(
-                Rig(setting.interface, setting.slider, drive), method=method, start=_beginning(start, method)
-            )
-            seen = regime(run)
+            drive = constant(rig.velocity, duration * 2.0**extension)
+            seen = regime(simulate(replace(rig, drive=drive), long=True))
             if seen.kind != "undecided":
                 break
-        return self._measured(seen) | {"travel": self._in_units(drive.duration * setting.velocity, "x_s"), "seed": seed}
+        numbers = _numbers(seen) | {"travel": drive.duration * rig.velocity}
+        inside = {name: value * self.rig.unit(MEASURES[name][0]) for name, value in numbers.items()}
+        return {"regime": seen.kind, "reason": seen.reason} | inside | {"seed": seed}
 
-    def at(self, values: Mapping[str, float]) -> Rig:
-        """Return the rig with its parameters at the values of the axes, in natural units."""
-        setting = Rig(self.interface, self.slider, constant(self.velocity))
-        for name, value in values.items():
-            setting = parameter_named(name).set(setting, value / unit_of(name, self.scales)[0])
-        return setting
+    @property
+    def start(self) -> str:
+        """How a run starts unless that is an axis."""
+        return FROM_REST if isinstance(self.rig.start, FromRest) else FROM_SLIDING
 
-    def _measured(self, seen: Regime) -> dict[str, float | str]:
-        drive = seen.drive_velocity or math.nan
-        numbers = {
-            "slips": float(seen.cycles),
-            "largest_velocity": drive * (math.nan if seen.largest_velocity is None else seen.largest_velocity),
-        }
-        for name in ("peak_to_peak", "mean_force", "period", "period_variation", "drop", "drop_variation", "trend"):
-            numbers[name] = getattr(seen, name)
-        inside = {name: self._in_units(value, MEASURES[name][0]) for name, value in numbers.items()}
-        return {"regime": seen.kind, "reason": seen.reason} | inside
 
-    def _in_units(self, value: float, unit: str) -> float:
-        return value if self.scales is None else value * (si_unit(unit, self.scales) or (1.0, ""))[0]
+def _numbers(seen: Regime) -> dict[str, float]:
+    """What was measured, in natural units."""
+    fastest = math.nan if seen.largest_velocity is None else seen.largest_velocity
+    names = ("peak_to_peak", "mean_force", "period", "period_variation", "drop", "drop_variation", "trend")
+    numbers = {name: float(getattr(seen, name)) for name in names}
+    return numbers | {"slips": float(seen.cycles), "largest_velocity": (seen.drive_velocity or math.nan) * fastest}
 
 
 def _beginning(start: str, method: Method) -> Start:
@@ -132,11 +108,3 @@ MEASURES: dict[str, tuple[str, str]] = {
 
 USUAL = ("regime", "peak_to_peak", "mean_force", "period", "slips", "largest_velocity", "travel", "reason")
 """What is in the results unless the file says otherwise."""
-
-
-def unit_of(parameter: str, scales: Scales | None) -> tuple[float, str]:
-    """Size and name of the unit in which the values of a parameter are kept: SI if there are scales."""
-    unit = parameter_named(parameter).unit
-    if parameter == "std":  # relative to the mean threshold, in either system
-        return 1.0, "1" if scales else unit
-    return (1.0, unit) if scales is None else si_unit(unit, scales) or (1.0, unit)

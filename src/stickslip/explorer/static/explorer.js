@@ -7,7 +7,7 @@
   const $ = (id) => document.getElementById(id);
   const PAGES = ["interface", "map", "advice", "trace"];
   const KNOBS = { stiffness: "K, driving spring", velocity: "v, speed", mass: "M, mass", damping: "η, damping",
-    delay: "τ, delay", spread: "Δf, threshold spread", ageing: "time of ageing" };
+    delay: "τ, delay", std: "Δf, threshold std. dev.", ageing: "time of ageing" };
   const FRAME = 400; // ms after which a question is asked anew although the last is not answered
 
   let doc = null, presets = [], page = "interface", cursor = 0.75, held = false, measured = null;
@@ -166,7 +166,7 @@
     made.shownUnit = shownUnit;
     if (field.swap) {
       const menu = element("button", { type: "button", textContent: `${shownUnit.textContent} ⇄`, title: `Give ${field.swap} instead` });
-      menu.onclick = () => ask("edit", { relative_damping: field.swap === "η/Ω" });
+      menu.onclick = () => ask("edit", { damping_ratio: field.swap === "ζ" });
       shownUnit.replaceChildren(menu);
       menu.style.padding = "0 .3rem";
     }
@@ -405,7 +405,7 @@
       $("reason").textContent = reply.regime.reason;
       list("evidence", reply.regime.evidence);
       showPreset();
-      followDot(reply.knobs);
+      followDot(reply.parameters);
       if (page === "interface") {
         await drawForce();
         later(drawRest); // the trace first
@@ -481,7 +481,8 @@
   /* The map stays as it is while only its own two knobs are turned. */
   function signature(over) {
     const keys = { stiffness: "slider.stiffness", velocity: "drive.velocity", mass: "slider.mass", damping: "slider.damping",
-      delay: "interface.delay", spread: "interface.thresholds.spread" };
+      delay: "interface.delay", std: "interface.thresholds.std",
+      ageing: "interface.ageing.time" };
     const rest = structuredClone(doc);
     delete rest.simulation; delete rest.name; delete rest.assumed; delete rest.source;
     if (rest.drive) { delete rest.drive.distance; delete rest.drive.duration; }
@@ -637,9 +638,9 @@
     list("advice-evidence", found.evidence);
     table("numbers", found.numbers);
     table("margins", found.margins, ["knob", "now", "nearest edge below", "nearest edge above"]);
-    const remedies = found.remedies.map(({ knob, words, steps }) => element("li", {}, word2(words), element("br"),
+    const remedies = found.mitigations.map(({ parameter, words, steps }) => element("li", {}, word2(words), element("br"),
       ...steps.map(({ title, value }) => element("button", { type: "button", textContent: `Apply ${word2(title)}`,
-        onclick: () => ask("edit", { turn: { [knob]: value } }) }))));
+        onclick: () => ask("edit", { turn: { [parameter]: value } }) }))));
     const none = found.ill ? "No single change within the ranges searched gives smooth sliding." : "None needed.";
     $("remedies").replaceChildren(...(remedies.length ? remedies : [element("li", { textContent: none })]));
     const assumed = Object.entries(found.assumed).map(([key, how]) => element("li", { textContent: `${key}: ${how}` }));

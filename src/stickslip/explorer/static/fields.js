@@ -12,19 +12,19 @@ const Fields = (() => {
   };
   const simple = (path) => ({ read: (doc) => at(doc, path), write: (doc, value) => put(doc, path, value) });
 
-  // A delay is a number, "never", or a table with mean, spread and the fate of negative draws.
+  // A delay is a number, "never", or a table with mean, standard deviation and the fate of negative draws.
   const random = (doc) => (at(doc, "interface.delay") !== null && typeof at(doc, "interface.delay") === "object");
   const delay = {
     read: (doc) => (random(doc) ? at(doc, "interface.delay.mean") : at(doc, "interface.delay")),
     write: (doc, value) => put(doc, random(doc) ? "interface.delay.mean" : "interface.delay", value),
   };
-  const delaySpread = {
-    read: (doc) => (random(doc) ? at(doc, "interface.delay.spread") : undefined),
+  const delayStd = {
+    read: (doc) => (random(doc) ? at(doc, "interface.delay.std") : undefined),
     write: (doc, value) => {
       const mean = delay.read(doc), [number, unit] = split(value), none = numeric(number) === 0 && !/\d/.test(unit);
       if (none) put(doc, "interface.delay", mean);
       else put(doc, "interface.delay", { negative: at(doc, "interface.delay.negative") ?? "clip",
-        mean: mean ?? (doc.units === "natural" ? 0 : "0 ms"), spread: value });
+        mean: mean ?? (doc.units === "natural" ? 0 : "0 ms"), std: value });
     },
   };
 
@@ -43,18 +43,17 @@ const Fields = (() => {
       const [number, unit] = split(value), rate = unit === "" || unit === "1/√s" ? numeric(number) : NaN;
       if (rate === 0) return put(doc, "interface.ageing", undefined);
       const time = rate > 0 ? short(Math.pow(rate, -2)) : value; // a time, or what the server will refuse
-      put(doc, "interface.ageing", { law: "langevin", ...at(doc, "interface.ageing"),
+      put(doc, "interface.ageing", { model: "langevin", ...at(doc, "interface.ageing"),
         time: doc.units === "natural" || typeof time === "string" ? time : `${time} s` });
     },
   };
 
-  const isRelative = (doc) => at(doc, "slider.relative_damping") !== undefined;
+  const byRatio = (doc) => at(doc, "slider.damping_ratio") !== undefined;
   const damping = {
-    read: (doc) => at(doc, isRelative(doc) ? "slider.relative_damping" : "slider.damping"),
-    write: (doc, value) => put(doc, isRelative(doc) ? "slider.relative_damping" : "slider.damping", value),
+    read: (doc) => at(doc, byRatio(doc) ? "slider.damping_ratio" : "slider.damping"),
+    write: (doc, value) => put(doc, byRatio(doc) ? "slider.damping_ratio" : "slider.damping", value),
   };
   const contacts = (doc) => at(doc, "simulation.method") !== "master equation";
-  const load = (doc) => at(doc, "interface.normal_load") !== undefined;
   const SI = (doc) => doc.units !== "natural";
   const held = (doc) => at(doc, "drive.pieces") === undefined;
 
@@ -66,26 +65,23 @@ const Fields = (() => {
     { key: "drive.velocity", symbol: "v", title: "speed", unit: "xₛ/time", si: "m/s", range: [0.01, 100], when: held },
     { key: "slider.mass", symbol: "M", title: "mass", unit: "fₛ time²/xₛ", si: "kg", range: [1e-6, 1] },
     { key: "slider.damping", symbol: "η", title: "damping", unit: "1/time", si: "1/s", range: [1, 3000], ...damping,
-      when: (doc) => !isRelative(doc), swap: "η/Ω" },
-    { key: "slider.relative_damping", symbol: "η/Ω", title: "damping", unit: "", plain: true, range: [0.01, 30],
-      ...damping, when: isRelative, swap: "η" },
+      when: (doc) => !byRatio(doc), swap: "ζ" },
+    { key: "slider.damping_ratio", symbol: "ζ", title: "damping ratio", unit: "", plain: true, range: [0.005, 15],
+      ...damping, when: byRatio, swap: "η" },
     { group: "Contacts" },
     { key: "interface.delay", symbol: "τ", title: "delay", unit: "time", si: "s", range: [0.002, 5], zero: true, ...delay },
-    { key: "interface.delay.spread", symbol: "Δτ", title: "its spread", unit: "time", si: "s", range: [0.002, 1], zero: true,
-      ...delaySpread },
+    { key: "interface.delay.std", symbol: "Δτ", title: "its std. dev.", unit: "time", si: "s", range: [0.002, 1], zero: true,
+      ...delayStd },
     { key: "interface.delay.negative", title: "delays below 0", choices: { clip: "become 0", redraw: "are drawn again",
       fold: "change sign" }, when: random },
-    { key: "interface.thresholds.spread", symbol: "Δf", title: "threshold spread", unit: "xₛ", plain: true,
-      range: [0.01, 0.5], when: (doc) => at(doc, "interface.thresholds.spread") !== undefined },
-    { key: "interface.initial.spread", symbol: "Δf₀", title: "initial spread", unit: "xₛ", plain: true,
+    { key: "interface.thresholds.std", symbol: "Δf", title: "threshold std. dev.", unit: "xₛ", plain: true,
+      range: [0.01, 0.5], when: (doc) => at(doc, "interface.thresholds.std") !== undefined },
+    { key: "interface.initial.std", symbol: "Δf₀", title: "initial std. dev.", unit: "xₛ", plain: true,
       range: [0.001, 0.5], when: (doc) => at(doc, "interface.initial.low") === undefined },
     { key: "interface.ageing.time", symbol: "β", title: "ageing rate", unit: "1/√time", si: "1/√s", range: [0.05, 10],
       zero: true, ...ageing },
-    { key: "interface.total_threshold", symbol: "N fₛ", title: "all thresholds", si: "N", when: (doc) => SI(doc) && !load(doc) },
-    { key: "interface.normal_load", title: "normal load", si: "N", when: (doc) => SI(doc) && load(doc) },
-    { key: "interface.friction_coefficient", symbol: "μ", title: "friction coeff.", plain: true, unit: "",
-      when: (doc) => SI(doc) && load(doc) },
-    { key: "interface.threshold_stretching", symbol: "xₛ", title: "stretching", si: "m", when: SI },
+    { key: "interface.contact_strength", symbol: "N fₛ", title: "contact strength", si: "N", when: SI },
+    { key: "interface.breaking_displacement", symbol: "xₛ", title: "breaking displ.", si: "m", when: SI },
     { group: "Simulation" },
     { key: "simulation.method", title: "solver", choices: { contacts: "N contacts",
       "master equation": "master equation" }, missing: "contacts" },
@@ -94,8 +90,8 @@ const Fields = (() => {
     { key: "simulation.seed", title: "seed", unit: "", plain: true, whole: true, when: contacts, missing: 1 },
     { key: "simulation.cells", title: "cells per xₛ", unit: "", plain: true, whole: true, range: [20, 1000],
       when: (doc) => !contacts(doc), missing: 400 },
-    { key: "simulation.start", title: "start", choices: { relaxed: "at rest", sliding: "sliding smoothly" },
-      missing: "relaxed" },
+    { key: "simulation.start", title: "start", choices: { "from rest": "at rest", sliding: "sliding smoothly" },
+      missing: "from rest" },
     { key: "drive.distance", title: "distance", unit: "xₛ", si: "m", range: [5, 500],
       when: (doc) => held(doc) && at(doc, "drive.duration") === undefined },
     { key: "drive.duration", title: "duration", unit: "time", si: "s",

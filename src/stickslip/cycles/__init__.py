@@ -1,0 +1,41 @@
+"""Sustained stick-slip: does it persist, from where, and how far it can be followed. The nonlinear side of stability.
+
+`stickslip.stability` says where smooth sliding is unstable to the smallest perturbation. Stick-slip that has started
+may persist where smooth sliding is stable. The names keep the two apart: what is *critical* is linear, what is
+*sustained* is nonlinear and belongs to a start, and the branch of a cycle that is followed ends at its *fold*.
+
+- `is_sustained`: does an oscillation persist from a start? With the evidence.
+- `sustained`, `sustained_onset` (the paper's ``tau*``): where it does, along a parameter, afresh from the same start at
+  each value.
+- `cycle_branch`: the cycle itself, carried from value to value of a parameter up to where it decays (``v1'`` on the way
+  down, ``v2`` on the way up).
+- `bistable_range`: between the fold and the linear boundary smooth sliding and stick-slip both persist;
+  `bistable_region` over two parameters.
+
+All of it rests on forward runs of the master equation on cohorts, Eqs. (1)-(4) and (11). With the 100 cohorts per
+``x_s`` of `METHOD` amplitudes are within 1e-3 of those with 200, and thresholds within 3e-3; 50 move ``tau*`` by 1.5 %.
+"""
+
+from stickslip.cycles.bistable import BistableRange, bistable_range, bistable_region
+from stickslip.cycles.branch import cycle_branch
+from stickslip.cycles.edges import Edge, Interval
+from stickslip.cycles.persistence import Sustained, SustainedOnset, sustained, sustained_onset
+from stickslip.cycles.ride import METHOD
+from stickslip.cycles.verdict import PATIENCE, Verdict, is_sustained
+
+__all__ = [
+    "METHOD",
+    "PATIENCE",
+    "BistableRange",
+    "Edge",
+    "Interval",
+    "Sustained",
+    "SustainedOnset",
+    "Verdict",
+    "bistable_range",
+    "bistable_region",
+    "cycle_branch",
+    "is_sustained",
+    "sustained",
+    "sustained_onset",
+]

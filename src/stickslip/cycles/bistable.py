@@ -1,0 +1,264 @@
+"""Where both smooth sliding and stick-slip persist, each by itself: between a fold and a linear boundary."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stickslip.cycles.branch import Point, carried, first_point
+from stickslip.cycles.edges import Edge, Interval, scaled
+from stickslip.cycles.ride import METHOD, Range
+from stickslip.cycles.verdict import settle
+from stickslip.errors import InputError, UndecidedError
+from stickslip.model import FromRest, MasterEquation, Start
+from stickslip.model.parameters import VELOCITY, Parameter, parameter_named
+from stickslip.model.rig import Rig
+from stickslip.simulation import labelled
+from stickslip.stability import Crossings, critical
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+@dataclass(frozen=True, kw_only=True)
+class BistableRange:
+    """Where along a parameter both smooth sliding and stick-slip persist; nowhere is an answer too.
+
+    Attributes
+    ----------
+    parameter, unit : str
+    searched : (float, float)
+    bands : tuple of Interval
+        Rising.
+    crossings : Crossings
+        The linear boundaries in the range.
+    notes : tuple of str
+        What was looked at and found to be no band, and why.
+    """
+
+    parameter: str
+    unit: str
+    searched: tuple[float, float]
+    bands: tuple[Interval, ...]
+    crossings: Crossings
+    notes: tuple[str, ...] = ()
+
+    def in_units(self, rig: Rig) -> BistableRange:
+        """Return what was found in natural units in those of a rig."""
+        size = rig.unit(self.unit)
+        return replace(
+            self,
+            unit=rig.unit_name(self.unit),
+            searched=scaled(self.searched, size),
+            bands=tuple(band.scaled(size) for band in self.bands),
+            crossings=self.crossings.in_units(rig),
+        )
+
+    def __bool__(self) -> bool:
+        return bool(self.bands)
+
+    def __iter__(self) -> Iterator[Interval]:
+        return iter(self.bands)
+
+    def __contains__(self, value: float) -> bool:
+        return any(value in band for band in self.bands)
+
+    def __str__(self) -> str:
+        low, high = self.searched
+        where = f"for {self.parameter} from {low:g} to {high:g} {self.unit}"
+        if not self.bands:
+            return "\n".join([f"no bistable band found {where}", *self.notes])
+        found = " and ".join(map(str, self.bands))
+        return "\n".join([f"{where}, both smooth sliding and stick-slip persist {found}", *self.notes])
+
+
+def bistable_range(
+    rig: Rig,
+    parameter: Parameter | str = VELOCITY,
+    *,
+    between: tuple[float, float],
+    start: Start = FromRest(),
+    step: float = 0.05,
+    tolerance: float = 2e-3,
+    method: MasterEquation = METHOD,
+) -> BistableRange:
+    """Find where both smooth sliding and stick-slip persist: between the cycle's fold and the linear boundary.
+
+    At each value where smooth sliding loses stability (linear) the cycle is taken up on the unstable side and
+    followed to the stable side until it decays. If there is no such value, the cycle is looked for from `start` on a
+    grid of 17 values.
+
+    Parameters
+    ----------
+    rig : Rig
+        The parameter's own value in it does not matter.
+    parameter : Parameter or str
+    between : (float, float)
+        Range searched, in the rig's own units.
+    start : FromRest or FromSliding
+        From where the cycle is taken up.
+    step, tolerance : float
+        As in `cycle_branch`.
+    method : MasterEquation
+
+    Returns
+    -------
+    BistableRange
+        With the range searched. A cycle that lives apart from every linear boundary, beside one that has a boundary,
+        is not looked for.
+
+    Raises
+    ------
+    InputError
+        If no cycle can be followed on the rig, or the parameter or the range is none.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
+    >>> rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.constant(velocity=1.0))
+    >>> found = ss.bistable_range(rig, "velocity", between=(0.6, 1.5), step=0.2, tolerance=0.01)
+    >>> [(band.low.kind, band.high.kind) for band in found], 1.0 in found
+    ([('fold', 'linear')], True)
+    """
+    span = Range.of(rig, parameter, between, start, method)
+    crossings = critical(span.rig, span.parameter, between=(span.low, span.high))
+    if crossings.edges:
+        bands, notes = _beside_boundaries(span, crossings, step, tolerance)
+    elif crossings.unstable_at_ends[0]:
+        bands, notes = [], ["smooth sliding is unstable all the way: only stick-slip persists"]
+    else:
+        bands, notes = _apart_from_boundaries(span, step, tolerance)
+    found = BistableRange(
+        parameter=span.parameter.name,
+        unit=span.parameter.unit,
+        searched=(span.low, span.high),
+        bands=tuple(bands),
+        crossings=crossings,
+        notes=tuple(notes),
+    )
+    return found.in_units(rig)
+
+
+def _beside_boundaries(
+    span: Range, crossings: Crossings, step: float, tolerance: float
+) -> tuple[list[Interval], list[str]]:
+    """Bands that end at a linear boundary, and what was found where there is none."""
+    bands: list[Interval] = []
+    notes: list[str] = []
+    name, edges = span.parameter.name, crossings.edges
+    ends = [span.low, *(edge.value for edge in edges), span.high]
+    for i, edge in enumerate(edges):
+        downwards = edge.loses_stability  # smooth sliding is stable below
+        furthest = ends[i] if downwards else ends[i + 2]
+        value = min(max(edge.value * (1.01 if downwards else 0.99), span.low), span.high)
+        verdict, ride, look = settle(span.begin(value))
+        if not verdict.has_cycle:
+            notes.append(f"at {name} = {value:.4g}, next to the linear boundary {edge.value:.5g}: {verdict}")
+            continue
+        _, end = carried(span.parameter, Point(value, verdict, look, ride), furthest, step, tolerance)
+        width = math.log(edge.value / end.value) * (1 if downwards else -1)
+        gone = end.kind == "shrinks to nothing"
+        if gone or width <= (4 if end.kind == "undecided" else 1) * tolerance:
+            what = end.kind if gone else f"persists to {end.persists_at:.5g} at most"
+            notes.append(f"beyond the linear boundary {name} = {edge.value:.5g} the cycle {what}: no band")
+            continue
+        linear = Edge.at(edge.value, "linear")
+        if end.kind == "end of range" and furthest not in (span.low, span.high):
+            end = Edge.at(furthest, "linear")  # the same band as that of the next boundary
+        band = Interval(low=end, high=linear) if downwards else Interval(low=linear, high=end)
+        if band not in bands:
+            bands.append(band)
+    return bands, notes
+
+
+def _apart_from_boundaries(span: Range, step: float, tolerance: float) -> tuple[list[Interval], list[str]]:
+    """The band of a cycle where smooth sliding is stable all the way, or why there is none."""
+    try:
+        first = first_point(span)
+    except UndecidedError as reason:
+        return [], [str(reason)]
+    low, high = (carried(span.parameter, first, until, step, tolerance)[1] for until in (span.low, span.high))
+    return [Interval(low=low, high=high)], []
+
+
+def bistable_region(
+    rig: Rig,
+    *,
+    over: tuple[str, str],
+    edge: xr.Dataset,
+    between: tuple[float, float],
+    places: int = 7,
+    step: float = 0.15,
+    tolerance: float = 0.02,
+    progress: Callable[[float], None] | None = None,
+) -> xr.Dataset:
+    """Find the ends of the bistable band along one parameter at some values of another; takes seconds for each.
+
+    Parameters
+    ----------
+    rig : Rig
+        The values of the two parameters in it do not matter.
+    over : (str, str)
+        Names of two parameters: bands lie along the second.
+    edge : xarray.Dataset
+        The linear boundary over the two parameters, from `stickslip.stability.boundary`: the places are spread over it.
+    between : (float, float)
+        Range of the second parameter.
+    places : int
+        Values of the first parameter.
+    step, tolerance : float
+        As in `cycle_branch`.
+    progress : callable, optional
+        Called with the fraction that is done.
+
+    Returns
+    -------
+    xarray.Dataset
+        Along ``band``: ``band_<first>``, ``band_<second>_low`` and ``band_<second>_high``, and ``band_<second>_fold``,
+        whichever of the two is where stick-slip decays (NaN if that lies beyond the range). Places at which no band was
+        found, or where a run could not tell, are left out.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> from stickslip.cycles import bistable_region
+    >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
+    >>> rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.constant(velocity=1.0))
+    >>> ranges = (1.6, 2.4), (0.5, 2.0)
+    >>> edge = ss.stability.boundary(rig, over=("stiffness", "velocity"), between=ranges)
+    >>> region = bistable_region(rig, over=("stiffness", "velocity"), edge=edge, between=ranges[1], places=1)
+    >>> bool((region.band_velocity_low < region.band_velocity_high).all()), region.sizes["band"]
+    (True, 1)
+    """
+    import xarray as xr
+
+    across, up = (parameter_named(name) for name in over)
+    reached = edge[across.name].to_numpy()
+    values = np.geomspace(reached.min(), reached.max(), places + 2)[1:-1] if reached.size else np.empty(0)
+    rows = []
+    for i, value in enumerate(values.tolist()):
+        if progress is not None:
+            progress(i / places)
+        here = rig.replace(**{across.name: value})
+        try:
+            bands = bistable_range(here, up, between=between, step=step, tolerance=tolerance)
+        except (InputError, UndecidedError):
+            continue
+        for band in bands:
+            fold = next((end.value for end in (band.low, band.high) if end.kind == "fold"), math.nan)
+            rows.append((value, band.low.value, band.high.value, fold))
+    table = np.array(rows).reshape(-1, 4)
+    unit = rig.unit_name(up.unit)
+    columns = {f"band_{across.name}": (across.name, rig.unit_name(across.unit))}
+    columns |= {f"band_{up.name}_{end}": (f"{up.name}, {what}", unit) for end, what in _ENDS.items()}
+    return xr.Dataset(
+        {name: labelled(title, "band", table[:, i], units) for i, (name, (title, units)) in enumerate(columns.items())}
+    )
+
+
+_ENDS = {"low": "lower end", "high": "upper end", "fold": "fold"}

@@ -1,0 +1,200 @@
+"""A rig on its way under a constant drive: gone on with, looked at, and turned into another rig."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip.errors import InputError, instance, number
+from stickslip.measure.periods import rises
+from stickslip.measure.verdict import TINY
+from stickslip.model import FromRest, FromSliding, MasterEquation, Slider, Start
+from stickslip.model.parameters import Parameter, check_range, parameter_named
+from stickslip.model.rig import Rig
+from stickslip.simulation import Beginning, Leg, Population, check_method, follow_leg
+
+if TYPE_CHECKING:
+    from stickslip.kernels.drive import Quadratic
+
+Array = NDArray[np.float64]
+
+METHOD = MasterEquation(cells=100)
+"""The fewest cohorts that keep the settled numbers; see `stickslip.cycles`."""
+
+LOOK = 3.0
+"""Cycles, by their expected length, between two looks at the amplitude."""
+
+
+def natural_rig(rig: Rig, start: Start, method: MasterEquation) -> Rig:
+    """Return the rig in natural units, if a cycle can be followed on it.
+
+    Raises
+    ------
+    InputError
+        If it cannot, with what would be right.
+    """
+    instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
+    instance("cycles: start", start, FromRest | FromSliding, "FromRest() or FromSliding(...)")
+    instance("cycles: method", method, MasterEquation, "MasterEquation(...)")
+    natural = rig.natural
+    interface = natural.interface
+    instance("Rig.slider", natural.slider, Slider, "a Slider")
+    if method.memoryless:
+        raise InputError("MasterEquation.memoryless: without memory the oscillation is spurious; leave it False here")
+    if interface.ageing is not None:
+        raise InputError(
+            f"Interface.ageing = {interface.ageing}: cycles are followed for contacts that do not age only"
+        )
+    check_method(interface, method)
+    if natural.slider.mass == 0:
+        raise InputError("Slider.mass = 0: a cycle needs a mass above 0; the massless limit is for `stability` only")
+    number("velocity", natural.velocity, above=0, hint="x_s per time")
+    return natural
+
+
+class Look(NamedTuple):
+    """What a stretch of a few cycles shows."""
+
+    amplitude: float
+    period: float
+    fastest: float
+    mean_force: float
+    travel: float
+
+
+@dataclass(frozen=True, eq=False)
+class Ride:
+    """A rig on its way: where it is, and how it is pulled. Immutable, so that one can go back and try again."""
+
+    rig: Rig
+    engine: Population
+    drive: Quadratic
+    cycle: float  # expected travel of the drive in one
+
+    @classmethod
+    def begin(cls, rig: Rig, start: Start, method: MasterEquation) -> Ride:
+        """Return a rig, in natural units, at its start."""
+        from stickslip.kernels.drive import Quadratic
+
+        beginning = Beginning(rig.interface, rig.slider, rig.velocity, start)
+        engine = Population(beginning, method)
+        drive = Quadratic(0.0, beginning.drive_position(engine.contact_force()), rig.velocity, 0.0)
+        return cls(rig, engine, drive, _expected_cycle(rig))
+
+    def on(self, travel: float) -> tuple[Ride, Array]:
+        """Go on by a travel of the drive; with times, spring force and slider velocity of fine samples, as rows."""
+        from stickslip.kernels.drive import Stop
+
+        slider, velocity = self.rig.slider, self.rig.velocity
+        engine = self.engine.copy()
+        begin, duration = engine.here()[0], travel / velocity
+        each = self.cycle / velocity
+        # A slip takes about half a period of the slider on its spring; a cap keeps very quick slips affordable.
+        count = math.ceil(duration / max(min(each / 200, 0.3 / slider.frequency), each / 4000))
+        times = begin + duration * np.arange(1, count + 1) / count
+        leg, samples = Leg(self.drive, begin + duration, times, Stop()), np.empty((count, len(engine.columns)))
+        follow_leg(engine, leg, samples)
+        force = slider.stiffness * (leg.drive_position(times) - samples[:, 0])
+        return replace(self, engine=engine), np.stack([times, force, samples[:, 1]])
+
+    def look(self) -> tuple[Ride, Look]:
+        """Go on for a few cycles and say what they show; stretches of the drive too short for that are doubled."""
+        travel = LOOK * self.cycle
+        ride, rows = self.on(travel)
+        cycles = _cycles(rows, self.rig.slider.stiffness, self.rig.velocity)
+        _, force, speed = rows
+        fastest = float(speed.max()) / self.rig.velocity
+        if cycles.shape[1] == 0:
+            oscillation = float(np.ptp(force))
+            if oscillation > TINY:  # cycles longer than expected
+                ride = replace(ride, cycle=2.0 * ride.cycle)
+            return ride, Look(oscillation, math.nan, fastest, float(force.mean()), travel)
+        oscillation, period, mean = np.median(cycles[0]), np.mean(cycles[1]), np.average(cycles[2], weights=cycles[1])
+        return ride, Look(float(oscillation), float(period), fastest, float(mean), travel)
+
+    def turned(self, rig: Rig) -> Ride:
+        """Return what goes on as another rig; forces and positions stay, and the drive goes on from where it is."""
+        from stickslip.kernels.drive import Quadratic
+
+        engine = self.engine.turned(rig.interface, rig.slider)
+        time, X = engine.here()
+        stretched = self.drive.position + self.drive.velocity * (time - self.drive.start) - X
+        drive = Quadratic(time, X + stretched * self.rig.slider.stiffness / rig.slider.stiffness, rig.velocity, 0.0)
+        return Ride(rig, engine, drive, self.cycle / _expected_cycle(self.rig) * _expected_cycle(rig))
+
+
+def _expected_cycle(rig: Rig) -> float:
+    """Expected travel of the drive in a cycle: a contact loaded to its threshold, or an oscillation of the slider."""
+    slider: Slider = rig.slider
+    stretch = rig.interface.threshold_distribution.moment(1)
+    return max(stretch * (1.0 + 1.0 / slider.stiffness), rig.velocity * 2.0 * math.pi / slider.frequency)
+
+
+def _cycles(rows: Array, stiffness: float, velocity: float) -> Array:
+    """Peak-to-peak of the spring force, period and mean force of each complete cycle: shape (3, n).
+
+    A cycle goes from one rise through three quarters of the range to the next, with a drop below one quarter in
+    between. The extremes lie where the slider is as fast as the drive, between the samples.
+    """
+    t, force, speed = rows
+    low, high = float(force.min()), float(force.max())
+    risen, times = rises(t, force, 0.75 * low + 0.25 * high, 0.25 * low + 0.75 * high)
+    if risen.size < 2:
+        return np.empty((3, 0))
+    slope = stiffness * (velocity - speed)
+    oscillations, means = [], []
+    for a, b in itertools.pairwise(risen.tolist()):
+        part = force[a : b + 1]
+        top, bottom = (_extreme(t, force, slope, a + int(i)) for i in (np.argmax(part), np.argmin(part)))
+        oscillations.append(top - bottom)
+        means.append(float(part[1:].mean()))
+    return np.array([oscillations, np.diff(times), means])
+
+
+def _extreme(t: Array, force: Array, slope: Array, i: int) -> float:
+    """Value where the slope changes sign next to a sample, by a parabola."""
+    for j in (i, i - 1):
+        if 0 <= j < t.size - 1 and slope[j] * slope[j + 1] < 0:
+            way = slope[j] / (slope[j] - slope[j + 1]) * (t[j + 1] - t[j])
+            return float(force[j] + 0.5 * way * slope[j])
+    return float(force[i])
+
+
+@dataclass(frozen=True, eq=False)
+class Range:
+    """Where to look along a parameter, in natural units, and how runs begin there."""
+
+    parameter: Parameter
+    rig: Rig
+    low: float
+    high: float
+    start: Start
+    method: MasterEquation
+
+    @classmethod
+    def of(
+        cls, rig: Rig, parameter: Parameter | str, between: tuple[float, float], start: Start, method: MasterEquation
+    ) -> Range:
+        """Return the range of a parameter that is given in the rig's own units.
+
+        Raises
+        ------
+        InputError
+            If no cycle can be followed on the rig, or the range is none.
+        """
+        natural, varied = natural_rig(rig, start, method), parameter_named(parameter)
+        low, high = check_range(varied, between)
+        size = rig.unit(varied.unit)
+        return cls(varied, natural, low / size, high / size, start, method)
+
+    def begin(self, value: float) -> Ride:
+        """Return the rig with a value of the parameter, at its start."""
+        return Ride.begin(self.parameter.set(self.rig, value), self.start, self.method)
+
+    def __str__(self) -> str:
+        return f"{self.parameter.name} from {self.low:g} to {self.high:g}"

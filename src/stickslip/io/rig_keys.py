@@ -1,0 +1,450 @@
+"""What a rig file may hold: every key once, with its meaning, its unit, an example, and how to measure it.
+
+The reader, the writer, the messages and the reference page are made from these tables, and from the fields of the
+records that are written as tables: distributions, delays, models of ageing.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, MISSING, dataclass, fields
+from types import NoneType
+from typing import Any, Literal, get_args, get_origin
+
+from stickslip.errors import InputError, number, shown
+from stickslip.io.validation import Sign, quantity_of
+from stickslip.model.ageing import AGEING_MODELS, Langevin
+from stickslip.model.delays import RandomDelay
+from stickslip.model.distributions import DISTRIBUTIONS, Distribution
+from stickslip.model.records import declared
+from stickslip.model.units import SI_NAMES
+
+DECADES = 15
+"""Powers of ten of a pure number: beyond, squares and quotients of doubles overflow in the distributions."""
+
+
+@dataclass(frozen=True)
+class Key:
+    """One key of a rig file.
+
+    Parameters
+    ----------
+    meaning : str
+        What it is, for the reference page.
+    example : object
+        A value as it stands in an SI file; its type is the type of the key, a mapping stands for a table.
+    unit : str
+        Natural unit of a quantity, ``"x_s/time"``; without one the value is a pure number, a text, a list.
+    sign : str
+        ``"above 0"``, ``"at least 0"`` or any.
+    choices : tuple of str
+        All that may be written, if that is known.
+    words : tuple of str
+        What may stand there in place of a number.
+    or_table : bool
+        Whether a table may, too.
+    default : object
+        What is taken if the key is left out; None if nothing is.
+    required : bool
+        Whether it must be given.
+    otherwise : str
+        In words, what is taken if a key without a `default` is left out.
+    measure : str
+        For a property of the bench that has a default: how to measure it.
+    """
+
+    meaning: str
+    example: Any
+    _: KW_ONLY
+    unit: str = ""
+    sign: Sign = ""
+    choices: tuple[str, ...] = ()
+    words: tuple[str, ...] = ()
+    or_table: bool = False
+    default: Any = None
+    required: bool = False
+    otherwise: str = ""
+    measure: str = ""
+
+    @property
+    def is_table(self) -> bool:
+        """Whether its value is a table, or a list of tables."""
+        return isinstance(self.example, Mapping) or (isinstance(self.example, list) and not self._of_numbers)
+
+    @property
+    def _of_numbers(self) -> bool:
+        return isinstance(self.example, list) and all(isinstance(item, (int, float)) for item in self.example)
+
+    def is_left(self, value: object) -> bool:
+        """Whether a value is read elsewhere: a table, or a word in place of a number."""
+        return self.is_table or value in self.words or (self.or_table and isinstance(value, Mapping))
+
+    def read(self, value: object, place: str, *, natural: bool) -> Any:
+        """Return the value: a quantity in SI units, or in natural ones if the file is in those.
+
+        Raises
+        ------
+        InputError
+            If it cannot be.
+        """
+        wrong = ""
+        if self.unit:
+            try:
+                return quantity_of(value, SI_NAMES[self.unit], str(self.example), self.sign, natural=natural)
+            except InputError as error:
+                wrong = str(error)
+        elif self.choices:
+            if value in self.choices:
+                return value
+            wrong = f"must be {' or '.join(map(repr, self.choices))}"
+        elif isinstance(self.example, str):
+            if isinstance(value, str) and len(value) <= LONGEST_TEXT:
+                return value
+            wrong = f"must be text in quotes, of at most {LONGEST_TEXT} characters"
+        elif self._of_numbers:
+            if isinstance(value, list):
+                return tuple(_pure(item, f"{place}[{i}]", "") for i, item in enumerate(value))
+            wrong = "must be a list of numbers"
+        elif isinstance(self.example, int):
+            if isinstance(value, int) and not isinstance(value, bool):
+                return value
+            wrong = "must be a whole number"
+        else:
+            return _pure(value, place, self.sign)
+        raise InputError(f"{place} = {shown(value)}: {wrong}", place)
+
+
+def _pure(value: object, place: str, sign: Sign) -> float:
+    bounds: dict[Sign, dict[str, float]] = {"above 0": {"above": 0}, "at least 0": {"at_least": 0}, "": {}}
+    found = number(place, value, **bounds[sign])
+    if found and not 10.0**-DECADES <= abs(found) <= 10.0**DECADES:
+        raise InputError(f"{place} = {found:g}: must be 0, or within {DECADES} decades of 1", place)
+    return found
+
+
+LONGEST_TEXT = 2_000
+"""Characters of a text in a file."""
+
+NO_DELAY = (
+    "hold the rig at rest for longer and longer, or slide it at several speeds: without delay and ageing contacts "
+    "never strengthen with rest and nothing can stick-slip; the speed at which the kinetic friction has fallen to half "
+    "its value in slow sliding is v_half"
+)
+
+TOP: Mapping[str, Key] = {
+    "name": Key("What to call the rig.", "Brake pad", default="rig"),
+    "units": Key(
+        "The system of units. `natural`: plain numbers; the mean threshold force, stiffness and breaking displacement "
+        "of a contact are 1, and mass and stiffness are per contact.",
+        "SI",
+        choices=("SI", "natural"),
+        default="SI",
+    ),
+    "slider": Key("The slider and its driving spring.", {"mass": "75.6 g"}, required=True),
+    "interface": Key("The contacts between slider and base.", {"contact_strength": "768 N"}, required=True),
+    "drive": Key("How the far end of the driving spring moves.", {"velocity": "0.4 mm/s"}, required=True),
+    "simulation": Key("How the rig is simulated.", {"contacts": 2000}, otherwise="all its defaults"),
+    "assumed": Key(
+        "What was not measured: the path of a key, and how to measure it.",
+        {"interface.delay": "measure the steady force at several speeds"},
+        otherwise="defaults that were taken are still listed",
+    ),
+    "source": Key("Where the numbers come from.", "Tromborg et al. 2014, Table S1", default=""),
+}
+"""Keys at the top of the file."""
+
+SLIDER: Mapping[str, Key] = {
+    "mass": Key(
+        "Mass of the slider and of all that moves with it.",
+        "75.6 g",
+        unit="f_s time^2/x_s",
+        sign="at least 0",
+        required=True,
+    ),
+    "stiffness": Key(
+        "Stiffness of the driving spring: of whatever connects the slider to what pulls.",
+        "4 MN/m",
+        unit="k",
+        sign="above 0",
+        required=True,
+    ),
+    "damping": Key(
+        "Damping `eta` of Eq. (11): off the surface, the slider's ringing decays as `exp(-eta t/2)`.",
+        "200 1/s",
+        unit="1/time",
+        sign="at least 0",
+        otherwise="`damping_ratio`",
+    ),
+    "damping_ratio": Key(
+        "In place of `damping`: the damping ratio `zeta = eta/(2 Omega)` of the slider on its spring, "
+        "`Omega = sqrt(stiffness/mass)`; 1 is critical.",
+        0.15,
+        sign="at least 0",
+        otherwise="`damping`",
+    ),
+}
+
+INTERFACE: Mapping[str, Key] = {
+    "contact_strength": Key(
+        "Sum of the threshold forces of all contacts, `N f_s`. The static friction is smaller, as contacts do not "
+        "break all at once.",
+        "768 N",
+        unit="f_s",
+        sign="above 0",
+        otherwise="`normal_load`, `mu_s` and `mu_k`",
+    ),
+    "normal_load": Key(
+        "With `mu_s` and `mu_k`: the force that presses the slider on.",
+        "1920 N",
+        unit="f_s",
+        sign="above 0",
+        otherwise="`contact_strength`",
+    ),
+    "mu_s": Key(
+        "With `normal_load` and `mu_k`: coefficient of static friction, the largest force of a slow pull over the "
+        "load.",
+        0.32,
+        sign="above 0",
+        otherwise="`contact_strength`",
+    ),
+    "mu_k": Key(
+        "With `normal_load` and `mu_s`: coefficient of kinetic friction in slow sliding. The two give the contact "
+        "strength and the standard deviation of Gaussian thresholds.",
+        0.2,
+        sign="above 0",
+        otherwise="`contact_strength`",
+    ),
+    "breaking_displacement": Key(
+        "Mean displacement `x_s` at which a contact breaks; close to static friction over the slope of the force at "
+        "the start of a slow pull.",
+        "2 um",
+        unit="x_s",
+        sign="above 0",
+    ),
+    "thresholds": Key(
+        "Distribution of the displacements at which contacts break, in units of `breaking_displacement`.",
+        {"distribution": "gaussian", "std": 0.1},
+        otherwise="with `mu_s` and `mu_k`: Gaussian, of the standard deviation that they ask for",
+    ),
+    "initial": Key(
+        "Distribution of the stretchings of the contacts at the start, in the same unit.",
+        {"distribution": "gaussian", "mean": 0.0, "std": 0.05},
+        default={"distribution": "gaussian", "mean": 0.0, "std": 0.01},
+        measure="repeat a slow pull after unloading and reloading: a rounder first peak means a wider distribution",
+    ),
+    "delay": Key(
+        'Time until a broken contact is attached again: a time, a table for a random one, or `"never"`.',
+        "2 ms",
+        unit="time",
+        sign="at least 0",
+        words=("never",),
+        or_table=True,
+        default=0.0,
+        measure=NO_DELAY,
+    ),
+    "v_half": Key(
+        "In place of `delay`: the speed at which the kinetic friction has halved; the delay is the mean breaking "
+        "displacement over it.",
+        "1 mm/s",
+        unit="x_s/time",
+        sign="above 0",
+        otherwise="`delay`",
+    ),
+    "ageing": Key(
+        "How the thresholds of contacts grow with their age.",
+        {"model": "langevin", "time": "1 s"},
+        otherwise="they do not",
+    ),
+}
+
+DRIVE: Mapping[str, Key] = {
+    "velocity": Key("Constant velocity of the drive.", "0.4 mm/s", unit="x_s/time", sign="", otherwise="`pieces`"),
+    "distance": Key(
+        "How far the drive goes at this velocity.",
+        "4 mm",
+        unit="x_s",
+        sign="above 0",
+        otherwise="120 breaking displacements, by when most transients are over",
+    ),
+    "duration": Key(
+        "In place of `distance`: for how long.", "10 s", unit="time", sign="above 0", otherwise="`distance`"
+    ),
+    "pieces": Key(
+        "In place of `velocity`: velocities that change linearly in time, piece after piece.",
+        [{"start": "10 mm/s", "end": "1 m/s", "duration": "0.5 s"}],
+        otherwise="`velocity`",
+    ),
+}
+
+PIECE: Mapping[str, Key] = {
+    "start": Key("Velocity at the beginning of the piece.", "10 mm/s", unit="x_s/time", sign="", required=True),
+    "end": Key("Velocity at its end.", "1 m/s", unit="x_s/time", sign="", required=True),
+    "duration": Key("How long the piece lasts.", "0.5 s", unit="time", sign="above 0", required=True),
+}
+
+SIMULATION: Mapping[str, Key] = {
+    "method": Key(
+        "Every contact followed, or the limit of infinitely many.",
+        "contacts",
+        choices=("contacts", "master equation"),
+        default="contacts",
+    ),
+    "contacts": Key("Number of contacts, for the method `contacts`: 1 to 1e8.", 2000, default=10_000),
+    "seed": Key("Of the random numbers: the same seed gives the same run.", 1, default=1),
+    "cells": Key("Resolution of the master equation: cohorts per breaking displacement, 10 to 1e5.", 200, default=400),
+    "start": Key(
+        "The state that a run starts from: at rest with an unstretched spring, or in steady smooth sliding.",
+        "from rest",
+        choices=("from rest", "sliding"),
+        default="from rest",
+    ),
+    "interval": Key(
+        "Time between the samples of a run.",
+        "0.5 ms",
+        unit="time",
+        sign="above 0",
+        otherwise="a fraction of the run that resolves the slider's oscillation",
+    ),
+}
+
+TABLES: Mapping[str, Mapping[str, Key]] = {
+    "slider": SLIDER,
+    "interface": INTERFACE,
+    "drive": DRIVE,
+    "simulation": SIMULATION,
+}
+
+RENAMED: Mapping[str, str] = {
+    "slider.relative_damping": "is gone; write damping_ratio = eta/(2 Omega), half of what relative_damping was",
+    "interface.friction_coefficient": (
+        "is gone, as it was no measured coefficient; write mu_s and mu_k beside normal_load, "
+        "or contact_strength = coefficient x normal_load"
+    ),
+}
+"""Keys that were, and what to write now."""
+
+_FIELDS: Mapping[str, tuple[str, Any]] = {
+    "mean": ("Mean.", 1.0),
+    "std": ("Standard deviation.", 0.1),
+    "low": ("Smallest value.", 0.8),
+    "high": ("Largest value.", 1.2),
+    "scale": ("Scale: 63 % of the values are smaller.", 1.0),
+    "shape": ("Shape: the larger, the narrower.", 8.0),
+    "lower": ("Values below this one are cut off.", 0.0),
+    "samples": ("Measured values, from which a histogram is made.", [0.9, 1.0, 1.3]),
+    "edges": ("In place of `samples`: rising edges of the bins of a histogram.", [0.5, 1.0, 1.5]),
+    "weights": ("With `edges`: the weight of each bin.", [1.0, 2.0]),
+    "thresholds": (
+        "Thresholds of the contacts that slide.",
+        {"distribution": "gaussian", "std": 0.1},
+    ),
+    "time": ("Time in which the thresholds age.", "1 s"),
+    "newborn": ("Threshold of a newborn contact, relative to the mean of `thresholds`.", 0.0),
+    "slope": ("Growth of the threshold per factor e in age, relative to the mean of `thresholds`.", 0.02),
+    "negative": ("What becomes of a draw below 0: it is set to 0, drawn again, or its sign changed.", "clip"),
+}
+"""Meaning and example of the fields of records, by their names; other fields have them in the record's docstring."""
+
+_USUAL = {"mean": 1.0, "scale": 1.0}
+"""What is taken for the scale of a distribution that is left out: that of `breaking_displacement`."""
+
+
+def by_time(record: type) -> bool:
+    """Whether a model of ageing has a rate, which a file gives as a time."""
+    return "rate" in declared(record)
+
+
+def time_of(record: Any) -> float:
+    """Time of a model of ageing that has a rate."""
+    return float(record.time) if hasattr(record, "time") else 1.0 / float(record.rate)
+
+
+def rate_of(record: type, time: float) -> float:
+    """Rate of a model of ageing that takes this time: ``time**-0.5`` for `Langevin`, else ``1/time``."""
+    return time**-0.5 if record is Langevin else 1.0 / time
+
+
+def keys_of(record: type) -> dict[str, Key]:
+    """Keys of the table that makes a record."""
+    found: dict[str, Key] = {}
+    defaults = {field.name: field.default for field in fields(record) if field.init}
+    if hasattr(record, "from_samples"):
+        found["samples"] = Key(*_FIELDS["samples"], otherwise="`edges` and `weights`")
+    for name, (kind, mark) in declared(record).items():
+        if name not in defaults:
+            continue
+        default = None if defaults[name] is MISSING else defaults[name]
+        if name == "rate" and record in AGEING_MODELS.values():
+            found["time"] = Key(*_FIELDS["time"], unit="time", sign="above 0", required=True)
+            continue
+        meaning, example = _meaning(record, name, kind)
+        if record in DISTRIBUTIONS.values() and default is None:
+            default = _USUAL.get(name)
+        if default in (float("inf"), float("-inf")):
+            default = None
+            found[name] = Key(meaning, example, otherwise="none are")
+        elif mark is not None and mark.unit != "1":
+            sign: Sign = "above 0" if mark.above == 0 else "at least 0" if mark.at_least == 0 else ""
+            example = example if isinstance(example, str) else "2 ms"
+            found[name] = Key(meaning, example, unit=mark.unit, sign=sign, default=default, required=default is None)
+        else:
+            one_of_two = "samples" in found
+            found[name] = Key(
+                meaning,
+                example,
+                choices=get_args(kind) if get_origin(kind) is Literal else (),
+                default=default,
+                required=default is None and not one_of_two,
+                otherwise="`samples`" if one_of_two else "",
+            )
+    return found
+
+
+def _meaning(record: type, name: str, kind: Any) -> tuple[str, Any]:
+    """What a field means, with an example of its type."""
+    if name in _FIELDS:
+        return _FIELDS[name]
+    found = re.search(rf"^ *{name} ?:.*\n((?: {{8,}}.*\n?)+)", record.__doc__ or "", re.MULTILINE)
+    meaning = " ".join(found[1].split()) if found else ""
+    kinds = [one for one in get_args(kind) if one is not NoneType] if get_origin(kind) is not Literal else [str]
+    plain = kind if isinstance(kind, type) else (kinds or [float])[0]
+    return meaning, {int: 1, str: "text"}.get(plain, 1.0)
+
+
+def is_distribution(kind: Any) -> bool:
+    """Whether a field of a record holds a distribution, a table in a table."""
+    return kind is Distribution
+
+
+RANDOM_DELAY: Mapping[str, Key] = {
+    **keys_of(RandomDelay),
+    "mean": Key("Mean of the delays.", "2 ms", unit="time", sign="at least 0", required=True),
+    "std": Key("Standard deviation of the delays.", "1 ms", unit="time", sign="above 0", required=True),
+}
+
+
+def toml(value: Any) -> str:
+    """A value as it stands in a file, in one line."""
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{_bare(key)} = {toml(item)}" for key, item in value.items()) + " }"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(map(toml, value)) + "]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f'"{value}"' if isinstance(value, str) else repr(value)
+
+
+def _bare(key: str) -> str:
+    return key if re.fullmatch(r"[\w-]+", key) else f'"{key}"'
+
+
+def check_path(path: str) -> None:
+    """Raise `InputError` unless a path such as ``"interface.delay"`` names a key of a rig file."""
+    table, _, rest = path.partition(".")
+    key = rest.partition(".")[0]
+    if path in ("name", "units") or key in TABLES.get(table, {}):
+        return
+    raise InputError(
+        f"assumed.{shown(path)}: names no key of a rig file; write it as 'interface.delay'", f"assumed.{path}"
+    )

@@ -1,0 +1,305 @@
+"""Integrals over distributions: of a density and nothing else, on rays of the complex plane, and over histograms."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple, Protocol, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stickslip.errors import InputError
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+class HasDensity(Protocol):
+    """What the integrals of a density need."""
+
+    def density(self, x: ArrayLike) -> Array:
+        """Probability density at `x`."""
+        ...
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """Where the density jumps."""
+        ...
+
+
+def hashable(record: object) -> Any:
+    """Return a record, checked to be fit for the key of a table."""
+    try:
+        hash(record)
+    except TypeError as error:
+        raise InputError(f"{record!r}: a distribution must be hashable; make it a frozen dataclass") from error
+    return record
+
+
+@lru_cache(maxsize=64)
+def panels(low: float, high: float, count: int) -> tuple[Array, Array]:
+    """Nodes and weights of composite Gauss-Legendre quadrature with `count` panels of 16 nodes."""
+    x, weight = _on_panels(np.linspace(low, high, count + 1))
+    return x.ravel(), weight.ravel()
+
+
+_NODE, _WEIGHT = np.polynomial.legendre.leggauss(16)
+
+
+def _on_panels(edges: Array) -> tuple[Array, Array]:
+    """Nodes and weights between neighbouring edges, shapes (n, 16)."""
+    half = 0.5 * np.diff(edges)[:, None]
+    return edges[:-1, None] + half * (1 + _NODE), half * _WEIGHT
+
+
+# ---------------------------------------------------------------- a density and nothing else
+
+
+class Table(NamedTuple):
+    """A density on panels on each of which Gauss-Legendre quadrature is exact to rounding."""
+
+    edges: Array
+    """Ends of the panels, shape (n + 1,)."""
+    x: Array
+    """Nodes, shape (n, 16)."""
+    weight: Array
+    """Weights times density, shape (n, 16); their sum is 1."""
+    survival: Array
+    """Probability beyond each edge, shape (n + 1,)."""
+    total: float
+    """Integral of the density as it was given: 1 to within a millionth."""
+
+
+_OCTAVES = np.ldexp(1.0, np.arange(-60, 41))  # up to the largest stretching there may be
+_FIRST = np.unique(np.concatenate([_OCTAVES[:-1, None] * np.linspace(1, 2, 9), [_OCTAVES[-1:].repeat(9)]]))
+
+
+@lru_cache(maxsize=64)
+def table_of(distribution: HasDensity) -> Table:
+    """Return the table of a distribution, its panels halved until halving changes nothing.
+
+    Raises
+    ------
+    InputError
+        If the density is negative or no number somewhere, or its integral is not 1: peaks narrower than a hundredth of
+        their place may be missed unless they are among the `knots`.
+    """
+    knots = np.array([knot for knot in distribution.knots if math.isfinite(knot)])
+    edges = np.union1d(np.concatenate([-_FIRST, [0.0], _FIRST]), knots)
+    left, right = edges[:-1], edges[1:]
+    kept: list[Array] = []
+    for _ in range(64):
+        x, weight = _between(left, right)
+        middle = 0.5 * (left + right)
+        whole = np.sum(weight * _density(distribution, x), axis=1)
+        halves = np.zeros_like(whole)
+        for a, b in ((left, middle), (middle, right)):
+            x, weight = _between(a, b)
+            halves += np.sum(weight * _density(distribution, x), axis=1)
+        # Relative, so that far tails are right as well.
+        coarse = np.abs(halves - whole) > 1e-13 * np.abs(halves) + 1e-25
+        coarse &= right - left > 1e-15 * np.maximum(np.abs(left), np.abs(right))
+        kept.append(left[~coarse])
+        if not coarse.any():
+            break
+        left, right = (
+            np.concatenate([left[coarse], middle[coarse]]),
+            np.concatenate([middle[coarse], right[coarse]]),
+        )
+    edges = np.append(np.sort(np.concatenate([*kept, left[coarse]])), edges[-1])
+    x, weight = _on_panels(edges)
+    weight = weight * _density(distribution, x)
+    held = np.flatnonzero(weight.sum(axis=1))
+    total = float(weight.sum())
+    if not abs(total - 1.0) < 1e-6:
+        raise InputError(
+            f"{distribution}: the integral of its density is {total:.8g}, must be 1; normalise it, or give the "
+            "places of narrow peaks and jumps as its knots"
+        )
+    part = slice(held[0], held[-1] + 1)
+    weight = weight[part] / total
+    survival = np.append(np.cumsum(weight.sum(axis=1)[::-1])[::-1], 0.0)
+    return Table(edges[held[0] : held[-1] + 2], x[part], weight, survival, total)
+
+
+def _between(left: Array, right: Array) -> tuple[Array, Array]:
+    half = 0.5 * (right - left)[:, None]
+    return left[:, None] + half * (1 + _NODE), half * _WEIGHT
+
+
+def _density(distribution: HasDensity, x: Array) -> Array:
+    with np.errstate(all="ignore"):
+        density = np.asarray(distribution.density(x), dtype=float)
+    wrong = ~(np.isfinite(density) & (density >= 0))
+    if wrong.any():
+        at = np.unravel_index(int(np.argmax(wrong)), wrong.shape)
+        raise InputError(
+            f"{distribution}: its density is {density[at]:g} at x = {x[at]:g}; it must be a number of 0 or above, "
+            "0 where there are no contacts"
+        )
+    return density
+
+
+def partial_moment_of(distribution: HasDensity, x: ArrayLike, order: int) -> Array:
+    """Integral of ``y**order`` times the density over ``y > x``."""
+    table = table_of(hashable(distribution))
+    low = np.clip(np.asarray(x, dtype=float), table.edges[0], table.edges[-1])
+    panel = np.clip(np.searchsorted(table.edges, low, side="right") - 1, 0, len(table.x) - 1)
+    beyond = np.append(np.cumsum(np.sum(table.weight * table.x**order, axis=1)[::-1])[::-1], 0.0)
+    half = 0.5 * (table.edges[panel + 1] - low)[..., None]
+    y = low[..., None] + half * (1 + _NODE)
+    rest = np.sum(half * _WEIGHT * _density(distribution, y) * y**order, axis=-1) / table.total
+    # Where a panel is entered at its very beginning, the sum over all of it is the same.
+    return np.asarray(rest + beyond[panel + 1])
+
+
+def inverse_survival_of(distribution: HasDensity, probability: ArrayLike) -> Array:
+    """Stretching exceeded with the given probability, by root finding within a panel."""
+    from scipy.optimize import elementwise
+
+    table = table_of(hashable(distribution))
+    wanted = np.clip(np.asarray(probability, dtype=float), 0.0, table.survival[0])
+    panel = np.clip(np.searchsorted(-table.survival, -wanted, side="right") - 1, 0, len(table.x) - 1)
+    low, high = table.edges[panel], table.edges[panel + 1]
+    # The sums over panels are rounded differently from those within one: pin both ends to the former.
+    top, bottom = table.survival[panel], table.survival[panel + 1]
+
+    def lacking(x: Array, p: Array, a: Array, b: Array, s: Array, t: Array) -> Array:
+        inside = np.clip(partial_moment_of(distribution, x, 0), t, s)
+        return np.where(x <= a, s, np.where(x >= b, t, inside)) - p
+
+    found = elementwise.find_root(lacking, (low, high), args=(wanted, low, high, top, bottom))
+    return np.asarray(
+        np.where(wanted <= 0.0, table.edges[-1], np.where(wanted >= table.survival[0], table.edges[0], found.x))
+    )
+
+
+_TURN = 8.0
+"""Phase of ``exp(-q x)`` across a panel: sixteen nodes are then exact to rounding."""
+_NODES = 1 << 20
+"""Most nodes of a transform."""
+
+
+def laplace_of(distribution: HasDensity, q: ArrayLike, orders: Sequence[int]) -> ComplexArray:
+    """Mean of ``x**order * exp(-q x)`` for each order, shape (orders, *q), on panels as fine as `q` needs them."""
+    q = np.asarray(q, dtype=complex)
+    flat, result = q.ravel(), np.empty((len(orders), q.size), dtype=complex)
+    scale = np.ceil(np.log2(np.maximum(np.abs(flat), 2.0**-20)))
+    for power in np.unique(scale).tolist():
+        own = np.flatnonzero(scale == power)
+        least = float(np.min(flat[own].real))
+        if least >= 0:  # few different ones: the nodes are kept
+            least = 2.0 ** math.floor(math.log2(max(least, 2.0**-20)))
+        x, weight = _fine_nodes(hashable(distribution), power, least)
+        kernel = np.stack([weight * x**order for order in orders], axis=1)
+        for start in range(0, own.size, 128):
+            some = own[start : start + 128]
+            with np.errstate(over="ignore", invalid="ignore"):  # too far left is no number, as for closed forms
+                result[:, some] = (np.exp(-np.multiply.outer(flat[some], x)) @ kernel).T
+    return result.reshape(len(orders), *q.shape)
+
+
+@lru_cache(maxsize=64)
+def _fine_nodes(distribution: HasDensity, power: float, least: float) -> tuple[Array, Array]:
+    """Nodes and weights for ``|q|`` up to 2 to the `power` and ``Re q >= least``."""
+    table = table_of(hashable(distribution))
+    left, right = table.edges[:-1], table.edges[1:]
+    if least >= 0:
+        # What is left out is below rounding: tails, and all that has decayed.
+        kept = (table.weight.sum(axis=1) > 1e-20) & (least * left < 100.0 + least * min(0.0, float(left[0])))
+        if not kept.any():
+            kept[0] = True
+        left, right = left[kept], right[kept]
+    pieces = np.maximum(np.ceil((right - left) * 2.0**power / _TURN), 1.0)
+    if pieces.sum() * 16 > _NODES:
+        raise InputError(
+            f"{distribution}: its transform at |q| of {2.0**power:.3g} takes more than {_NODES} nodes; give the "
+            "distribution a method laplace(q, order) of its own"
+        )
+    count = pieces.astype(int)
+    step = np.repeat((right - left) / pieces, count)
+    number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    x, weight = _between(np.repeat(left, count) + number * step, np.repeat(left, count) + (number + 1) * step)
+    return x.ravel(), (weight * _density(distribution, x) / table.total).ravel()
+
+
+# ---------------------------------------------------------------- transforms of densities in closed form
+
+
+def laplace_of_nodes(q: ArrayLike, x: Array, weight: Array, order: int) -> ComplexArray:
+    """Mean of ``x**order * exp(-q x)`` over given nodes."""
+    q = np.asarray(q, dtype=complex)
+    weighted = weight * x**order
+    flat = np.array([np.exp(-value * x) @ weighted for value in q.ravel()], dtype=complex)
+    return flat.reshape(q.shape)
+
+
+def laplace_on_a_ray(
+    q: ArrayLike,
+    order: int,
+    nodes: Callable[[float, int, bool], tuple[ComplexArray, ComplexArray]],
+    largest_angle: float,
+    fewest: int,
+    per_turn: float,
+) -> ComplexArray:
+    """Transform of an analytic density, on a ray turned towards the direction in which ``exp(-q x)`` decays.
+
+    On the real axis ``exp(-q x)`` turns ever faster with `q`, and so many more nodes would be needed. ``nodes(angle,
+    count, growing)`` gives places, and the logarithms of their weights, on `count` panels of the ray ``x exp(-i
+    angle)``, further out where ``exp(-q x)`` is `growing`; on the real axis `fewest` panels and `per_turn` for each
+    unit of ``|q|`` are enough.
+    """
+    q = np.asarray(q, dtype=complex)
+    result = np.empty(q.size, dtype=complex)
+    for i, value in enumerate(q.ravel().tolist()):
+        count, angle = fewest + int(per_turn * abs(value)), 0.0
+        if count > _MOST and value.real >= 0:
+            angle = math.copysign(min(abs(cmath.phase(value)), largest_angle), value.imag)
+            count = _MOST
+        x, log_weight = nodes(angle, 32 * math.ceil(count / 32), value.real < 0)  # few counts: the panels are kept
+        result[i] = np.sum(x**order * np.exp(log_weight - value * x))
+    return result.reshape(q.shape)
+
+
+_MOST = 256  # panels: enough on a ray, whatever q
+
+
+def transforms_on_a_path(q: ComplexArray, x: ComplexArray, weight: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    """Transforms of orders 0 and 1 on a path turned off the real axis, for densities without a closed form.
+
+    There ``exp(-q x)`` decays instead of oscillating, and the same few hundred nodes do for all `q` with
+    ``Im q >= 0``. (`laplace_on_a_ray` turns its path for each `q`.) The trapezoidal rule converges exponentially.
+    """
+    # The path is turned for Im q > 0; below the real axis the transform is the conjugate of its mirror image.
+    below = q.imag < 0
+    upper = np.where(below, np.conj(q), q).ravel()
+    both = np.empty((2, upper.size), dtype=complex)
+    kernel = np.stack([weight, weight * x], axis=1)
+    for start in range(0, upper.size, 256):
+        part = slice(start, start + 256)
+        both[:, part] = (np.exp(-upper[part, None] * x) @ kernel).T
+    mean, slope = both.reshape(2, *q.shape)
+    return np.where(below, np.conj(mean), mean), np.where(below, np.conj(slope), slope)
+
+
+def laplace_of_bins(q: ArrayLike, edges: Array, weights: Array, order: int) -> ComplexArray:
+    """Transform of a histogram, bin by bin about its middle: ``exp(-q c) sinh(q w)/(q w)`` and its slope."""
+    q = np.asarray(q, dtype=complex)[..., None]
+    centre, half = 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges)
+    z = q * half
+    small = np.abs(z) < 1e-2
+    safe = np.where(small, 1.0, z)
+    # The shift by exp(-q left) keeps sinh of a large argument from overflowing.
+    ratio = np.where(small, 0.0, -np.expm1(-2 * safe) / (2 * safe))
+    even = np.where(small, (1 + z * z / 6 + z**4 / 120) * np.exp(-z), ratio)
+    start = np.exp(-q * (centre - half))
+    if order == 0:
+        return cast(ComplexArray, np.sum(weights * start * even, axis=-1))
+    if order != 1:
+        raise InputError(f"laplace(order={order}): only orders 0 and 1 are defined")
+    cosh = 0.5 * (1 + np.exp(-2 * safe))
+    odd = np.where(small, (z / 3 + z**3 / 30) * np.exp(-z), (cosh - even) / safe)
+    return cast(ComplexArray, np.sum(weights * start * (centre * even - half * odd), axis=-1))

@@ -1,0 +1,34 @@
+"""The engines: one solver each, all behind the protocol of `base`, each registered for its method."""
+
+from stickslip.simulation.engines import events, growth, langevin, population
+from stickslip.simulation.engines.base import (
+    COLUMNS,
+    ENGINES,
+    MOTION,
+    Advance,
+    Beginning,
+    Engine,
+    Leg,
+    Stretchings,
+    engine_of,
+    slider_constants,
+    solves,
+)
+
+__all__ = [
+    "COLUMNS",
+    "ENGINES",
+    "MOTION",
+    "Advance",
+    "Beginning",
+    "Engine",
+    "Leg",
+    "Stretchings",
+    "engine_of",
+    "events",
+    "growth",
+    "langevin",
+    "population",
+    "slider_constants",
+    "solves",
+]

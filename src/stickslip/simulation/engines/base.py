@@ -1,0 +1,258 @@
+"""What every solver is to the driver: an engine that goes on along a leg of the way, and where engines are registered.
+
+To add a solver, write a class that has what `Engine` asks for and register it, with `solves`, for the method that
+selects it.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip.errors import InputError, shown
+from stickslip.model import FromRest, FromSliding, Interface, Slider, Start
+
+if TYPE_CHECKING:
+    from stickslip.kernels.drive import Quadratic, Stop
+    from stickslip.kernels.oscillator import Slider as SliderConstants
+
+Array = NDArray[np.float64]
+
+COLUMNS = (
+    "displacement",
+    "velocity",
+    "friction_force",
+    "attached",
+    "contact_energy",
+    "work",
+    "damped_energy",
+    "broken_energy",
+)
+"""What an engine samples, in this order; one that does not know the energies stops after `MOTION`."""
+MOTION = COLUMNS[:4]
+
+
+class Leg(NamedTuple):
+    """A part of the way on which the drive moves by one rule.
+
+    Attributes
+    ----------
+    drive : Quadratic
+    end : float
+        Time to reach, exactly.
+    times : ndarray, shape (n,)
+        Rising times of the samples still wanted.
+    stop : Stop
+        Ends the leg early, at the first sample at which it holds.
+    looks : tuple of float
+        Rising times at which the stretchings are wanted. Looking never changes the motion.
+    """
+
+    drive: Quadratic
+    end: float
+    times: Array
+    stop: Stop
+    looks: tuple[float, ...] = ()
+
+    def drive_position(self, t: Array) -> Array:
+        """Position of the drive at times `t`."""
+        since = t - self.drive.start
+        return np.asarray(self.drive.position + since * (self.drive.velocity + 0.5 * self.drive.acceleration * since))
+
+    def drive_velocity(self, t: Array) -> Array:
+        """Velocity of the drive at times `t`."""
+        return np.asarray(self.drive.velocity + self.drive.acceleration * (t - self.drive.start))
+
+
+class Stretchings(NamedTuple):
+    """Stretchings at a moment and the fraction of all contacts at each; `cells`: each stands for its neighbourhood."""
+
+    stretching: Array
+    fraction: Array
+    cells: bool
+
+
+class Advance(NamedTuple):
+    """What an engine has passed on a leg: samples, looks, and whether it has come to the end."""
+
+    rows: Array
+    looks: tuple[Stretchings, ...]
+    over: bool
+
+
+@dataclass(frozen=True)
+class Beginning:
+    """What a run begins with; no slider is rigid motion, and the velocity is the drive's first."""
+
+    interface: Interface
+    slider: Slider | None
+    velocity: float
+    start: Start = FromRest()
+
+    def __post_init__(self) -> None:
+        if isinstance(self.start, FromRest):
+            return
+        if self.velocity <= 0:
+            raise InputError(
+                f"FromSliding: the drive starts at velocity {self.velocity:g}: steady sliding needs one above 0"
+            )
+        if math.isinf(self.interface.delay.moment(1)):
+            raise InputError("FromSliding: contacts that never re-attach have no steady sliding; start FromRest()")
+
+    @property
+    def sliding(self) -> bool:
+        """Whether the slider is in steady sliding from the beginning."""
+        return isinstance(self.start, FromSliding)
+
+    @property
+    def slider_velocity(self) -> float:
+        """Velocity of the slider at time 0."""
+        if self.slider is None:
+            return self.velocity
+        return self.velocity * (1.0 + self.start.perturbation) if isinstance(self.start, FromSliding) else 0.0
+
+    @property
+    def attached(self) -> float:
+        """Attached fraction in steady sliding, Eq. (10)."""
+        mean = self.interface.threshold_distribution.moment(1)
+        return mean / (mean + self.velocity * self.interface.delay.moment(1))
+
+    def drive_position(self, contact_force: float) -> float:
+        """Position of the drive at time 0: a slider that starts sliding starts in balance."""
+        if self.slider is None or not self.sliding:
+            return 0.0
+        drag = self.slider.mass * self.slider.damping * self.velocity
+        return (contact_force + drag) / self.slider.stiffness
+
+
+class Engine(Protocol):
+    """Contacts and a slider on their way: a state, and a kernel that advances it.
+
+    An engine is made from a `Beginning` and a method. It takes one leg at a time; `stickslip.simulation.follow` joins
+    legs to drives, for all engines. What has a body here will do for most.
+    """
+
+    columns: ClassVar[tuple[str, ...]]
+    """What its samples hold: the first of `COLUMNS`, at least `MOTION`."""
+    angle: ClassVar[float]
+    """Default distance of samples, in radians of the fastest oscillation of the slider."""
+    slider: SliderConstants
+
+    @staticmethod
+    def check(interface: Interface, method: Any) -> None:
+        """Raise `InputError` for what the engine cannot take."""
+
+    def __init__(self, beginning: Beginning, method: Any) -> None: ...
+
+    def here(self) -> tuple[float, float]:
+        """Time, and position of the slider."""
+        ...
+
+    def stretchings(self) -> Stretchings:
+        """Stretchings of the attached contacts now."""
+        ...
+
+    def contact_force(self) -> float:
+        """Force of the contacts now, per contact."""
+        x, fraction, _ = self.stretchings()
+        return float(np.sum(x * fraction))
+
+    def advance(self, leg: Leg) -> Advance:
+        """Go on along a leg, for a while (some 50 ms) or to its end.
+
+        Returns the samples on the way, those on the end included, and the looks up to where it has come.
+        """
+        ...
+
+    def copy(self) -> Self:
+        """Return an engine in the same state that goes its own way."""
+        return copy.deepcopy(self)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The register
+# ---------------------------------------------------------------------------------------------------------------------
+
+E = TypeVar("E", bound=type)
+
+ENGINES: dict[tuple[type, type], type[Engine]] = {}
+"""The engines by kind of method and of ageing; `solves` adds to it."""
+
+
+def solves(method: type, *ageing: type) -> Callable[[E], E]:
+    """Register an engine: for a method, on contacts with one of these kinds of ageing; by default without ageing.
+
+    Parameters
+    ----------
+    method : type
+        The record that selects the engine.
+    *ageing : type
+        Ageing models.
+
+    Returns
+    -------
+    callable
+        A decorator of the engine's class.
+    """
+
+    def register(engine: E) -> E:
+        for kind in ageing or (type(None),):
+            ENGINES[method, kind] = engine
+        return engine
+
+    return register
+
+
+def engine_of(interface: Interface, method: object) -> type[Engine]:
+    """Return the engine for a method on an interface.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it cannot take the interface.
+    """
+    engine = ENGINES.get((type(method), type(interface.ageing)))
+    if engine is not None:
+        engine.check(interface, method)
+        return engine
+    name, ageing = type(method).__name__, interface.ageing
+    if ageing is not None:
+        raise InputError(f"Interface.ageing = {ageing}: not available with {name}; use Contacts")
+    kinds = " or ".join(sorted(kind.__name__ for taken, kind in ENGINES if taken is type(method)))
+    if kinds:
+        raise InputError(f"{name}: is for thresholds that age by {kinds}; use MasterEquation")
+    raise InputError(f"method = {shown(method)}: is no method of simulation; use Contacts or MasterEquation")
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What engines share
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def slider_constants(slider: Slider | None) -> SliderConstants:
+    """Return a slider as the kernels take it; none is rigid motion."""
+    from stickslip.kernels.oscillator import RIGID
+    from stickslip.kernels.oscillator import Slider as SliderConstants
+
+    return RIGID if slider is None else SliderConstants(slider.stiffness, slider.mass, slider.damping)
+
+
+def looks_aside(before: Engine, leg: Leg, until: float) -> tuple[Stretchings, ...]:
+    """Return the looks that fall before a time: a copy goes there, so that the run itself need not stop."""
+    from stickslip.kernels.drive import Stop
+
+    seen = []
+    for look in leg.looks:
+        if look > until:
+            break
+        aside, part = before.copy(), leg._replace(end=look, times=np.empty(0), stop=Stop(), looks=())
+        while not aside.advance(part).over:
+            pass
+        seen.append(aside.stretchings())
+    return tuple(seen)

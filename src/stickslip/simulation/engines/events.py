@@ -1,0 +1,100 @@
+"""N contacts, event by event, exact for their number: `stickslip.kernels.events`."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip.model import Contacts, Delay
+from stickslip.simulation.engines.base import (
+    COLUMNS,
+    Advance,
+    Beginning,
+    Engine,
+    Leg,
+    Stretchings,
+    slider_constants,
+    solves,
+)
+from stickslip.simulation.engines.beginnings import first_contacts, generators
+
+Array = NDArray[np.float64]
+
+_BLOCK = 16_384
+"""Random numbers drawn at once. The same seed gives another run with another length."""
+_EVENTS = 400_000
+"""Events in an advance: some 50 ms."""
+
+
+@solves(Contacts)
+class Events(Engine):
+    """Contacts whose next event is always known; fed with random numbers in blocks of a fixed length."""
+
+    columns = COLUMNS
+    angle = 0.1
+
+    def __init__(self, beginning: Beginning, method: Contacts) -> None:
+        from stickslip.kernels import events as kernel
+
+        self._distribution, self._delay = beginning.interface.threshold_distribution, beginning.interface.delay
+        initial, self._threshold_rng, self._delay_rng = generators(method.seed)
+        x, threshold, pending = first_contacts(beginning, method.count, initial)
+        self._state = kernel.make_state(
+            -x, threshold, pending, self._delay.moment(1), velocity=beginning.slider_velocity
+        )
+        self.slider = slider_constants(beginning.slider)
+        fixed = self._delay.time if isinstance(self._delay, Delay) else math.nan
+        self._draws = kernel.Draws(self._distribution.sample(self._threshold_rng, _BLOCK), np.empty(0), fixed)
+
+    def here(self) -> tuple[float, float]:
+        """Time, and position of the slider."""
+        from stickslip.kernels import events as kernel
+
+        return float(self._state.motion[kernel.TIME]), float(self._state.motion[kernel.POSITION])
+
+    def contact_force(self) -> float:
+        """Force of the contacts now, per contact."""
+        from stickslip.kernels import events as kernel
+
+        return kernel.contact_force(self._state)
+
+    def stretchings(self) -> Stretchings:
+        """Stretchings of the attached contacts now."""
+        return self._stretchings(self.here()[1])
+
+    def _stretchings(self, X: float) -> Stretchings:
+        from stickslip.kernels import events as kernel
+
+        x = kernel.stretchings(self._state, X)
+        return Stretchings(x, np.full(x.size, 1.0 / self._state.contacts.size), cells=False)
+
+    def advance(self, leg: Leg) -> Advance:
+        """Go on by some events."""
+        from stickslip.kernels import events as kernel
+
+        state = self._state
+        sampling = kernel.Sampling(leg.times, np.empty((leg.times.size, len(COLUMNS))))
+        seen: list[Stretchings] = []
+        state.counts[kernel.SAMPLE] = 0
+        last = int(state.counts[kernel.EVENTS]) + _EVENTS
+        looks = (*leg.looks, math.inf)
+        while True:
+            piece = kernel.Piece(leg.drive, leg.end, leg.stop, looks[len(seen)])
+            left = last - int(state.counts[kernel.EVENTS])
+            why = kernel.advance(state, self.slider, piece, sampling, self._draws, left)
+            if why == kernel.THRESHOLDS_USED_UP:
+                self._draws = self._draws._replace(thresholds=self._distribution.sample(self._threshold_rng, _BLOCK))
+                state.counts[kernel.THRESHOLD] = 0
+            elif why == kernel.DELAYS_USED_UP:
+                self._draws = self._draws._replace(delays=self._delay.sample(self._delay_rng, _BLOCK))
+                state.counts[kernel.DELAY] = 0
+            elif why == kernel.LOOK:  # before the flight that passes it, so that none is cut in two
+                seen.append(self._stretchings(float(state.motion[kernel.LOOKED])))
+            else:
+                break
+        while looks[len(seen)] <= state.motion[kernel.TIME]:  # at the very end
+            seen.append(self.stretchings())
+        rows = sampling.samples[: state.counts[kernel.SAMPLE]]
+        return Advance(rows, tuple(seen), over=why != kernel.BUDGET_SPENT)

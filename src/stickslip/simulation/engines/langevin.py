@@ -1,0 +1,191 @@
+"""Thresholds that age by Langevin, Eqs. (13)-(17): N contacts, their kinetic equation, the paper's closure."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip.errors import InputError
+from stickslip.model import Contacts, Interface, Langevin, MasterEquation, PaperClosure
+from stickslip.simulation.engines.base import Beginning, Stretchings, slider_constants, solves
+from stickslip.simulation.engines.beginnings import (
+    attached_now,
+    first_contacts,
+    generators,
+    pool_of_delays,
+    settled_nodes,
+)
+from stickslip.simulation.engines.steps import Steps, has_stopped
+from stickslip.theory import ageing_constants, gaussian_ageing
+
+if TYPE_CHECKING:
+    from stickslip.kernels.stepping import Course
+
+Array = NDArray[np.float64]
+
+_STEP = 0.02
+"""Largest step of N contacts in units of ``1/rate**2``, and of the slider in mean breaking displacements."""
+
+
+def _settling_time(beginning: Beginning, rate: float) -> float:
+    """How long to slide rigidly from the distribution of Eq. (10) to the steady state: lives, and times of ageing."""
+    velocity, delay = beginning.velocity, beginning.interface.delay.moment(1)
+    return 5.0 * (beginning.interface.threshold_distribution.moment(1) / velocity + delay) + 5.0 / rate**2
+
+
+@solves(Contacts, Langevin)
+class LangevinContacts(Steps):
+    """N contacts in small steps, with exact moments of breaking: `stickslip.kernels.langevin_contacts`."""
+
+    def __init__(self, beginning: Beginning, method: Contacts) -> None:
+        from stickslip.kernels.langevin_contacts import Contacts as Sampled
+
+        initial, self._rng, delays = generators(method.seed)
+        self._constants = ageing_constants(beginning.interface)
+        self.longest, self.reach = _STEP / self._constants.rate**2, _STEP * self._constants.mean
+        self._delays = pool_of_delays(beginning.interface.delay, delays)
+        x, threshold, pending = first_contacts(beginning, method.count, initial)
+        self._contacts = Sampled(x, threshold, np.append(np.full(method.count - pending.size, -math.inf), pending))
+        self.state = np.zeros(4)
+        if beginning.sliding:
+            end = _settling_time(beginning, self._constants.rate)
+            self.settle(beginning, end)
+            self._contacts.attach[:] -= end
+            self.state[:2] = 0.0
+        self.state[2] = beginning.slider_velocity
+        self.slider = slider_constants(beginning.slider)
+
+    @staticmethod
+    def check(interface: Interface, method: Contacts) -> None:  # noqa: ARG004
+        """Raise `InputError` for thresholds that cannot age so."""
+        gaussian_ageing(interface)
+
+    def stretchings(self) -> Stretchings:
+        """Stretchings of the attached contacts now."""
+        return attached_now(self._contacts.stretching, self._contacts.attach, self.state[0])
+
+    def take(self, course: Course) -> Array:
+        """Follow a course, and return the samples."""
+        from stickslip.kernels.langevin_contacts import advance_contacts
+
+        return advance_contacts(self.state, self._contacts, course, self._constants, self._delays, self._rng)
+
+
+@solves(MasterEquation, Langevin)
+class LangevinDensity(Steps):
+    """The kinetic equation on cohorts: `stickslip.kernels.langevin_density`."""
+
+    def __init__(self, beginning: Beginning, method: MasterEquation) -> None:
+        from stickslip.kernels.langevin_density import Cohorts, density_nodes
+
+        self._constants = ageing_constants(beginning.interface)
+        step = 4.0 / method.cells
+        self.longest, self.reach = step / self._constants.rate**2, step * self._constants.mean
+        self._nodes = density_nodes(self._constants, method.cells / 40.0)
+        cohorts = _first_cohorts(beginning, self._nodes, 4.0 * step * self._constants.mean)
+        count, room = cohorts[0].size, math.ceil(self._nodes[-1] / self.reach) + 3
+        self._cohorts = Cohorts(*(np.append(part, np.zeros((room, *part.shape[1:])), 0) for part in cohorts))
+        self.state = np.array([0.0, 0.0, 0.0, 0.0, count, 0.0])
+        if beginning.sliding:
+            self.settle(beginning, _settling_time(beginning, self._constants.rate))
+            self._cohorts.place[:] -= self.state[1]
+            self.state[:2] = 0.0
+        self.state[2] = beginning.slider_velocity
+        self.slider = slider_constants(beginning.slider)
+
+    @staticmethod
+    def check(interface: Interface, method: MasterEquation) -> None:
+        """Raise `InputError` for thresholds that cannot age so, for a delay, and without memory."""
+        gaussian_ageing(interface)
+        if interface.delay.moment(1) > 0 or method.memoryless:
+            what = "MasterEquation(memoryless=True)" if method.memoryless else f"Interface.delay = {interface.delay}"
+            raise InputError(f"{what}: not available for ageing thresholds with MasterEquation; use Contacts")
+
+    def stretchings(self) -> Stretchings:
+        """Mean stretchings of the cohorts now."""
+        fraction = self._cohorts.mass.sum(axis=1)
+        kept = fraction > 0.0
+        place = self._cohorts.place[kept] + self._cohorts.moment[kept].sum(axis=1) / fraction[kept]
+        return Stretchings(self.state[1] - place, fraction[kept], cells=True)
+
+    def take(self, course: Course) -> Array:
+        """Follow a course, and return the samples."""
+        from stickslip.kernels.langevin_density import advance_density
+
+        return advance_density(self.state, self._cohorts, self._nodes, course, self._constants)
+
+
+def _first_cohorts(beginning: Beginning, margins: Array, width: float) -> tuple[Array, Array, Array]:
+    """Cohorts of contacts whose stretchings are no farther apart than `width`, the slider at 0.
+
+    Returns the places where they attached, the fraction of contacts by cohort and rupture margin, and its moment about
+    these places.
+    """
+    from stickslip.kernels.langevin_density import cell_widths
+
+    distribution = beginning.interface.threshold_distribution
+    x, fraction = settled_nodes(beginning)
+    kept = fraction > 1e-12
+    x, fraction = x[kept], fraction[kept]
+    mass = distribution.density(margins + np.abs(x)[:, None]) * cell_widths(margins)
+    mass[:, 0] = 0.0  # none is on its boundary
+    mass *= (fraction / mass.sum(axis=1) / fraction.sum())[:, None]
+    # Those pulled back and those pulled ahead apart: as the slider moves, the margins of ones widen, of others narrow.
+    _, into = np.unique(np.floor(x / width), return_inverse=True)
+    place = -np.bincount(into, fraction * x) / np.bincount(into, fraction)
+    together, moment = np.zeros((2, place.size, margins.size))
+    np.add.at(together, into, mass)
+    np.add.at(moment, into, mass * (-x - place[into])[:, None])
+    return place, together, moment
+
+
+@solves(PaperClosure, Langevin)
+class Closure(Steps):
+    """The paper's closure: cohorts of stretchings, and one distribution of thresholds: `stickslip.kernels.closure`."""
+
+    def __init__(self, beginning: Beginning, method: PaperClosure) -> None:
+        from stickslip.kernels.closure import Cohorts, Thresholds, threshold_edges
+
+        self._constants = ageing_constants(beginning.interface)
+        step = 4.0 / method.cells
+        self.longest, self.reach = step / self._constants.rate**2, step * self._constants.mean
+        edges = threshold_edges(self._constants, max(method.cells / 50.0, 2.0))
+        x, fraction = settled_nodes(beginning)
+        beyond = beginning.interface.threshold_distribution.survival(edges)
+        self._thresholds = Thresholds(edges, (beyond[:-1] - beyond[1:]) / (beyond[0] - beyond[-1]))
+        room = np.zeros(math.ceil(3.0 / step) + 20)
+        self._cohorts = Cohorts(np.append(-x, room), np.append(fraction, room))
+        self.state = np.array([0.0, 0.0, 0.0, 0.0, x.size])
+        if beginning.sliding:
+            # One distribution for all settles more slowly.
+            self.settle(beginning, 2.0 * _settling_time(beginning, self._constants.rate))
+            self._cohorts.place[:] -= self.state[1]
+            self.state[:2] = 0.0
+        self.state[2] = beginning.slider_velocity
+        self.slider = slider_constants(beginning.slider)
+
+    @staticmethod
+    def check(interface: Interface, method: PaperClosure) -> None:  # noqa: ARG004
+        """Raise `InputError` for thresholds that cannot age so, and for a delay."""
+        gaussian_ageing(interface)
+        if interface.delay.moment(1) > 0:
+            raise InputError(f"Interface.delay = {interface.delay}: not available with PaperClosure; use Contacts")
+
+    def stretchings(self) -> Stretchings:
+        """Stretchings of the cohorts now."""
+        count = int(self.state[4])
+        return Stretchings(self.state[1] - self._cohorts.place[:count], self._cohorts.weight[:count], cells=True)
+
+    def take(self, course: Course) -> Array:
+        """Follow a course, with room for as many cohorts as it takes."""
+        from stickslip.kernels.closure import Cohorts, advance_closure
+
+        samples = [advance_closure(self.state, self._cohorts, self._thresholds, course, self._constants)]
+        while self.state[4] >= self._cohorts.place.size and not has_stopped(course.stop, samples[-1]):  # it broke off
+            self._cohorts = Cohorts(*(np.append(part, np.zeros(part.size)) for part in self._cohorts))
+            course = course._replace(times=course.times[len(samples[-1]) :])
+            samples.append(advance_closure(self.state, self._cohorts, self._thresholds, course, self._constants))
+        return np.concatenate(samples)

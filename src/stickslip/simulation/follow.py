@@ -1,0 +1,141 @@
+"""The driver: any engine along any drive, with samples, snapshots, conditions and progress."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip.errors import InputError
+from stickslip.model.drive import Condition, Drive, ForceAbove, ForceBelow, Travel
+from stickslip.simulation.engines import MOTION, Engine, Leg, Stretchings
+
+if TYPE_CHECKING:
+    from stickslip.kernels.drive import Stop
+
+Array = NDArray[np.float64]
+Progress = Callable[[float], None]
+"""Called now and then with the fraction of the work that is done, 0 to 1."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """Where an engine has been: samples, the drive at their times, and snapshots with their times."""
+
+    columns: tuple[str, ...]
+    times: Array
+    rows: Array
+    drive_velocity: Array
+    drive_position: Array
+    snapshots: tuple[tuple[float, Stretchings], ...]
+
+    def __getitem__(self, name: str) -> Array:
+        """Samples of one of the engine's columns."""
+        return self.rows[:, self.columns.index(name)]
+
+
+def follow(
+    engine: Engine,
+    drive: Drive,
+    position: float,
+    times: Array,
+    looks: tuple[float, ...] = (),
+    progress: Progress | None = None,
+) -> Track:
+    """Follow a drive from piece to piece.
+
+    Parameters
+    ----------
+    engine : Engine
+        At time 0; it goes on.
+    drive : Drive
+    position : float
+        Of the drive, at time 0.
+    times : ndarray, shape (n,)
+        Rising times of the samples. A sample on the seam of two pieces belongs to the earlier one.
+    looks : tuple of float
+        Rising times of the snapshots.
+    progress : callable, optional
+
+    Returns
+    -------
+    Track
+        Up to where the drive ended: a condition may end a piece early.
+
+    Raises
+    ------
+    InputError
+        If the numbers of the run stop being finite; the message names the moment.
+    """
+    from stickslip.kernels.drive import Quadratic
+
+    report, total = progress or (lambda _: None), drive.duration
+    rows = np.empty((times.size, len(engine.columns)))
+    drive_velocity, drive_position = np.empty((2, times.size))
+    snapshots: list[tuple[float, Stretchings]] = []
+    filled = 0
+    for piece in drive.pieces:
+        begin, X = engine.here()
+        end = begin + piece.duration
+        motion = Quadratic(begin, position, piece.start, piece.acceleration)
+        last = np.searchsorted(times, end * (1 + 1e-12), side="right")
+        leg = Leg(motion, end, times[filled:last], _stop(piece.until, X), looks[len(snapshots) :])
+        count, seen = follow_leg(engine, leg, rows[filled:], lambda t: report(min(t / total, 1.0)))
+        sampled = slice(filled, filled + count)
+        drive_position[sampled] = leg.drive_position(times[sampled])
+        drive_velocity[sampled] = leg.drive_velocity(times[sampled])
+        snapshots += zip(leg.looks, seen, strict=False)
+        filled += count
+        position = float(leg.drive_position(np.asarray(engine.here()[0])))
+    report(1.0)
+    kept = slice(filled)
+    return Track(
+        columns=engine.columns,
+        times=times[kept],
+        rows=rows[kept],
+        drive_velocity=drive_velocity[kept],
+        drive_position=drive_position[kept],
+        snapshots=tuple(snapshots),
+    )
+
+
+def follow_leg(
+    engine: Engine, leg: Leg, rows: Array, report: Callable[[float], None] = lambda _: None
+) -> tuple[int, list[Stretchings]]:
+    """Follow a leg to its end, and fill `rows`; returns how many are filled, and what the looks have seen."""
+    filled, seen, over = 0, list[Stretchings](), False
+    while not over:
+        passed = engine.advance(leg._replace(times=leg.times[filled:], looks=leg.looks[len(seen) :]))
+        _check_finite(engine, leg, leg.times[filled:], passed.rows)
+        rows[filled : filled + len(passed.rows)] = passed.rows
+        filled, over = filled + len(passed.rows), passed.over
+        seen += passed.looks
+        report(engine.here()[0])
+    return filled, seen
+
+
+def _check_finite(engine: Engine, leg: Leg, times: Array, rows: Array) -> None:
+    lost = np.flatnonzero(~np.isfinite(rows[:, : len(MOTION)]).all(axis=1))
+    if lost.size:
+        raise InputError(
+            f"from t = {times[lost[0]]:g} on the numbers of the run are not finite: the rig has scales too far apart "
+            f"({engine.slider}, drive of velocity {leg.drive.velocity:g})"
+        )
+
+
+def _stop(until: Condition | None, X: float) -> Stop:
+    """Return a condition as the kernels take it, on a piece that begins with the slider at `X`."""
+    from stickslip.kernels.drive import FORCE_ABOVE, FORCE_BELOW, TRAVEL, Stop
+
+    match until:
+        case Travel(distance):
+            return Stop(TRAVEL, distance, X)
+        case ForceAbove(force):
+            return Stop(FORCE_ABOVE, force, X)
+        case ForceBelow(force):
+            return Stop(FORCE_BELOW, force, X)
+        case None:
+            return Stop()

@@ -1,0 +1,194 @@
+"""How long a run would take, said before it starts.
+
+>>> import stickslip as ss
+>>> from stickslip.simulation import estimate
+>>> estimate(ss.example("pmma_slider")).seconds < 60
+True
+
+The costs are those of one core of a desktop machine; another may take a third or three times as long.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from stickslip.errors import InputError
+from stickslip.model import Contacts, FromSliding, Langevin, Slider
+from stickslip.model.drive import Piece, Travel
+from stickslip.model.rig import Rig
+from stickslip.model.units import Quantity
+
+LONGEST = 3600.0
+"""Seconds that a run may take without being asked for."""
+LARGEST = 4e9
+"""Bytes that it may take."""
+
+_BREAK = 4e-7
+"""Seconds a break of a contact takes."""
+_AGE = 2e-7
+"""The same for a contact with ageing thresholds in one time of ageing, whether it breaks or not."""
+_AGEING_BREAK = 8e-6
+"""The same for a break of a contact whose threshold ages."""
+_COHORT = 8e-6, 3e-8
+"""The same for a step of the master equation: by itself, and for each cohort in an ``x_s``."""
+_AGEING_COHORT = 6e-8
+"""The same for a cohort of the kinetic equation in one time of ageing or ``x_s``, for each of their number."""
+_RADIAN = 8e-7, 8e-6
+"""The same for a radian of the slider's oscillation: between contacts, and with the master equation."""
+_SAMPLE = 1e-6, 200.0
+"""Seconds and bytes a sample takes."""
+_CONTACT = 150.0
+"""Bytes of a contact."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """One kind of work in a run, and the number of the rig that it depends on.
+
+    Parameters
+    ----------
+    key : str
+        Of that number, as in a rig file.
+    value : float
+        In natural units.
+    quantity : str, optional
+        What it is; none for a pure number.
+    power : float
+        The work grows as this power of the value.
+    what : str
+        How much work it is, in words.
+    seconds, bytes : float
+        What it takes.
+    """
+
+    key: str
+    value: float
+    quantity: Quantity | None
+    power: float
+    what: str
+    seconds: float
+    bytes: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Work:
+    """What a run of a rig would take, by part."""
+
+    rig: Rig
+    parts: tuple[Part, ...]
+
+    @property
+    def seconds(self) -> float:
+        """Time of one core."""
+        return sum(part.seconds for part in self.parts)
+
+    @property
+    def bytes(self) -> float:
+        """Memory."""
+        return sum(part.bytes for part in self.parts)
+
+    def check(
+        self,
+        seconds: float = LONGEST,
+        bytes: float = LARGEST,
+        otherwise: str = "ask for it all the same: long=True (--long)",
+    ) -> None:
+        """Raise `InputError` if the work is more than this; the message names what to change.
+
+        Parameters
+        ----------
+        seconds, bytes : float
+            The most that is allowed.
+        otherwise : str
+            What else the user can do.
+        """
+        if (excess := self.seconds / seconds) > 1:
+            worst = max(self.parts, key=lambda part: part.seconds)
+            amount, share = f"{worst.what} would take about {_lasting(self.seconds)}", worst.seconds / seconds
+        elif (excess := self.bytes / bytes) > 1:
+            worst = max(self.parts, key=lambda part: part.bytes)
+            amount, share = f"{worst.what} would take about {self.bytes / 1e9:.2g} GB", worst.bytes / bytes
+        else:
+            return
+        allowed = worst.value * max(share, 1.0) ** (-1.0 / worst.power)
+        bound = "at most" if worst.power > 0 else "at least"
+        raise InputError(
+            f"{worst.key} = {self._said(worst, worst.value)}: {amount}; give {bound} {self._said(worst, allowed)}, or "
+            f"a drive {excess:.2g} times shorter; or {otherwise}",
+            worst.key,
+        )
+
+    def _said(self, part: Part, value: float) -> str:
+        return f"{value:.4g}" if part.quantity is None else self.rig.in_units(value, part.quantity)
+
+
+def estimate(rig: Rig) -> Work:
+    """Return what a run of a rig would take; pieces of the drive that end on a condition are taken as a whole.
+
+    Parameters
+    ----------
+    rig : Rig
+
+    Returns
+    -------
+    Work
+        Its ``seconds``, ``bytes`` and parts.
+    """
+    slider, duration = rig.slider, rig.drive.duration
+    distance = sum(_way(piece) for piece in rig.drive.pieces)
+    parts = []
+    path, turns = distance, 0.0
+    if isinstance(slider, Slider) and slider.mass > 0:
+        frequency = math.sqrt((slider.stiffness + 1.0) / slider.mass)
+        turns = frequency * duration
+        # A slip leaves the slider ringing, the longer, the less it is damped.
+        damping_ratio = slider.damping / (2.0 * frequency)
+        rings = 1.0 / damping_ratio if damping_ratio > 0 else math.inf
+        path += 0.1 * min(turns, distance * rings)
+        if isinstance(rig.start, FromSliding):
+            path += abs(rig.start.perturbation * rig.drive.pieces[0].start) / frequency * min(turns, rings)
+        radian = _RADIAN[0] if isinstance(rig.method, Contacts) else _RADIAN[1]
+        words = f"{turns:.2g} rad of the slider's oscillation"
+        parts.append(Part(key="slider.mass", value=slider.mass, quantity="mass", power=-0.5, what=words,
+                          seconds=radian * turns))  # fmt: skip
+    mean = rig.interface.threshold_distribution.moment(1)
+    lives, ageing = path / mean, rig.interface.ageing
+    if isinstance(rig.method, Contacts):
+        count = rig.method.count
+        each = _BREAK if ageing is None else _AGEING_BREAK
+        parts.append(Part(key="simulation.contacts", value=count, quantity=None, power=1.0,
+                          what=f"about {count * lives:.2g} breaks of {count:.2g} contacts",
+                          seconds=each * count * lives, bytes=_CONTACT * count))  # fmt: skip
+    else:
+        cells = rig.method.cells
+        step = _COHORT[0] + _COHORT[1] * cells if ageing is None else _AGEING_COHORT * cells
+        parts.append(Part(key="simulation.cells", value=cells, quantity=None, power=1.0,
+                          what=f"about {cells * path:.2g} cohorts over a path of {path:.2g} x_s",
+                          seconds=step * cells * path))  # fmt: skip
+    if isinstance(ageing, Langevin):
+        # Thresholds take steps that are short against their time of ageing, at rest as in motion.
+        ages = duration * ageing.rate**2
+        each = _AGE * rig.method.count if isinstance(rig.method, Contacts) else _AGEING_COHORT * rig.method.cells**2
+        parts.append(Part(key="interface.ageing.time", value=ageing.rate**-2, quantity="time", power=-1.0,
+                          what=f"{ages:.2g} times of ageing", seconds=each * ages))  # fmt: skip
+    if (interval := rig.output.interval) is not None:
+        samples = duration / interval
+        parts.append(Part(key="simulation.interval", value=interval, quantity="time", power=-1.0,
+                          what=f"{samples:.2g} samples", seconds=_SAMPLE[0] * samples,
+                          bytes=_SAMPLE[1] * samples))  # fmt: skip
+    return Work(rig=rig, parts=tuple(parts))
+
+
+def _way(piece: Piece) -> float:
+    """How far the drive goes in a piece, at most; a slider that has gone far enough ends it."""
+    way = 0.5 * (abs(piece.start) + abs(piece.end)) * piece.duration
+    return min(way, piece.until.distance) if isinstance(piece.until, Travel) else way
+
+
+def _lasting(seconds: float) -> str:
+    """Say a time as a person would."""
+    for size, name in ((31_557_600.0, "years"), (86_400.0, "days"), (3600.0, "h"), (60.0, "min")):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.2g} {name}"
+    return f"{seconds:.2g} s"

@@ -1,0 +1,168 @@
+"""Neutral frequencies: where on the imaginary axis some extra spring at the interface would make a mode neutral.
+
+On the axis the interface and the rig separate: with ``kappa`` computed once, each frequency with ``Im(Z + kappa) = 0``
+is neutral for exactly one extra spring, ``-Re(Z + kappa)``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip.stability.impedances import Impedance, resonances
+from stickslip.stability.response import SCAN_LIMIT, Array, ComplexArray, Response, Scan
+
+
+class Neutral(NamedTuple):
+    """Frequencies at which some extra spring at the interface makes a mode neutral.
+
+    With less extra stiffness than `extra`, `modes` more modes grow (2, or -2).
+    """
+
+    omega: Array
+    extra: Array
+    modes: NDArray[np.int64]
+
+    def unstable(self, added: float = 0.0) -> int:
+        """Number of growing modes with a spring `added` at the interface."""
+        return int(np.sum(self.modes[self.extra > added]))
+
+
+NOTHING = Neutral(np.empty(0), np.empty(0), np.empty(0, dtype=np.int64))
+
+
+def neutral_frequencies(
+    response: Response, body: Impedance, velocities: Sequence[float], *, softest: float | None = None
+) -> list[Neutral]:
+    """Return per velocity all zeros of ``Im(Z + kappa)`` on the axis that bear on the body, or on all stiffer ones too.
+
+    With `softest` given the answer holds for every rig that has the same losses and masses and a total static
+    stiffness of at least `softest`, else for the rig itself only.
+    """
+    if response.inert:
+        return [NOTHING for _ in velocities]
+    scans = [response.scan(body, velocity, softest) for velocity in velocities]
+    brackets = [_brackets(response, body, velocity, scan) for velocity, scan in zip(velocities, scans, strict=True)]
+    # All velocities at once: a call costs the same for one frequency and for a hundred.
+    counts = [left.size for left, _, _ in brackets]
+    speed = np.repeat(np.asarray(velocities, dtype=float), counts)
+    left, right = (np.concatenate([b[k] for b in brackets]) for k in (0, 1))
+    omega = extra = left
+    if left.size:
+        omega = _bracketed_zeros(lambda w: response.loss(body, speed, w), left, right)
+        s = 1j * omega
+        extra = -(body(s) + response.stiffness(speed, s)).real
+    answers = []
+    ends = np.cumsum([0, *counts])
+    for k, (scan, (_, _, rising)) in enumerate(zip(scans, brackets, strict=True)):
+        w, e, modes = omega[ends[k] : ends[k + 1]], extra[ends[k] : ends[k + 1]], np.where(rising, 2, -2)
+        # Where a scan was cut off for |kappa| < |Z| just past half a turn, the turn is never completed.
+        if softest is None and scan.omega.size and _past_half_a_turn(response, body, velocities[k], scan):
+            w, e, modes = np.append(w, np.inf), np.append(e, np.inf), np.append(modes, 2)
+        order = np.argsort(w)
+        answers.append(Neutral(w[order], e[order], modes[order]))
+    return answers
+
+
+def _brackets(
+    response: Response, body: Impedance, velocity: float, scan: Scan
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Intervals of frequency in which ``Im(Z + kappa)`` changes sign, and whether it rises there."""
+    omega, value = scan
+    negative = value < 0
+    at = np.flatnonzero(negative[1:] != negative[:-1])
+    left, right, rising = omega[at], omega[at + 1], negative[at]
+    middle = _nearly_touching(value)
+    low, high, side = omega[middle - 1], omega[middle + 1], np.sign(value[middle])
+    for _ in range(6):
+        if low.size == 0:
+            break
+        # A pair of zeros may be much closer than two frequencies of the scan: close in on the dip until it is decided.
+        fine = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, 17)
+        dip = response.loss(body, velocity, fine) * side[:, None]
+        row, column = np.nonzero((dip[:, 1:] < 0) != (dip[:, :-1] < 0))
+        left = np.concatenate([left, fine[row, column]])
+        right = np.concatenate([right, fine[row, column + 1]])
+        rising = np.concatenate([rising, (dip[row, column] < 0) == (side[row] > 0)])
+        lowest = np.clip(np.argmin(dip, axis=1), 1, 15)
+        each = np.arange(low.size)
+        before, here, after = dip[each, lowest - 1], dip[each, lowest], dip[each, lowest + 1]
+        open_ = (here > 0) & (_vertex(before, here, after) < 0.5 * np.minimum(before, after))
+        low, high, side = fine[each, lowest - 1][open_], fine[each, lowest + 1][open_], side[open_]
+    return left, right, rising
+
+
+def _past_half_a_turn(response: Response, body: Impedance, velocity: float, scan: Scan) -> bool:
+    """Whether ``Z + kappa`` is through the negative real axis at the end of the scan, while ``Z`` never gets there."""
+    if scan.value[-1] >= 0:
+        return False
+    s = 1j * scan.omega[-1:]
+    z = complex(body(s)[0])
+    total = z + complex(response.stiffness(velocity, s)[0])
+    return math.atan2(total.imag, total.real) - math.atan2(max(z.imag, 0.0), z.real) < -math.pi
+
+
+def _nearly_touching(value: Array) -> NDArray[np.intp]:
+    """Indices of local minima of ``|value|`` where a parabola through three points comes near zero."""
+    side = np.sign(value[1:-1])
+    before, here, after = value[:-2] * side, np.abs(value[1:-1]), value[2:] * side
+    k = np.flatnonzero((here > 0) & (here <= before) & (here <= after))
+    near = _vertex(before[k], here[k], after[k]) < 0.2 * np.minimum(before[k], after[k])
+    return np.asarray(k[near] + 1)
+
+
+def _vertex(before: Array, here: Array, after: Array) -> Array:
+    """Lowest value of the parabola through three equally spaced points around a minimum."""
+    bend = before - 2 * here + after
+    return np.asarray(here - (after - before) ** 2 / (8 * np.maximum(bend, 1e-300)))
+
+
+def _bracketed_zeros(function: Callable[[Array], Array], left: Array, right: Array) -> Array:
+    """Chandrupatla's method on many brackets at once: bisection that jumps by inverse quadratic interpolation."""
+    b, a = left.copy(), right.copy()
+    fb, fa = function(b), function(a)
+    c, fc = a.copy(), fa.copy()
+    t = np.full(a.shape, 0.5)
+    best = np.where(np.abs(fa) < np.abs(fb), a, b)
+    for _ in range(60):
+        x = a + t * (b - a)
+        fx = function(x)
+        same = np.sign(fx) == np.sign(fa)
+        c, fc = np.where(same, a, b), np.where(same, fa, fb)
+        b, fb = np.where(same, b, a), np.where(same, fb, fa)
+        a, fa = x, fx
+        best = np.where(np.abs(fa) < np.abs(fb), a, b)
+        width = np.abs(b - a)
+        tolerance = 2e-15 * np.abs(best)
+        if np.all((width <= 2 * tolerance) | (fa == 0)):
+            break
+        with np.errstate(divide="ignore", invalid="ignore"):
+            xi, phi = (a - b) / (c - b), (fa - fb) / (fc - fb)
+            quadratic = (phi**2 < xi) & ((1 - phi) ** 2 < 1 - xi)
+            guess = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
+            least = tolerance / np.maximum(width, 1e-300)
+        t = np.clip(
+            np.where(quadratic & np.isfinite(guess), guess, 0.5),
+            np.minimum(least, 0.5),
+            np.maximum(1 - least, 0.5),
+        )
+    return np.asarray(best)
+
+
+def features(body: Impedance, omega: Array, z: ComplexArray) -> Array:
+    """Frequencies to add to a scan where the impedance turns quickly."""
+    known = resonances(body)
+    added = known[(known > omega[0]) & (known < omega[-1])]
+    for _ in range(40):
+        grid = np.union1d(omega, added)
+        z = body(1j * grid)
+        turn = np.abs(np.angle(z[1:] * np.conj(z[:-1])))
+        coarse = (turn > 0.3) & (np.diff(grid) > 1e-9 * grid[1:])
+        if not coarse.any() or grid.size > SCAN_LIMIT:
+            break
+        added = np.union1d(added, 0.5 * (grid[1:] + grid[:-1])[coarse])
+    return np.setdiff1d(added, omega)

@@ -1,0 +1,233 @@
+"""What a sweep file may hold, and what becomes of it: the study, the values of each axis, what is measured."""
+
+from __future__ import annotations
+
+import functools
+import math
+import operator
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Discriminator, Field, Tag, create_model
+
+from stickslip.errors import InputError, number, whole
+from stickslip.io.validation import Lag, Length, Mass, Part, Rate, Stiffness, Time, quantity
+from stickslip.model import PARAMETERS, Contacts, FromRest, FromSliding, MasterEquation, Method, Rig, Start
+from stickslip.simulation import check_method
+from stickslip.sweep._refine import Refinement
+from stickslip.sweep._run import CYCLES, MAX_CASES, check_size
+from stickslip.sweep.study import FROM_REST, FROM_SLIDING, MEASURES, USUAL, Study
+
+SHORTEST = 120.0
+"""``x_s`` that a run lasts at least unless the file says otherwise: transients last 40 to 100 ``x_s``."""
+
+_Speed = Annotated[float, quantity("m/s", "0.4 mm/s")]
+_Count = Annotated[int, Field(ge=1)]
+_Seed = Annotated[int, Field(ge=0, lt=2**53)]
+_Start = Literal["from rest", "sliding"]
+
+SETTABLE: tuple[str, ...] = tuple(parameter.name for parameter in PARAMETERS)
+AXES: dict[str, tuple[Any, str]] = {
+    "stiffness": (Stiffness, "stiffness of the driving spring"),
+    "velocity": (_Speed, "velocity of the drive"),
+    "mass": (Mass, "mass of the slider"),
+    "damping": (Rate, "damping eta"),
+    "delay": (Lag, "delay of re-attachment"),
+    "std": (float, "standard deviation of the thresholds"),
+    "contacts": (_Count, "number of contacts"),
+    "seed": (_Seed, "seed of the contacts"),
+    "start": (_Start, "start of the run"),
+}
+"""What can be an axis: how a value is read, and what it is."""
+
+
+def _form(value: object) -> str:
+    """Which way of writing an axis this is."""
+    if isinstance(value, dict):
+        return "as table" if "values" in value else "as range"
+    return "as range" if isinstance(value, Part) else "as list"
+
+
+def _axis(name: str) -> Any:
+    """Ways to write an axis: a list of values, or its ends, their number and spacing."""
+    element: Any = AXES[name][0]
+    listed: Any = list.__class_getitem__(element)
+    forms = [("as list", listed), ("as table", create_model("Values", __base__=Part, values=(listed, ...)))]
+    ends: dict[str, Any] = {"from": (element, ...), "to": (element, ...), "count": (_Count | None, None)}
+    ends["spacing"] = (Literal["linear", "log"], "linear")
+    if name == "seed":
+        ends = {"from": (element, 1), "count": (_Count, ...)}
+    forms.append(("as range", create_model("Range", __base__=Part, **ends)))
+    tagged: list[Any] = [Annotated[form, Tag(tag)] for tag, form in forms]
+    union: Any = functools.reduce(operator.or_, tagged)
+    return Annotated[union, Discriminator(_form)]
+
+
+_OF_AXES: dict[str, Any] = {name: (_axis(name) | None, None) for name in AXES}
+_Axes: Any = create_model("_Axes", __base__=Part, **_OF_AXES)
+
+
+class _Run(Part):
+    method: Literal["contacts", "master equation"] | None = None
+    contacts: int | None = None
+    cells: int | None = None
+    seed: int | None = None
+    start: _Start | None = None
+    distance: Length | None = None
+    duration: Time | None = None
+    cycles: float = CYCLES
+    extensions: int = 1
+    max_cases: _Count = MAX_CASES
+
+
+class _Refine(Part):
+    runs: int = 160
+    resolution: float = 1 / 40
+    together: int = 8
+
+
+class Document(Part):
+    """A sweep file, validated."""
+
+    name: str = "sweep"
+    rig: Any
+    axes: _Axes
+    run: _Run = _Run()
+    measure: list[str] | None = None
+    refine: _Refine | None = None
+
+    def parts(self, rig: Rig, names: Iterable[str]) -> dict[str, Any]:
+        """Return the fields of a `stickslip.sweep.plan.Plan`; `names` are the axes in their order."""
+        given = {name: getattr(self.axes, name) for name in names}
+        study = self._study(rig, given)
+        if self.refine is None:
+            check_size(math.prod(_size(axis) for axis in given.values()), self.run.max_cases)
+        axes = {name: _values(name, axis, ends_only=self.refine is not None) for name, axis in given.items()}
+        logarithmic = tuple(name for name, axis in given.items() if _is_logarithmic(axis))
+        refinement = None if self.refine is None else Refinement(**self.refine.model_dump())
+        if refinement is not None:
+            self._check_refinement(given)
+        method = study.rig.method
+        seed = method.seed if isinstance(method, Contacts) else 0
+        if isinstance(method, Contacts):
+            study = replace(study, rig=study.rig.replace(method=replace(method, seed=0)))
+        return {
+            "name": self.name,
+            "study": study,
+            "axes": axes,
+            "logarithmic": logarithmic,
+            "measures": self._measures(own_seed="seed" not in given and isinstance(method, Contacts)),
+            "seed": seed,
+            "refinement": refinement,
+            "max_cases": self.run.max_cases,
+        }
+
+    def _study(self, rig: Rig, axes: Mapping[str, Any]) -> Study:
+        method = self._method(rig.method)
+        if isinstance(method, MasterEquation):
+            for name in ("seed", "contacts"):
+                if name in axes:
+                    raise InputError(f"axes.{name}: changes nothing with the master equation; use method = 'contacts'")
+        if len(rig.drive.pieces) > 1 or rig.drive.pieces[0].start != rig.drive.pieces[0].end:
+            raise InputError("rig.drive.pieces: each run of a sweep holds one velocity; give drive.velocity")
+        check_method(rig.interface, method)
+        if rig.slider.mass == 0 and "mass" not in axes:
+            raise InputError("rig.slider.mass = 0: a run needs a mass above 0")
+        for name in axes:
+            if name in SETTABLE:
+                rig.value(name)
+        number("rig.drive.velocity", rig.velocity, above=0)
+        starts: dict[str | None, Start] = {None: rig.start, FROM_REST: FromRest(), FROM_SLIDING: FromSliding()}
+        run = self.run
+        return Study(
+            rig=replace(rig, method=method, start=starts[run.start], name="", assumed={}),
+            distance=SHORTEST if run.distance is None else run.distance / rig.unit("x_s"),
+            duration=0.0 if run.duration is None else run.duration / rig.unit("time"),
+            cycles=number("run.cycles", run.cycles, at_least=0),
+            extensions=whole("run.extensions", run.extensions, at_least=0, at_most=10),
+        )
+
+    def _method(self, given: Method) -> Method:
+        run = self.run
+        kind = run.method or ("contacts" if isinstance(given, Contacts) else "master equation")
+        if kind == "contacts":
+            if run.cells is not None:
+                raise InputError("run.cells: belongs to method = 'master equation'")
+            usual = given if isinstance(given, Contacts) else Contacts()
+            return Contacts(
+                usual.count if run.contacts is None else run.contacts, usual.seed if run.seed is None else run.seed
+            )
+        for key in ("contacts", "seed"):
+            if getattr(run, key) is not None:
+                raise InputError(f"run.{key}: belongs to method = 'contacts'")
+        usual_cells = given.cells if isinstance(given, MasterEquation) else MasterEquation().cells
+        return MasterEquation(cells=usual_cells if run.cells is None else run.cells)
+
+    def _measures(self, *, own_seed: bool) -> tuple[str, ...]:
+        names = list(USUAL if self.measure is None else self.measure)
+        for name in names:
+            if name not in MEASURES:
+                import difflib
+
+                near = difflib.get_close_matches(name, MEASURES, n=1, cutoff=0.5)
+                remedy = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(MEASURES)}"
+                raise InputError(f"measure: {name!r} is not measured in a sweep; {remedy}")
+        always = ["regime", *(["seed"] if own_seed else [])]
+        return tuple(dict.fromkeys([*always, *(name for name in names if name != "seed")]))
+
+    def _check_refinement(self, given: Mapping[str, Any]) -> None:
+        parameters = [name for name in given if name in SETTABLE]
+        others = [name for name in given if name not in SETTABLE and name != "start"]
+        if len(parameters) != 2 or others:
+            raise InputError(
+                f"axes: [refine] searches the plane of two parameters, for each start; this file has {', '.join(given)}"
+            )
+        for name in parameters:
+            if not hasattr(given[name], "to"):
+                raise InputError(f"axes.{name}: [refine] chooses the values itself; give from, to and spacing")
+
+
+def _is_logarithmic(axis: Any) -> bool:
+    """Whether an axis is of equal ratios: as the file says, or as a list of values suggests."""
+    if hasattr(axis, "spacing"):
+        return bool(axis.spacing == "log")
+    values = axis if isinstance(axis, list) else getattr(axis, "values", [])
+    if len(values) < 3 or isinstance(values[0], str) or min(values) <= 0:
+        return False
+    steps, ratios = np.diff(np.sort(values)), np.diff(np.log(np.sort(values)))
+    return bool(np.ptp(ratios) / ratios.mean() < np.ptp(steps) / steps.mean())
+
+
+def _size(axis: Any) -> int:
+    """Number of values of an axis, before they are made."""
+    if isinstance(axis, list) or hasattr(axis, "values"):
+        return len(axis if isinstance(axis, list) else axis.values)
+    return axis.count or 1
+
+
+def _values(name: str, axis: Any, *, ends_only: bool) -> NDArray[Any]:
+    """Values of an axis as the file gives them."""
+    if isinstance(axis, list) or hasattr(axis, "values"):
+        values = axis if isinstance(axis, list) else axis.values
+        if not values:
+            raise InputError(f"axes.{name}: holds no value")
+        if len(set(values)) < len(values):
+            raise InputError(f"axes.{name}: holds a value twice; for replicas add an axis seed = {{ count = 10 }}")
+        return np.array(values, dtype=object if isinstance(values[0], str) else None)
+    low = getattr(axis, "from")
+    if name == "seed":
+        return np.arange(low, low + axis.count)
+    if axis.to <= low:
+        raise InputError(f"axes.{name}: to = {axis.to:g} must be above from = {low:g}")
+    if axis.spacing == "log" and low <= 0:
+        raise InputError(f"axes.{name}: from = {low:g} must be above 0 for spacing = 'log'")
+    if ends_only:
+        return np.array([low, axis.to], dtype=float)
+    if axis.count is None or axis.count < 2:
+        raise InputError(f"axes.{name}: needs a count of at least 2, the number of values from one end to the other")
+    space = np.geomspace if axis.spacing == "log" else np.linspace
+    values = space(low, axis.to, axis.count)
+    return np.unique(np.rint(values).astype(int)) if isinstance(low, int) and name == "contacts" else values

@@ -1,0 +1,99 @@
+"""Work is estimated before it starts: what would take hours is refused in one line, unless it is asked for."""
+
+import time
+
+import pytest
+
+import stickslip as ss
+from stickslip import cli
+from stickslip.errors import LONGEST_MESSAGE
+from stickslip.io import rig_files
+from stickslip.simulation import estimate
+
+INTERFACE = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
+AGEING = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), ageing=ss.Langevin(rate=1e5))
+SLIDER = ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4)
+RIG = ss.Rig(INTERFACE, SLIDER, ss.constant(1.0, duration=10.0), method=ss.Contacts(100, seed=1))
+TOO_MUCH = {
+    "slider.mass": RIG.replace(mass=1e-28),
+    "simulation.contacts": RIG.replace(method=ss.Contacts(100_000_000), drive=ss.constant(1.0, duration=1000.0)),
+    "simulation.cells": RIG.replace(method=ss.MasterEquation(cells=100_000), drive=ss.constant(1.0, duration=1000.0)),
+    "interface.ageing.time": RIG.replace(interface=AGEING),
+    "simulation.interval": RIG.replace(output=ss.Output(interval=1e-12)),
+}
+
+
+@pytest.mark.parametrize("key", TOO_MUCH)
+def test_a_run_that_would_take_hours_names_the_number_that_makes_it_so(key):
+    words = rf"^{key} = .* would take about .*; give at .*long=True \(--long\)"
+    with pytest.raises(ss.InputError, match=words) as caught:
+        ss.simulate(TOO_MUCH[key])
+    assert len(str(caught.value)) <= LONGEST_MESSAGE
+
+
+@pytest.mark.parametrize("key", TOO_MUCH)
+def test_what_the_message_proposes_is_enough(key):
+    rig = TOO_MUCH[key]
+    worst = max(estimate(rig).parts, key=lambda part: part.seconds)
+    assert worst.key == key
+    shorter = ss.constant(1.0, duration=rig.drive.duration * 0.999 * 3600.0 / estimate(rig).seconds)
+    estimate(rig.replace(drive=shorter)).check(bytes=1e99)
+
+
+def test_a_long_run_can_be_asked_for(monkeypatch):
+    from stickslip.simulation import work
+
+    monkeypatch.setattr(work.Work.check, "__defaults__", (1e-9, 4e9, "long=True"))
+    with pytest.raises(ss.InputError, match="long=True"):
+        ss.simulate(RIG)
+    run = ss.simulate(RIG, long=True)
+    assert ss.rerun(run).identical(run)
+    with pytest.raises(ss.InputError, match="long = 'no'"):
+        ss.simulate(RIG, long="no")
+
+
+def test_a_piece_that_ends_on_travel_is_no_longer_than_that():
+    drive = ss.constant(1.0, duration=1e3)
+    ended, whole = estimate(RIG.replace(drive=drive.until(ss.Travel(2.0)))), estimate(RIG.replace(drive=drive))
+    assert ended.seconds < whole.seconds
+
+
+def test_a_kick_that_rings_on_counts():
+    kicked = RIG.replace(start=ss.FromSliding(perturbation=1e25))
+    with pytest.raises(ss.InputError, match="breaks of 1e\\+02 contacts would take about"):
+        ss.simulate(kicked)
+
+
+def test_memory_is_estimated_too():
+    with pytest.raises(ss.InputError, match=r"simulation\.contacts = 1e\+08: .* GB"):
+        ss.simulate(RIG.replace(method=ss.Contacts(100_000_000), drive=ss.constant(1.0, duration=1e-3)))
+
+
+@pytest.mark.parametrize(
+    ("rig", "cells"), [(RIG, None), (RIG, 100), (RIG.replace(drive=ss.constant(1.0, duration=400.0)), None)]
+)
+def test_the_estimate_is_of_the_right_size(rig, cells):
+    rig = rig if cells is None else rig.replace(method=ss.MasterEquation(cells=cells))
+    ss.simulate(rig.replace(drive=ss.constant(1.0, duration=1e-3)))  # compiled
+    begun = time.process_time()
+    ss.simulate(rig)
+    took = time.process_time() - begun
+    assert estimate(rig).seconds / 20 < took + 0.05
+    assert took - 0.1 < 20 * estimate(rig).seconds
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("mass", "1e-12 kg"), ("distance", "1000 km"), ("velocity", "1e-15 m/s"), ("stiffness", "1e25 N/m")],
+)
+def test_the_command_line_refuses_in_one_line(tmp_path, capsys, key, value):
+    rig = rig_files.example_file("pmma_slider").read_text()
+    line = next(line for line in rig.splitlines() if line.startswith(f"{key} ="))
+    place = tmp_path / "rig.toml"
+    place.write_text(rig.replace(line, f'{key} = "{value}"'))
+    begun = time.process_time()
+    assert cli.main(["simulate", str(place)]) == 2
+    assert time.process_time() - begun < 5
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "--long" in error
