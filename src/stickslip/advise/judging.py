@@ -19,7 +19,7 @@ CYCLES = 12.0
 _SHORTEST = 60.0
 _RINGING = 10.0
 """... at least this far, in ``x_s``, and until the free slider has rung out, in units of ``1/eta``."""
-_FALLS, _LONGEST = 6.0, 8.0
+_FALLS, _LONGEST = 6.0, 4.0
 """The last test of a change lasts for so many times 1/decay rate, but not for more than so many runs."""
 _LONGER = 2
 """How often a run that cannot be judged is made again, twice as long."""

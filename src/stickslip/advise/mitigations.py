@@ -167,9 +167,19 @@ class Search:
             ranges = stable_ranges(path, self.setting, 1.0, furthest, exact=False) if furthest > 1.0 else []
             self.known[key] = ranges
         stable = self.known[key]
-        if stable and stable[0][0] == 1.0 and stable[0][1] < furthest:
-            stable = stable[1:]  # this way leads to the boundary
+        if stable and stable[0][0] == 1.0 and len(parts) == 1 and not self._leads_away(parts[0], stable[0][1]):
+            stable = []
         return path, stable
+
+    def _leads_away(self, part: tuple[Parameter, int], end: float) -> bool:
+        """Whether varying a parameter of a stable rig this way leads away from a limit on the other side."""
+        parameter, side = part
+        other = together(((parameter, -side),))
+        furthest = self._furthest(((parameter, -side),))
+        if end < self._furthest((part,)) or furthest <= 1.0:
+            return False
+        ranges = stable_ranges(other, self.setting, 1.0, furthest, exact=False)
+        return bool(ranges) and ranges[0][1] < furthest
 
     def _stop(self, parts: Parts) -> Mitigation | None:
         """Vary parameters together until stick-slip decays from rest."""

@@ -573,12 +573,13 @@ def _with_mitigations(found: Prediction, setting: Rig, budget: Budget, report: P
         hard = any(name not in turnable for name in mitigation.parameters)
         return hard, mitigation.stops is None, mitigation.size
 
+    helped = {parameter_named(m.parameters[0]).title for m in single if m.stops is not None}
     ranked = sorted([*single, *pairs], key=order)
     return replace(
         found,
         mitigations=tuple(changes.in_units(each, rig) for each in ranked),
         attempts=tuple(_attempt_in_units(each, rig) for each in attempts),
-        not_searched=tuple(search.left_out),
+        not_searched=tuple(name for name in dict.fromkeys(search.left_out) if name not in helped),
     )
 
 
