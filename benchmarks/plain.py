@@ -19,7 +19,7 @@ def plain_contacts(
     duration: float,
     dt: float,
 ) -> NDArray[np.float64]:
-    """Step N Gaussian contacts (mean 1, standard deviation .1) with a delay, and return the spring force after each step."""
+    """Step N Gaussian contacts (mean 1, standard deviation .1) with a delay; the spring force after each step."""
     N = stretching.size
     back = np.full(N, -1.0)  # time of re-attachment; negative while attached
     F_d = np.empty(round(duration / dt))

@@ -462,7 +462,12 @@ def test_a_perturbation_dies_out_or_grows():
     slider = Slider(stiffness=2.0, mass=1e-4, damping=0.3 * math.sqrt(2e4))
     amplitudes = {}
     for velocity in (1.25, 1.55):
-        run = simulate(Rig(interface(0.1), slider, constant(velocity, 60.0)), method=MasterEquation(), start=FromSliding(perturbation=0.01), output=Output(interval=0.01))  # fmt: skip
+        run = simulate(
+            Rig(interface(0.1), slider, constant(velocity, 60.0)),
+            method=MasterEquation(),
+            start=FromSliding(perturbation=0.01),
+            output=Output(interval=0.01),
+        )
         late = run["spring_force"].sel(time=slice(50, 60))
         early = run["spring_force"].sel(time=slice(10, 20))
         amplitudes[velocity] = float(late.max() - late.min()) / float(early.max() - early.min())
@@ -477,7 +482,11 @@ BOTH = pytest.mark.parametrize("method", [Contacts(10_000, seed=1), MasterEquati
 
 def fig4(stiffness, delay, method):
     """Fig. 4 of the paper: 100 time units from a narrow start."""
-    return simulate(Rig(interface(delay), replace(FIG4_SLIDER, stiffness=stiffness), constant(1.0, 100.0)), method=method, output=Output(interval=0.002))  # fmt: skip
+    return simulate(
+        Rig(interface(delay), replace(FIG4_SLIDER, stiffness=stiffness), constant(1.0, 100.0)),
+        method=method,
+        output=Output(interval=0.002),
+    )
 
 
 def peak_to_peak(run, begin, end):
@@ -541,7 +550,9 @@ def test_fig4_a_stiff_spring_and_a_long_delay(method):
 @BOTH
 @pytest.mark.eq(8, 11)
 def test_fig5_the_elastic_instability(method):
-    run = simulate(Rig(interface(math.inf), FIG4_SLIDER, constant(1.0, 3.0)), method=method, output=Output(interval=1 / 8192))  # fmt: skip
+    run = simulate(
+        Rig(interface(math.inf), FIG4_SLIDER, constant(1.0, 3.0)), method=method, output=Output(interval=1 / 8192)
+    )
     passes = float(np.interp(0.9247, run["displacement"], run["time"]))
     assert passes == pytest.approx(1.309, abs=0.004)
     assert float(run["velocity"].max()) == pytest.approx(14.4, abs=0.4)
@@ -552,7 +563,7 @@ def test_fig5_the_elastic_instability(method):
 
 @pytest.mark.eq(1, 2, 3, 4, 11)
 def test_contacts_scatter_about_the_master_equation():
-    """Up to the first instability the motions agree within N^(-1/2) of the standard deviation of one contact's force."""
+    """Up to the first instability the motions agree within N^(-1/2) of the scatter of one contact's force."""
 
     def force(method):
         run = simulate(
@@ -666,7 +677,11 @@ def test_a_drive_at_rest_leaves_a_relaxed_interface_at_rest():
 
 def test_a_stiff_spring_makes_rigid_motion():
     """K = 1e5: X follows the drive, whose lag is the force over K, and F_c is that of slide()."""
-    run = simulate(Rig(interface(0.0), Slider(stiffness=1e5, mass=1e-2, damping=1e4), constant(0.1, 20.0)), method=Contacts(500, seed=10), output=Output(interval=0.1))  # fmt: skip
+    run = simulate(
+        Rig(interface(0.0), Slider(stiffness=1e5, mass=1e-2, damping=1e4), constant(0.1, 20.0)),
+        method=Contacts(500, seed=10),
+        output=Output(interval=0.1),
+    )
     np.testing.assert_allclose(run["displacement"], 0.1 * run["time"], atol=2e-4)
 
 

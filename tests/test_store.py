@@ -134,7 +134,10 @@ def test_every_field_counts():
 
 
 def test_the_hash_is_the_same_in_every_process():
-    code = "from stickslip.io import datasets as store; from stickslip.paper import cases; print(store.content_hash(cases.FIG8.interface))"
+    code = (
+        "from stickslip.io import datasets as store; from stickslip.paper import cases; "
+        "print(store.content_hash(cases.FIG8.interface))"
+    )
     answers = {
         subprocess.run(
             [sys.executable, "-c", code],

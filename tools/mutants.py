@@ -21,6 +21,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "src" / "stickslip"
@@ -91,7 +92,7 @@ def tests_of(file: Path) -> list[str]:
     return [f"tests/{test}.py" for test in TESTS[max(fits, key=len)].split()] if fits else []
 
 
-def nodes(tree: ast.AST) -> list[ast.AST]:
+def nodes(tree: ast.AST) -> list[Any]:
     """Return what can be turned; sums of texts, types and docstrings aside."""
     found = []
     skipped: set[int] = set()
@@ -104,9 +105,9 @@ def nodes(tree: ast.AST) -> list[ast.AST]:
     return found
 
 
-def operators(node: ast.AST) -> list[ast.AST]:
+def operators(node: Any) -> list[Any]:
     """Return the operators of a node."""
-    return list(node.ops) if isinstance(node, ast.Compare) else [node.op]  # type: ignore[attr-defined]
+    return list(node.ops) if isinstance(node, ast.Compare) else [node.op]
 
 
 def mutants(file: Path) -> Iterator[Mutant]:
@@ -115,7 +116,7 @@ def mutants(file: Path) -> Iterator[Mutant]:
     for index, node in enumerate(nodes(ast.parse(source))):
         for part, operator in enumerate(operators(node)):
             if (other := OPERATORS.get(type(operator))) is not None:
-                line = node.lineno  # type: ignore[attr-defined]
+                line = node.lineno
                 words = (
                     f"{type(operator).__name__} to {other.__name__} in: {source.splitlines()[line - 1].strip()[:90]}"
                 )
@@ -128,9 +129,9 @@ def turned(mutant: Mutant) -> str:
     node = nodes(tree)[mutant.index]
     other = OPERATORS[type(operators(node)[mutant.part])]()
     if isinstance(node, ast.Compare):
-        node.ops[mutant.part] = other  # type: ignore[call-overload]
+        node.ops[mutant.part] = other
     else:
-        node.op = other  # type: ignore[attr-defined]
+        node.op = other
     return ast.unparse(tree)
 
 

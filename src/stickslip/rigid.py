@@ -224,7 +224,7 @@ def _reach(interface: Interface) -> float:
 
 
 def _points(interface: Interface, distance: float) -> int:
-    """Intervals of a grid that resolves the distributions for six digits where they are smooth, for four at their jumps."""
+    """Intervals of a grid that resolves the distributions to six digits where they are smooth, four at jumps."""
     stds = [interface.threshold_distribution.standard_deviation(), interface.initial.standard_deviation()]
     spacing = max(min(s for s in stds if s > 0) / 4.0, 1e-4) if max(stds) > 0 else 1e-3
     points = max(512, math.ceil(distance / spacing))
@@ -252,9 +252,10 @@ class _Solution:
         work = self.initial_stretchings.size * float(points)
         if work > _MOST_WORK:
             raise InputError(
-                f"{work:.1g} points are needed to resolve thresholds of standard deviation {distribution.standard_deviation():.3g} x_s and "
-                f"initial stretchings of standard deviation {interface.initial.standard_deviation():.3g} x_s over {distance:.3g} "
-                f"x_s, more than {_MOST_WORK:.0e}: give standard deviations that differ less from each other and from the mean"
+                f"{work:.1g} points are needed to resolve thresholds of standard deviation "
+                f"{distribution.standard_deviation():.3g} x_s and initial stretchings of standard deviation "
+                f"{interface.initial.standard_deviation():.3g} x_s over {distance:.3g} x_s, more than "
+                f"{_MOST_WORK:.0e}: give standard deviations that differ less from each other and from the mean"
             )
         delay, share = interface.delay.quadrature()
         self._contacts = renewal.Contacts(

@@ -1,4 +1,4 @@
-"""The paper's closure of the master equation for ageing contacts, Eqs. (1)-(3) with (18): for comparison only.
+"""The paper's closure of the master equation for ageing contacts, Eqs. (1)-(3) with Eq. (18): for comparison only.
 
 It keeps one distribution of thresholds for all contacts, whatever their stretching, and so drops the correlation
 between age and stretching. `langevin_steady`, `langevin_contacts` and `langevin_density` do not.

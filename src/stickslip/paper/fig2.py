@@ -237,8 +237,8 @@ def _draw_potential(ax: matplotlib.axes.Axes, data: xr.Dataset) -> None:
 FIGURE = Figure(
     name="fig2",
     title="Elastic instability",
-    caption="A slider on a spring, quasi-statically: forces, effective potential (Eq. 5) and effective stiffness (Eq. "
-    "7). The slider jumps where the friction force decreases more steeply than the spring can follow.",
+    caption="A slider on a spring, quasi-statically: forces, effective potential, Eq. (5), and effective "
+    "stiffness, Eq. (7). The slider jumps where the friction force decreases more steeply than the spring can follow.",
     data=_data,
     drawing=_drawing,
     claims=_claims,

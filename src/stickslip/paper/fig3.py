@@ -268,7 +268,7 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
 FIGURE = Figure(
     name="fig3",
     title="Critical stiffness",
-    caption="Critical stiffness (Eq. 8) against the standard deviation of the thresholds, for several of the initial "
+    caption="Critical stiffness, Eq. (8), against the standard deviation of the thresholds, for several of the initial "
     "forces: (a) broken contacts re-attach at once, (b) they never do. Dotted: the estimate of Eq. (9). "
     "Cross: the value that the paper prints.",
     data=_data,

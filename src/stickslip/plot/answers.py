@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -29,8 +29,7 @@ from stickslip.plot.style import (
 )
 from stickslip.plot.sweeps import REGIMES, axis_of_parameter, legend_below
 
-if TYPE_CHECKING:
-    from stickslip.advise import Prediction
+Prediction = Any  # `stickslip.advise.Prediction`: advice stands above pictures, which take it by its attributes alone
 
 _CYCLES_SHOWN = 12
 _COLOURS = {kind: REGIMES[kind][0] for kind in ("smooth sliding", "sustained oscillation", "stick-slip")}
