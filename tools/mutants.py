@@ -126,8 +126,8 @@ def mutants(file: Path) -> Iterator[Mutant]:
 def turned(mutant: Mutant) -> str:
     """Return the source of a module with the one change."""
     tree = ast.parse(mutant.file.read_text(encoding="utf-8"))
-    node = nodes(tree)[mutant.index]
-    other = OPERATORS[type(operators(node)[mutant.part])]()
+    node: Any = nodes(tree)[mutant.index]
+    other: Any = OPERATORS[type(operators(node)[mutant.part])]()
     if isinstance(node, ast.Compare):
         node.ops[mutant.part] = other
     else:
