@@ -591,9 +591,9 @@ def test_a_refinement_is_kept_drawn_and_gone_on_with(tmp_path, capsys, monkeypat
     counted = Counter()
     real = study.simulate
 
-    def simulate(rig):
+    def simulate(rig, **options):
         counted[rig.slider.stiffness, rig.drive] += 1
-        return real(rig)
+        return real(rig, **options)
 
     monkeypatch.setattr(study, "simulate", simulate)
     assert run("sweep", file, "--store", store, "--json") == 0
@@ -670,9 +670,9 @@ def resumed(file, store, monkeypatch):
     counted = Counter()
     real = study.simulate
 
-    def simulate(rig):
+    def simulate(rig, **options):
         counted[rig.slider.stiffness, rig.velocity, type(rig.start)] += 1
-        return real(rig)
+        return real(rig, **options)
 
     monkeypatch.setattr(study, "simulate", simulate)
     assert run("sweep", file, "--store", store) == 0
