@@ -1,7 +1,7 @@
 # Needs make, gcc, git or not, and any Python >= 3.11; everything else goes into $(VENV).
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint unit verify coverage bench docs explore clean
+.PHONY: help demo test lint unit verify coverage bench docs explore clean fuzz mutants lowest
 
 VENV ?= .venv
 WORKERS ?= 2
@@ -11,7 +11,7 @@ PYTHON ?= $(shell for p in python3.11 python3 python3.12 python3.13 python; do \
 
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
-RIG := pmma_slider
+RIG := precision_stage
 
 help:
 	@echo 'make demo      predict and simulate $(RIG), with pictures in demo/'
@@ -20,6 +20,9 @@ help:
 	@echo "make verify    the paper's claims, solver against solver, slow tests (half an hour); report in verification/"
 	@echo 'make coverage  lines that the tests go through, slow ones too; the kernels as plain Python'
 	@echo 'make bench     each fast path beside the plain loop it replaces'
+	@echo 'make fuzz      ever other wrong input, for MINUTES=10'
+	@echo 'make mutants   one operator turned at a time, COUNT=20 of them: do the tests notice?'
+	@echo 'make lowest    the tests with the lowest versions of all dependencies'
 	@echo 'make docs      the documentation, in docs/_build'
 	@echo 'make explore   the browser app'
 	@echo 'make clean     remove $(VENV), demo/ and all caches'
@@ -57,6 +60,18 @@ bench: $(VENV)/.dev
 	$(BIN)/python -m pytest -q benchmarks --benchmark-only --benchmark-columns=min,median,rounds --benchmark-json=.benchmarks.json
 	$(BIN)/python tools/bench_table.py .benchmarks.json README.md
 
+fuzz: $(VENV)/.dev
+	$(BIN)/python tools/fuzz.py $(or $(MINUTES),10) $(SEED)
+
+mutants: $(VENV)/.dev
+	$(BIN)/python tools/mutants.py $(or $(COUNT),20) $(SEED)
+
+# Slow tests, pages, pictures of the browser and the paper's figures take no other road through the dependencies.
+LOWEST_TESTS := rig store units quantities distributions model simulate damaged files sweep sweep_plan measure traces plot cli
+
+lowest: $(VENV)-lowest/.made
+	$(VENV)-lowest/bin/python -m pytest -q -m "not slow" $(LOWEST_TESTS:%=tests/test_%.py)
+
 docs: $(VENV)/.docs
 	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
 	@echo 'Open $(CURDIR)/docs/_build/html/index.html'
@@ -65,7 +80,7 @@ explore: $(VENV)/.explorer
 	$(BIN)/stickslip explore
 
 clean:
-	rm -rf $(VENV) demo build dist docs/_build docs/gallery htmlcov .benchmarks .coverage .hypothesis
+	rm -rf $(VENV) $(VENV)-lowest demo build dist docs/_build docs/gallery htmlcov .benchmarks .coverage .hypothesis
 	rm -rf .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
 	find src tests verification benchmarks tools examples -name __pycache__ -prune -exec rm -rf {} + 2>/dev/null || true
 
@@ -86,6 +101,14 @@ $(VENV)/.dev: pyproject.toml | $(VENV)/bin/python
 	@echo 'Installing stickslip and its development tools into $(VENV) (the first time takes some minutes)'
 	$(PIP) -e '.[dev]'
 	@touch $(VENV)/.runtime $(VENV)/.explorer $(VENV)/.docs $@
+
+$(VENV)-lowest/.made: pyproject.toml tools/lowest.py
+	@rm -rf $(VENV)-lowest && $(PYTHON) -m venv $(VENV)-lowest
+	$(VENV)-lowest/bin/python -m pip install --quiet packaging
+	$(VENV)-lowest/bin/python tools/lowest.py > $(VENV)-lowest/lowest.txt
+	$(VENV)-lowest/bin/python -m pip install --quiet -c $(VENV)-lowest/lowest.txt -e '.[sweep,explorer,traces]' \
+		pytest hypothesis httpx sybil
+	@touch $@
 
 # For the tests of the explorer; without a browser they are skipped, and the last line says so.
 $(VENV)/.browser: | $(VENV)/.dev

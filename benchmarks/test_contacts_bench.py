@@ -29,13 +29,13 @@ def engine(count, duration):
     )
 
 
-@pytest.mark.parametrize(("count", "share", "rounds"), [(10_000, 1.0, 5), (1_000_000, 0.05, 1)], ids=["1e4", "1e6"])
-def test_plain_loop(benchmark, count, share, rounds):
+@pytest.mark.parametrize(("count", "fraction", "rounds"), [(10_000, 1.0, 5), (1_000_000, 0.05, 1)], ids=["1e4", "1e6"])
+def test_plain_loop(benchmark, count, fraction, rounds):
     """The plain loop's cost grows in proportion to time: for 1e6 contacts a twentieth of the run is timed."""
     plain(100, WARM)
     benchmark.group = f"Fig. 4c, N = {count:.0e}, ten time units"
-    benchmark.extra_info.update(role="plain", scale=1.0 / share)
-    benchmark.pedantic(plain, (count, share * DURATION), rounds=rounds)
+    benchmark.extra_info.update(role="plain", scale=1.0 / fraction)
+    benchmark.pedantic(plain, (count, fraction * DURATION), rounds=rounds)
 
 
 @pytest.mark.parametrize(("count", "promised", "rounds"), [(10_000, 60, 10), (1_000_000, 30, 1)], ids=["1e4", "1e6"])

@@ -5,6 +5,7 @@ from functools import cache, partial
 
 import numpy as np
 import pytest
+import reference
 from scipy.linalg import expm
 
 from stickslip.kernels import cohorts, renewal
@@ -360,7 +361,7 @@ def test_fig_4_stick_slip_of_the_soft_system():
     force = rows[:, DRIVE_FORCE]
     up = rows[1:, TIME][(force[1:] > force.mean()) & (force[:-1] <= force.mean())]
     assert np.ptp(force) == pytest.approx(0.77, abs=0.02)
-    assert np.diff(up).mean() == pytest.approx(1.487, abs=0.010)
+    assert np.diff(up).mean() == pytest.approx(reference.PERIOD, abs=0.010)
     assert rows[:, VELOCITY].max() == pytest.approx(13.0, abs=0.7)
 
 

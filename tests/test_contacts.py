@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from stickslip.kernels import events as kernel
 from stickslip.kernels import flight as flights
 from stickslip.kernels.drive import Quadratic
-from stickslip.kernels.event_queue import clear, first_slot, is_full, make_queue, peek, pop, push, size
+from stickslip.kernels.event_queue import BIN, clear, first_slot, is_full, make_queue, peek, pop, push, size
 from stickslip.kernels.oscillator import Slider
 
 
@@ -447,3 +447,10 @@ def test_sums_and_queues_survive_many_rebuilds(N):
     assert int(state.counts[kernel.ATTACHED]) == N
     assert np.all(np.abs(x) <= state.contacts["threshold"] * (1 + 1e-12))
     assert kernel.contact_force(state) == pytest.approx(np.mean(x), abs=1e-12)
+
+
+@pytest.mark.parametrize("width", [0.1, 4.0])
+def test_a_cleared_queue_begins_at_the_bin_of_its_key(width):
+    queue = make_queue(capacity=8, bins=16, width=width)
+    clear(queue, 5.35)
+    assert queue.counts[BIN] == math.floor(5.35 / width)

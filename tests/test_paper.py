@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 import pytest
+import reference
 import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
@@ -73,8 +74,8 @@ def test_picture_has_ink_and_every_panel_names_its_quantities(quick, name):
     canvas = FigureCanvasAgg(picture)
     canvas.draw()
     image = np.asarray(canvas.buffer_rgba())[..., :3]
-    share = np.mean(np.any(image < 250, axis=-1))
-    assert 0.01 < share < 0.5
+    inked = np.mean(np.any(image < 250, axis=-1))
+    assert 0.01 < inked < 0.5
     for panel in picture.axes:
         assert panel.has_data() or not panel.axison
     words = [text for ax in picture.axes for text in (ax.get_xlabel(), ax.get_ylabel())]
@@ -135,7 +136,7 @@ def test_the_full_data_name_the_figure_alone():
 
 def test_a_wrong_number_fails_its_claim(quick):
     data = quick("fig3").copy(deep=True)
-    data["critical_stiffness"][0, 1, 2] = 3.59
+    data["critical_stiffness"][0, 1, 2] = reference.CRITICAL_STIFFNESS_PRINTED
     claims = {claim.number: claim for claim in FIGURES["fig3"].check(data)}
     assert claims[6].verdict == "reproduced"
     assert not claims[6].ok
@@ -159,10 +160,12 @@ def test_a_wrong_regime_fails_its_claim(quick):
 @pytest.mark.eq(1, 2, 3, 4)
 def test_fig_1_turning_points_and_kinetic_friction(quick):
     data = quick("fig1")
-    assert data["F_k"].to_numpy() == pytest.approx([0.505, 0.54498], abs=1e-5)
+    assert data["F_k"].to_numpy() == pytest.approx(list(reference.KINETIC_FRICTION.values()), abs=1e-5)
     narrow = data["friction_force"].sel(initial_std=0.01, threshold_std=0.1)
-    assert float(narrow.max()) == pytest.approx(0.79560, abs=2e-4)
-    assert float(narrow["displacement"][narrow.argmax("displacement")]) == pytest.approx(0.8435, abs=0.005)
+    assert float(narrow.max()) == pytest.approx(reference.STATIC_FRICTION, abs=2e-4)
+    assert float(narrow["displacement"][narrow.argmax("displacement")]) == pytest.approx(
+        reference.STATIC_DISPLACEMENT, abs=0.005
+    )
 
 
 def test_fig_1_wide_start_remembers_being_stretched_backwards(quick):
@@ -185,11 +188,12 @@ def test_fig_2_slope_of_the_potential_is_the_force(quick):
 
 @pytest.mark.eq(6, 7)
 @pytest.mark.parametrize(
-    ("interface", "slider", "drive"), [(FIG5.interface, 0.9247, 1.2820), (FIG2.interface, 0.9344, 1.2892)]
+    ("interface", "expected"),
+    [(FIG5.interface, reference.INSTABILITY_NEVER), (FIG2.interface, reference.INSTABILITY)],
 )
-def test_instability_is_where_the_stiffness_of_the_interface_reaches_that_of_the_spring(interface, slider, drive):
+def test_instability_is_where_the_stiffness_of_the_interface_reaches_that_of_the_spring(interface, expected):
     found = first_instability(interface, 2.0)
-    assert (found.X, found.drive) == pytest.approx((slider, drive), abs=1e-4)
+    assert (found.X, found.drive) == pytest.approx(expected, abs=1e-4)
     assert effective_stiffness(interface, [found.X]) == pytest.approx(2.0, abs=1e-6)
 
 
@@ -201,9 +205,10 @@ def test_a_stiff_spring_has_no_instability():
 @pytest.mark.eq(8, 9)
 def test_fig_3_exact_values_beside_the_estimate(quick):
     data = quick("fig3").sel(initial_std=0.01, threshold_std=0.1)
-    assert data["critical_stiffness"].to_numpy() == pytest.approx([2.989, 3.548], abs=0.003)
-    assert float(data["critical_stiffness_estimate"]) == pytest.approx(1 / 0.11)
-    assert critical_stiffness_estimate(FIG2.interface) == pytest.approx(1 / 0.11)
+    exact = [reference.CRITICAL_STIFFNESS, reference.CRITICAL_STIFFNESS_NEVER]
+    assert data["critical_stiffness"].to_numpy() == pytest.approx(exact, abs=0.003)
+    assert float(data["critical_stiffness_estimate"]) == pytest.approx(reference.CRITICAL_STIFFNESS_ESTIMATE)
+    assert critical_stiffness_estimate(FIG2.interface) == pytest.approx(reference.CRITICAL_STIFFNESS_ESTIMATE)
 
 
 @pytest.mark.eq(11)

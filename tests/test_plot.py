@@ -11,7 +11,8 @@ import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from stickslip import plot
+from stickslip import example, plot, predict
+from stickslip.advise import chart
 from stickslip.errors import InputError
 from stickslip.measure import drops
 from stickslip.model import Contacts, Output, Rig
@@ -60,7 +61,8 @@ def pixels(figure):
 def test_overview_of_a_run_marks_its_slips(run):
     figure = plot.overview(run)
     force, speed, attached = figure.axes
-    assert force.get_legend_handles_labels()[1] == [f"{drops(run).sizes['event']} slips"]
+    assert force.get_legend_handles_labels()[1] == ["slipping", f"{drops(run).sizes['event']} slips"]
+    assert force.get_title(loc="left") == "stick-slip"
     assert labels(force)[1] == r"spring force per contact ($f_{\mathrm{s}}$)"
     assert labels(speed)[1] == r"velocity of the slider ($x_{\mathrm{s}}$ per time unit)"
     assert labels(attached) == ("time (time units)", "fraction of attached contacts")
@@ -81,8 +83,9 @@ def test_overview_of_a_measured_trace_has_the_force_alone(trace):
     (ax,) = plot.overview(trace).axes
     assert labels(ax) == ("time (s)", "spring force (N)")
     marks = ax.get_legend_handles_labels()[1]
-    assert marks[0].endswith("slips")
-    assert marks[1] == "1 filled in"
+    assert marks[0] == "slipping"
+    assert marks[1].endswith("slips")
+    assert marks[2] == "1 filled in"
 
 
 def test_overview_without_slips_has_no_mark(run):
@@ -187,7 +190,7 @@ def test_what_is_not_there_is_named(run, trace):
         plot.stretchings(trace)
     with pytest.raises(InputError, match="no variable spring_force"):
         plot.overview(xr.Dataset())
-    with pytest.raises(InputError, match="along t alone"):
+    with pytest.raises(InputError, match="along time alone"):
         plot.force_trace(xr.concat([run, run], "case"))
 
 
@@ -258,3 +261,27 @@ def test_reversed_motion_draws():
     slider = replace(FIG4.slider, damping=0.0)
     back = simulate(Rig(FIG4.interface, slider, constant(-1.0, 3.0)), method=Contacts(200, seed=1))
     assert plot.overview(back).axes
+
+
+def test_a_prediction_shows_its_speeds_its_force_and_its_margins():
+    answer = predict(example("precision_stage"), fast=True)
+    strip, force = plot.prediction(answer).axes
+    assert labels(strip)[0] == "speed (mm/s)"
+    assert strip.get_xlim() == pytest.approx(answer.speeds_searched)
+    assert any(line.get_xdata()[0] == pytest.approx(1e-3) for line in strip.lines)
+    assert labels(force) == ("time (s)", "spring force (N)")
+    shown = force.lines[0].get_xdata()
+    assert 10 < (shown[-1] - shown[0]) * answer.frequency < 13  # a dozen cycles, not a black band
+
+
+def test_a_map_is_titled_and_its_frequencies_are_in_hertz():
+    found = chart(example("brake_pad"), ("velocity", "stiffness"), 10.0, 24)
+    figure = plot.chart(found)
+    ax = figure.axes[0]
+    assert labels(ax) == ("velocity (mm/s)", "stiffness (MN/m)")
+    assert ax.get_title(loc="left").startswith("Brake pad, creep groan\n")
+    assert ax.get_legend() is None  # it is below, where it covers nothing
+    hertz = found["edge_frequency"].to_numpy() / (2 * np.pi)
+    written = [float(text.get_text()) for text in ax.texts]
+    assert written
+    assert all(np.min(np.abs(hertz / value - 1)) < 0.01 for value in written)

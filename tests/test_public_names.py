@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import pytest
+import reference
 
 import stickslip as ss
 
@@ -70,7 +71,7 @@ def test_the_code_a_user_writes():
     # With the delay some contacts are missing at the first maximum, .79560 without.
     assert 0.7 < float(ss.rigid_slide(interface, distance=6.0)["friction_force"].max()) < 0.79560
     assert ss.kinetic_friction(interface, velocity=1.0) == pytest.approx(1.01 / 2.4, rel=1e-12)
-    assert ss.critical_stiffness(interface) == pytest.approx(2.989, abs=0.003)
+    assert ss.critical_stiffness(interface) == pytest.approx(reference.CRITICAL_STIFFNESS, abs=0.003)
     assert abs(complex(ss.stability.dynamic_stiffness(interface, velocity=1.0, s=2j))) > 0
     # At v = 1 and tau = .2 smooth sliding is unstable (its critical delay is .138218 at this damping).
     assert complex(ss.growth_rate(ss.Rig(interface, slider, ss.constant(1.0)))).real > 0

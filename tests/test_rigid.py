@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import reference
 
 from stickslip.errors import InputError
 from stickslip.model import Contacts, Delay, Interface, Langevin, MasterEquation, RandomDelay
@@ -135,7 +136,7 @@ def test_started_in_the_steady_state_of_gaussian_thresholds_nothing_moves(std):
 
 @pytest.mark.parametrize(
     ("initial", "thresholds", "expected"),
-    [(0.01, 0.1, 2.989), (0.0, 0.1, 3.009), (0.1, 0.1, 1.828), (0.01, 0.2, 1.033), (0.01, 0.3, 0.438)],
+    [(*stds, expected) for stds, expected in reference.CRITICAL_STIFFNESS_BY_STD.items()],
 )
 @pytest.mark.eq(7, 8)
 def test_critical_stiffness(initial, thresholds, expected):
@@ -145,7 +146,9 @@ def test_critical_stiffness(initial, thresholds, expected):
 @pytest.mark.eq(8)
 def test_critical_stiffness_without_reattachment():
     """The other convention. In closed form from a delta start: max of X P_c(X) - J_c(X)."""
-    assert critical_stiffness(gaussian(0.01, 0.1), reattachment=False) == pytest.approx(3.548, abs=0.003)
+    assert critical_stiffness(gaussian(0.01, 0.1), reattachment=False) == pytest.approx(
+        reference.CRITICAL_STIFFNESS_NEVER, abs=0.003
+    )
     distribution = Gaussian(mean=1.0, std=0.1)
     X = np.linspace(0.9, 1.2, 30_001)
     expected = np.max(X * distribution.density(X) - distribution.survival(X))

@@ -8,6 +8,7 @@ import xarray as xr
 
 from stickslip.errors import InputError
 from stickslip.io import datasets as store
+from stickslip.kernels.closure import Cohorts
 from stickslip.kernels.langevin import Langevin as Constants
 from stickslip.kernels.langevin_steady import steady_friction
 from stickslip.model import (
@@ -29,7 +30,9 @@ from stickslip.model import (
 from stickslip.model.distributions import Uniform
 from stickslip.model.drive import ForceAbove, Travel, constant, ramp
 from stickslip.paper.cases import FIG4, FIG8
-from stickslip.simulation import rerun, simulate
+from stickslip.simulation import Beginning, rerun, simulate
+from stickslip.simulation.engines.langevin import Closure
+from stickslip.simulation.follow import follow
 from stickslip.theory import closure_friction, growth_model, kinetic_friction, lives
 
 SAMPLED = Output(interval=0.004)
@@ -170,6 +173,33 @@ def test_the_closure_slides_by_its_own_friction_and_has_a_slip_of_its_own():
     slips = simulate(Rig(aged(1.5), FIG8.slider, constant(1.0, 2.0)), method=PaperClosure(cells=200), output=SAMPLED)
     assert float(slips["spring_force"].max()) > 0.6
     xr.testing.assert_identical(rerun(slips), slips)
+
+
+def closure(**room):
+    beginning = Beginning(aged(1.5), FIG8.slider, 1.0, FromRest())
+    engine = Closure(beginning, PaperClosure(cells=100))
+    if room:
+        engine._cohorts = Cohorts(*(part[: int(engine.state[4]) + room["room"]] for part in engine._cohorts))
+    return engine
+
+
+def test_the_closure_makes_room_for_its_cohorts():
+    """With room for two more cohorts it breaks off again and again, and goes the same way, to its first order."""
+    times = np.linspace(0.0, 1.5, 300)
+    small, large = (follow(engine, constant(1.0, 1.5), 0.0, times) for engine in (closure(room=2), closure()))
+    assert small.times.size == times.size
+    np.testing.assert_allclose(small["friction_force"], large["friction_force"], atol=2e-3)
+    np.testing.assert_allclose(small["attached"], 1.0, atol=1e-9)
+
+
+def test_an_error_in_the_closure_comes_out(monkeypatch):
+    def fail(*_):
+        raise ValueError("another reason")
+
+    engine = closure()
+    monkeypatch.setattr("stickslip.kernels.closure.advance_closure", fail)
+    with pytest.raises(ValueError, match="another reason"):
+        follow(engine, constant(1.0, 1.5), 0.0, np.linspace(0.0, 1.5, 300))
 
 
 def test_the_closure_is_for_langevin_ageing_without_delay():

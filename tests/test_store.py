@@ -353,3 +353,13 @@ def test_damaged_provenance(text):
 def test_records_that_cannot_be_made_again(plain, message):
     with pytest.raises(InputError, match=message):
         store.decode(plain, KINDS)
+
+
+def test_numbers_along_a_dimension_are_compressed(tmp_path):
+    import h5py
+
+    data = xr.Dataset({"force": ("time", np.zeros(10_000)), "one": 1.0})
+    store.save(data, tmp_path / "run.nc")
+    with h5py.File(tmp_path / "run.nc") as file:
+        assert file["force"].compression == "gzip"
+        assert file["one"].compression is None

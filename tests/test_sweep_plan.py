@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import reference
 import tomli_w
 import xarray as xr
 
@@ -441,7 +442,7 @@ def test_the_boundary_on_top_is_the_computed_one():
         edges = ss.critical(ss.Rig(interface, slider, ss.constant(1.0)), "velocity", between=(0.05, 5.0)).edges
         assert min(abs(edge.value / velocity - 1) for edge in edges) < 1e-6
     plan = from_document(changed("axes", {"velocity": {"from": 0.2, "to": 3.0, "count": 3}, "seed": [1]}))
-    assert with_theory(plan.run())["edge_velocity"].values == pytest.approx([0.7142311], rel=1e-6)
+    assert with_theory(plan.run())["edge_velocity"].values == pytest.approx([reference.V1_FIG4], rel=1e-6)
 
 
 def test_the_boundary_of_a_rig_in_si_units_is_in_si_units():
@@ -529,7 +530,7 @@ def test_a_sweep_along_one_axis_is_a_line(tmp_path):
     )
     marks = sum(np.isfinite(line.get_ydata()).sum() for line in ax.lines if line.get_linestyle() == "None")
     assert marks == 12
-    assert lines["linear boundary, computed"].get_xdata()[0] == pytest.approx(0.7142311)
+    assert lines["linear boundary, computed"].get_xdata()[0] == pytest.approx(reference.V1_FIG4)
 
 
 def test_cells_lie_where_their_values_are_in_any_order():
@@ -545,7 +546,9 @@ def test_cells_lie_where_their_values_are_in_any_order():
     assert x < 50 < right
     assert y < 0.3 < top
     (boundary,) = [line for line in ax.lines if line.get_label() == "linear boundary, computed"]
-    assert boundary.get_ydata()[0] == pytest.approx(0.7142311)  # theory knows the velocity, not the number of contacts
+    assert boundary.get_ydata()[0] == pytest.approx(
+        reference.V1_FIG4
+    )  # theory knows the velocity, not the number of contacts
 
 
 def test_a_sweep_over_starts_alone_has_no_picture():

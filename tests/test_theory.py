@@ -145,3 +145,16 @@ def test_effective_potential_is_flat_where_forces_balance_and_bends_with_the_sti
         effective_potential(slider, x + 1, force, drive)
     with pytest.raises(InputError, match="shapes"):
         effective_potential(slider, x, force[1:], drive)
+
+
+@pytest.mark.parametrize(("rate", "velocity"), [(1.0, 1e8), (1e-10, 1e-6), (1e3, 1e20), (1e-25, 1.0), (1e10, 1.0)])
+def test_speeds_out_of_all_proportion_to_ageing_are_refused(rate, velocity):
+    ageing = Interface(thresholds=Gaussian(mean=1.0, std=0.1), ageing=Langevin(rate=rate))
+    with pytest.raises(InputError, match=r"velocity = .* times rate\*\*2"):
+        kinetic_friction(ageing, velocity)
+
+
+@pytest.mark.parametrize("relative", [1.001e-12, 1e-6, 1.0, 0.999e6])
+def test_in_the_range_of_speeds_the_force_of_ageing_contacts_is_one(relative):
+    ageing = Interface(thresholds=Gaussian(mean=1.0, std=0.1), ageing=Langevin(rate=2.0))
+    assert 0.0 < kinetic_friction(ageing, 4.0 * relative) < 0.5

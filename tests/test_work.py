@@ -82,18 +82,17 @@ def test_the_estimate_is_of_the_right_size(rig, cells):
     assert took - 0.1 < 20 * estimate(rig).seconds
 
 
-@pytest.mark.parametrize("command", ["simulate", "predict"])
 @pytest.mark.parametrize(
     ("key", "value"),
     [("mass", "1e-12 kg"), ("distance", "1000 km"), ("velocity", "1e-15 m/s"), ("stiffness", "1e25 N/m")],
 )
-def test_the_command_line_refuses_in_one_line(tmp_path, capsys, command, key, value):
+def test_the_command_line_refuses_in_one_line(tmp_path, capsys, key, value):
     rig = rig_files.example_file("pmma_slider").read_text()
     line = next(line for line in rig.splitlines() if line.startswith(f"{key} ="))
     place = tmp_path / "rig.toml"
     place.write_text(rig.replace(line, f'{key} = "{value}"'))
     begun = time.process_time()
-    assert cli.main([command, str(place)]) == 2
+    assert cli.main(["simulate", str(place)]) == 2
     assert time.process_time() - begun < 5
     error = capsys.readouterr().err
     assert error.count("\n") == 1

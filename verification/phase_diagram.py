@@ -56,7 +56,7 @@ def _linear(plan: Plan, diagram: xr.Dataset) -> Claim:
     return finding(
         "From smooth sliding, the stable side of the linear boundary stays smooth and the unstable side oscillates",
         near("fraction of the cells that do", as_claimed / claimed, 1.0, 0.0),
-        at_least("fraction of the grid that is not too near to the boundary to be judged", claimed / cells, 0.8),
+        at_least("fraction of the grid that is far enough from the boundary to be classified", claimed / cells, 0.8),
         evidence=f"{cells:.0f} rigs of {_CONTACTS:,} contacts; those within a factor {_MARGIN:g} left out",
     )
 

@@ -28,7 +28,7 @@ from stickslip import (
 )
 from stickslip.model import Rig
 from stickslip.paper import Claim, Measured
-from stickslip.paper.cases import FIG4, FIG7, FIG8
+from stickslip.paper.cases import FIG4, FIG7, FIG8, PERIOD, V1, V1_FREQUENCY
 from stickslip.paper.figure import at_most, near
 from stickslip.stability import critical
 from stickslip.theory import driving_force
@@ -95,7 +95,7 @@ def _stick_slip() -> tuple[Claim, ...]:
             near("period, contacts over cohorts", period_n / period, 1.0, 0.005),
             near("largest velocity, contacts over cohorts", fastest_n / fastest, 1.0, 0.03),
             near("peak-to-peak force of the cohorts", oscillation, 0.77, 0.02, "f_s"),
-            near("period of the cohorts", period, 1.487, 0.010, "time"),
+            near("period of the cohorts", period, PERIOD, 0.010, "time"),
             evidence="K 2, tau .2, eta 200, v 1; the last 40 of 100 time units",
         ),
     )
@@ -152,8 +152,8 @@ def _linear() -> tuple[Claim, ...]:
     return (
         finding(
             "Small perturbations of smooth sliding grow or decay at the rate of linear theory",
-            near("v1 of Fig. 7a", v1.value, 1.388221, 1e-6, "x_s/time"),
-            near("its frequency", v1.frequency, 7.265139, 1e-6, "1/time"),
+            near("v1 of Fig. 7a", v1.value, V1, 1e-6, "x_s/time"),
+            near("its frequency", v1.frequency, V1_FREQUENCY, 1e-6, "1/time"),
             *rates,
             *turns,
             evidence="cohorts, 3,200 cells, velocity perturbed by a thousandth; the slowest mode fitted after t = 8",

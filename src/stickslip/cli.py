@@ -312,6 +312,7 @@ def plot(
     output: Path,
     *,
     kind: Literal["overview", "phase", "stretchings", "energy"] = "overview",
+    beside: Annotated[Path | None, Parameter(help="Another run: draw both forces on one scale.")] = None,
     force: str | None = None,
     time: str | None = None,
     step: Step = None,
@@ -340,8 +341,11 @@ def plot(
         print(f"on top: {theory}\npicture: {output}")
         return
     trace = _read_data(data, force, time, step)
-    if kind == "overview":
-        figure: Any = drawing.overview(trace)
+    if beside is not None:
+        other = _read_data(beside, force, time, step)
+        figure: Any = drawing.side_by_side(trace, other)
+    elif kind == "overview":
+        figure = drawing.overview(trace)
     else:
         draw = {"phase": drawing.phase_portrait, "stretchings": drawing.stretchings, "energy": drawing.energy}[kind]
         figure = draw(trace).get_figure(root=True)
@@ -728,7 +732,7 @@ def _read_data(
     if data.is_file() and store.is_netcdf(data):
         run = store.load(data)
         if "spring_force" not in run or "time" not in run.coords:
-            raise InputError(f"{data}: holds no run: there is no force F_d along a time t in it")
+            raise InputError(f"{data}: holds no run: there is no spring_force along a time in it")
         return run
     return measures.read_trace(data, force=force, time=time, displacement=displacement, load=load, step=step, flip=flip)
 
@@ -825,7 +829,7 @@ def _print_prediction(found: Prediction, picture: Path | None) -> None:
         console.print()
         say(", not measured", "Assumed")
         table = Table(box=None, pad_edge=False)
-        table.add_column("key", min_width=max(map(len, rig.assumed)))
+        table.add_column("key", min_width=max(len(key) for key in rig.assumed))
         for title in ("assumed", "how to measure it"):
             table.add_column(title)
         for key, item in rig.assumed.items():

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError, instance, number, whole
 from stickslip.model import Contacts, Delay, Interface, MasterEquation
+from stickslip.model.distribution import check_density
 from stickslip.model.distributions import SteadyState, excess
 from stickslip.simulation import LABELS, initial_nodes, pull_rigidly
 
@@ -114,7 +115,7 @@ def _check_renewal(interface: Interface) -> None:
     """Raise `InputError` for what the renewal equation cannot take: ageing, and thresholds without a density."""
     if interface.ageing is not None:
         raise InputError(f"Interface.ageing = {interface.ageing}: not available with Renewal; use Contacts")
-    interface.threshold_distribution.density(0.0)
+    check_density(interface.threshold_distribution)
 
 
 def effective_stiffness(interface: Interface, X: ArrayLike, *, velocity: float = 1.0) -> Array:
@@ -233,8 +234,8 @@ def _points(interface: Interface, distance: float) -> int:
     return 16 * points if kinked else points
 
 
-_MOST_WORK = 1e8
-"""Nodes of the start times positions: half a minute."""
+_MOST_WORK = 2e7
+"""Nodes of the start times positions: some ten seconds."""
 
 
 class _Solution:

@@ -57,25 +57,36 @@ def kinetic_friction(interface: Interface, velocity: float | Array = 0.0) -> flo
         if the delay is infinite at zero velocity, or with `Langevin` a delay meets newborns without strength.
     """
     instance("kinetic_friction: interface", interface, Interface, "an Interface")
-    if interface.ageing is not None:
-        return _ageing_friction(interface, velocity)
     distribution = interface.threshold_distribution
-    return 0.5 * distribution.moment(2) / distribution.moment(1) * attached_fraction(interface, velocity)
-
-
-def _ageing_friction(interface: Interface, velocity: float | Array) -> float | Array:
-    """Force in smooth sliding by the stationary kinetic equation, or over the lives of growing contacts."""
-    from stickslip.kernels import growth, langevin_steady
-
+    if interface.ageing is None:
+        return 0.5 * distribution.moment(2) / distribution.moment(1) * attached_fraction(interface, velocity)
     speed = numbers("velocity", velocity, above=0, hint="in x_s per time; ageing thresholds have no slow limit")
     delay = interface.delay.moment(1)
     if isinstance(interface.ageing, Langevin):
+        from stickslip.kernels import langevin_steady
+
+        _check_ageing_speeds(speed, interface.ageing)
         force = langevin_steady.steady_friction(speed.ravel(), ageing_constants(interface), delay)
     else:
-        strength = np.linspace(0.0, interface.threshold_distribution.support[1], 8001)
-        survival = interface.threshold_distribution.survival(strength)
+        from stickslip.kernels import growth
+
+        strength = np.linspace(0.0, distribution.support[1], 8001)
+        survival = distribution.survival(strength)
         force = growth.growing_friction(speed.ravel(), growth_model(interface), strength, survival, delay)
     return float(force[0]) if speed.ndim == 0 else np.asarray(force.reshape(speed.shape))
+
+
+_SLOWEST, _FASTEST = 1e-12, 1e6
+"""Speeds against the rate of ageing, ``v/rate**2``, between which the stationary kinetic equation is resolved."""
+
+
+def _check_ageing_speeds(speed: Array, ageing: Langevin) -> None:
+    for value in (float(speed.min()), float(speed.max())):
+        if not _SLOWEST <= (relative := value / ageing.rate**2) <= _FASTEST:
+            raise InputError(
+                f"kinetic_friction: velocity = {value:g} is {relative:.3g} times rate**2 = {ageing.rate**2:.3g} of the "
+                f"ageing: must be between {_SLOWEST:g} and {_FASTEST:g} times; beyond, the force cannot be resolved"
+            )
 
 
 @overload
@@ -119,7 +130,7 @@ def closure_friction(interface: Interface, velocity: float | Array) -> float | A
 
 
 def gaussian_ageing(interface: Interface) -> tuple[Langevin, Gaussian]:
-    """Return the ageing and the stationary distribution of thresholds that the kinetic equation of Eqs. (13)-(17) takes.
+    """Return the ageing and the stationary distribution of thresholds for the kinetic equation of Eqs. (13)-(17).
 
     Raises
     ------
@@ -140,8 +151,8 @@ def gaussian_ageing(interface: Interface) -> tuple[Langevin, Gaussian]:
         or distribution.std <= 0
     ):
         raise InputError(
-            f"Interface.thresholds = {distribution}: thresholds that age by Langevin have a Gaussian as their stationary distribution, "
-            "Eq. (17): give Gaussian(mean, std), both above 0 and not cut off above 0"
+            f"Interface.thresholds = {distribution}: thresholds that age by Langevin have a Gaussian as their "
+            "stationary distribution, Eq. (17): give Gaussian(mean, std), both above 0 and not cut off above 0"
         )
     if interface.delay.moment(1) > 0 and ageing.newborn == 0:
         raise InputError(

@@ -84,6 +84,7 @@ def chart(
         found[f"here_{name}"] = ((), value, dict(found[name].attrs))
     curves = len(set(edge["curve"].to_numpy().tolist()))
     state = f"unstable ({modes} growing modes)" if modes else "stable"
+    found.attrs["rig"] = rig.name
     found.attrs["summary"] = (
         f"{rig.name}: smooth sliding is {state} at the rig's own point; "
         + (f"{curves} neutral curves" if curves else "no boundary")

@@ -6,18 +6,21 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from stickslip.errors import InputError
+from stickslip.errors import InputError, UndecidedError
 from stickslip.measure import Regime, regime
 from stickslip.model import Contacts, FromRest, Method, Start
 from stickslip.model.drive import constant
 from stickslip.model.rig import Rig
 from stickslip.simulation import simulate
+from stickslip.stability import growth_rate
 
 CYCLES = 12.0
 """A run lasts a dozen cycles of the slowest oscillation that the rig can have ..."""
 _SHORTEST = 60.0
 _RINGING = 10.0
 """... at least this far, in ``x_s``, and until the free slider has rung out, in units of ``1/eta``."""
+_FALLS, _LONGEST = 6.0, 8.0
+"""The last test of a change lasts for so many times 1/decay rate, but not for more than so many runs."""
 _LONGER = 2
 """How often a run that cannot be judged is made again, twice as long."""
 _PER_RADIAN, _PER_BREAK, _PER_RUN = 5.5e-6, 2.5e-7, 0.02
@@ -28,7 +31,7 @@ PRECISION = 0.05
 _USUAL, _MOST_AGED = Contacts(10_000, seed=1), 2_000
 
 
-class Spent(Exception):
+class Spent(Exception):  # noqa: N818 - not an error: it ends a search
     """The work that was allowed is done."""
 
 
@@ -52,7 +55,7 @@ def contacts_of(rig: Rig) -> Contacts:
 
 
 def cycle_of(setting: Rig) -> float:
-    """Travel of the drive in the slowest cycle that a rig can have: loading to the thresholds, or a free oscillation."""
+    """Travel of the drive in the slowest cycle of a rig: loading to the thresholds, or a free oscillation."""
     slider = setting.slider
     stretch = setting.interface.threshold_distribution.moment(1)
     period = 2.0 * math.pi / slider.frequency if slider.mass > 0 else 0.0
@@ -105,13 +108,25 @@ def judge(
 
 
 def slides_smoothly(setting: Rig, method: Contacts, budget: Budget, start: Start, other: int) -> bool:
-    """Whether a run slides smoothly; with `other` contacts, one that is longer."""
+    """Whether a run slides smoothly; with `other` contacts, one that lasts until the slowest mode has decayed."""
     contacts = replace(method, seed=method.seed + other)
+    distance = length_of(setting)
+    if other:
+        distance = min(max(2.0 * distance, setting.velocity * _decay_time(setting)), _LONGEST * distance)
     try:
-        seen = judge(setting, contacts, budget, start=start, distance=(1.0 + other) * length_of(setting))
+        seen = judge(setting, contacts, budget, start=start, distance=distance)
     except InputError:  # such a rig cannot be simulated
         return False
     return seen.kind == "smooth sliding"
+
+
+def _decay_time(setting: Rig) -> float:
+    """Time in which an oscillation of the slowest mode falls to nothing; 0 where there is none that is slow."""
+    try:
+        rate = growth_rate(setting).real
+    except (InputError, UndecidedError):
+        return 0.0
+    return _FALLS / -rate if rate < 0 else 0.0
 
 
 def first_smooth(

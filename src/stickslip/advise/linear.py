@@ -1,4 +1,4 @@
-"""Where smooth sliding is stable along a parameter: only where stability itself changes, not every mode that joins in."""
+"""Where smooth sliding is stable along a parameter: only where stability itself changes, not where modes join in."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def is_stable(setting: Rig) -> bool:
 def stable_ranges(
     parameter: Parameter, setting: Rig, low: float, high: float, *, exact: bool = True
 ) -> list[tuple[float, float]]:
-    """Ranges of a parameter in which smooth sliding is stable (linear), rising; those at the ends of the search end there.
+    """Ranges of a parameter in which smooth sliding is stable (linear), rising; cut off at the ends of the search.
 
     Parameters
     ----------

@@ -127,7 +127,7 @@ class Search:
         return [m for pair in combinations(choices, 2) if (m := self._stop(pair)) is not None]
 
     def attempts(self, before: float, static_friction: float, cured: set[str]) -> Iterator[tuple[Attempt, int]]:
-        """How far each parameter gets that can be turned and does not give smooth sliding: the better end of its range."""
+        """The better end of its range, for each parameter that can be turned and gives no smooth sliding there."""
         for parameter, sides in TURNABLE:
             if parameter.name in cured or not self._has(parameter):
                 continue
@@ -216,7 +216,7 @@ class Search:
         return furthest
 
     def _runs(self, path: Parameter, start: FromRest | FromSliding) -> tuple[Callable[[float], bool], ...]:
-        """Whether a run slides smoothly, by the factor, and whether another one does, of other contacts and twice as long."""
+        """Whether a run slides smoothly, by the factor; and whether another does, of other contacts and twice as long."""
 
         def run(other: int) -> Callable[[float], bool]:
             def smooth(factor: float) -> bool:
@@ -229,7 +229,7 @@ class Search:
 
 
 def _best(found: list[Mitigation]) -> Mitigation:
-    """Of the changes of one parameter the smallest that stops it, with a smaller one the same way that keeps it smooth."""
+    """Of the changes of one parameter the smallest that stops it, with a smaller one that way that keeps it smooth."""
     stops = min((m for m in found if m.stops is not None), key=lambda m: m.size, default=None)
     keeps = min((m for m in found if m.keeps is not None), key=lambda m: m.size, default=None)
     if stops is None or keeps is None:

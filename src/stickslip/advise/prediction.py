@@ -6,6 +6,7 @@ import html
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from stickslip import stability
@@ -353,9 +354,9 @@ class Prediction:
     def measure_note(self) -> str:
         """How to measure what is missing, where there is no verdict."""
         return (
-            "give interface.delay (pull at several speeds: where the friction has fallen to half of its slow value, the "
-            "speed times the delay is the breaking displacement) or interface.ageing (hold for a while, then pull: how the "
-            "static peak grows with the time of rest)"
+            "give interface.delay (pull at several speeds: where the friction has fallen to half of its slow value, "
+            "the speed times the delay is the breaking displacement) or interface.ageing (hold for a while, then pull: "
+            "how the static peak grows with the time of rest)"
         )
 
     def __str__(self) -> str:
@@ -457,7 +458,7 @@ def amount(rig: Rig, parameter: str, value: float) -> str:
 
 
 def predict(rig: Rig, *, fast: bool = False, progress: Progress | None = None) -> Prediction:
-    """Say at which speeds a rig stick-slips, what it does at its own, how safely, and what would make it slide smoothly.
+    """Say at which speeds a rig stick-slips, what it does at its own, how safely, and what would stop it.
 
     Parameters
     ----------
@@ -654,7 +655,7 @@ def _over_delays(rig: Rig) -> tuple[Band, ...]:
     ends = sorted({low, high, *(end for pair in stable for end in pair)})
     size = rig.unit("time")
     found = []
-    for a, b in zip(ends, ends[1:], strict=False):
+    for a, b in pairwise(ends):
         inside = any(x < math.sqrt(a * b) < y for x, y in stable)
         found.append(Band(kind="smooth sliding" if inside else "unstable", bistable=False, low=a * size, high=b * size))
     return tuple(found)

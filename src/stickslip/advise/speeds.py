@@ -17,7 +17,7 @@ from stickslip.model.rig import Rig
 RANGE, AGED_RANGE = 100.0, 10.0
 """Speeds are looked at within this factor of those of the drive."""
 _INSIDE = 5
-"""Speeds that are simulated where smooth sliding is unstable, and over the whole range where it is stable everywhere."""
+"""Speeds simulated where smooth sliding is unstable, and over the whole range where it is stable everywhere."""
 _DEAREST = 0.5
 """Seconds that a run at another speed may take: slow drives of light sliders are told by theory alone."""
 
@@ -57,7 +57,7 @@ def _kind_of(low: float, high: float, stable: list[tuple[float, float]]) -> str:
 def bands_by_runs(
     setting: Rig, linear: tuple[Band, ...], here: Regime, budget: Budget, report: Callable[[float], None]
 ) -> tuple[Band, ...]:
-    """Tell what the motion is where smooth sliding is unstable, and how far it persists from rest where that is stable."""
+    """Tell the motion where smooth sliding is unstable, and how far it persists from rest where that is stable."""
     method = contacts_of(setting)
     known: dict[float, str] = {setting.velocity: here.kind}
 

@@ -130,8 +130,9 @@ class Ride:
 
 def _expected_cycle(rig: Rig) -> float:
     """Expected travel of the drive in a cycle: a contact loaded to its threshold, or an oscillation of the slider."""
+    slider: Slider = rig.slider
     stretch = rig.interface.threshold_distribution.moment(1)
-    return max(stretch * (1.0 + 1.0 / rig.slider.stiffness), rig.velocity * 2.0 * math.pi / rig.slider.frequency)
+    return max(stretch * (1.0 + 1.0 / slider.stiffness), rig.velocity * 2.0 * math.pi / slider.frequency)
 
 
 def _cycles(rows: Array, stiffness: float, velocity: float) -> Array:

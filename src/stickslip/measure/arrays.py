@@ -81,7 +81,7 @@ class Trace:
             if values is None:
                 continue
             if values.shape != t.shape:
-                raise InputError(f"measure: {name} has shape {values.shape}: must be along t alone; select one run")
+                raise InputError(f"measure: {name} has shape {values.shape}: must be along time alone; select one run")
             bad = np.flatnonzero(~np.isfinite(values))
             if bad.size:
                 raise InputError(

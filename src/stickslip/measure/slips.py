@@ -122,7 +122,7 @@ def white_noise(force: Array) -> float:
 
 def contact_noise(trace: Trace) -> float:
     """Fluctuation of the force over that which so many independent contacts make; infinite where that is not known."""
-    if not trace.contacts:
+    if not trace.contacts or not trace.largest:
         return math.inf
     at = trace.t - trace.t.mean()
     rest = trace.force - trace.force.mean()

@@ -28,8 +28,8 @@ NEGLIGIBLE = 1e-16
 class Distribution(Protocol):
     """A probability distribution on stretchings.
 
-    A new distribution is a frozen dataclass that derives from this class and gives `density`, an integral of 1; the
-    places where it jumps belong into `knots`. The rest follows.
+    A new distribution is a frozen dataclass that derives from this class and gives `density`, of integral 1; the places
+    where it jumps belong into `knots`, and those where it bends make it faster there. The rest follows.
     """
 
     def density(self, x: ArrayLike) -> Array:
@@ -51,10 +51,13 @@ class Distribution(Protocol):
 
     def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
         """Mean of ``x**order * exp(-q x)`` at complex `q`: minus the slope of the transform for order 1."""
-        return laplace_of(self, q, order)
+        return np.asarray(laplace_of(self, q, (order,))[0])
 
     def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """`laplace` of orders 0 and 1 at many points with ``Re q`` not far below 0, as fast as may be."""
+        if type(self).laplace is Distribution.laplace:
+            mean, slope = laplace_of(self, q, (0, 1))
+            return mean, slope
         return self.laplace(q), self.laplace(q, 1)
 
     @property
@@ -146,6 +149,16 @@ DISTRIBUTIONS: dict[str, type] = {}
 
 register = registrar(DISTRIBUTIONS, "distribution")
 """Class decorator: ``@register("triangular")`` gives a distribution the name that rig files use."""
+
+
+def check_density(thresholds: Distribution) -> None:
+    """Raise `InputError` for thresholds without a density, or so close to each other that none resolves them."""
+    thresholds.density(0.0)
+    if thresholds.single:
+        raise InputError(
+            f"Interface.thresholds = {thresholds}: all thresholds are next to equal, and no density resolves them; give "
+            "them a larger standard deviation, or use the method Contacts"
+        )
 
 
 def excess(distribution: Distribution, x: ArrayLike, order: int) -> Array:

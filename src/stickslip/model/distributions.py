@@ -420,7 +420,8 @@ class LogNormal(Distribution):
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
         """Integral of ``y**order`` times the density over ``y > x``."""
-        scale = math.exp(order * self.log_mean + 0.5 * (order * self.log_spread) ** 2)
+        with np.errstate(over="ignore"):  # a wide distribution has high moments beyond any number
+            scale = float(np.exp(order * self.log_mean + 0.5 * (order * self.log_spread) ** 2))
         x = np.asarray(x, dtype=float)
         return np.where(x > 0, scale * special.ndtr(order * self.log_spread - self._z(x)), scale)
 

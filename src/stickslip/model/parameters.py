@@ -105,15 +105,33 @@ VELOCITY = Parameter(name="velocity", unit="x_s/time", title="speed", get=_get_v
 DELAY = _of_interface("delay", "time", "delay of re-attachment", "delay", "mean", "with_mean")
 """Delay time; for a `RandomDelay` its mean, the standard deviation kept in proportion."""
 STD = _of_interface("std", "1", "standard deviation of the thresholds", "thresholds", "own_std", "with_std")
-"""Standard deviation of the thresholds at constant mean: the distribution's own ``std``, else that."""
+"""Standard deviation of the thresholds at constant mean: the distribution's own ``std``, else as it is."""
 AGEING = _of_interface("ageing", "time", "time of ageing of the thresholds", "ageing", "time", "with_time")
 """Time in which thresholds age: ``rate**-2`` for `Langevin`."""
 
 PARAMETERS: tuple[Parameter, ...] = (STIFFNESS, VELOCITY, MASS, DAMPING, DELAY, STD, AGEING)
+"""The parameters that come with the package."""
+
+BY_NAME = {parameter.name: parameter for parameter in PARAMETERS}
+"""All that can be named, those that `register` added among them."""
+
+
+def register(parameter: Parameter) -> Parameter:
+    """Make a parameter known by its name, to `Rig.replace`, `critical` and all that vary parameters.
+
+    Raises
+    ------
+    InputError
+        If the name is that of a parameter that comes with the package.
+    """
+    if any(parameter.name == known.name for known in PARAMETERS):
+        raise InputError(f"Parameter.name = {shown(parameter.name)}: comes with the package; choose another name")
+    BY_NAME[parameter.name] = parameter
+    return parameter
 
 
 def parameter_named(parameter: Parameter | str, place: str = "parameter") -> Parameter:
-    """Return the parameter itself, or the one of this module with that name.
+    """Return the parameter itself, or the one registered by that name.
 
     Raises
     ------
@@ -122,12 +140,10 @@ def parameter_named(parameter: Parameter | str, place: str = "parameter") -> Par
     """
     if isinstance(parameter, Parameter):
         return parameter
-    for known in PARAMETERS:
-        if known.name == parameter:
+    for name, known in BY_NAME.items():
+        if name == parameter:
             return known
-    raise InputError(
-        f"{place} = {shown(parameter)}: must be one of {', '.join(p.name for p in PARAMETERS)}, or a Parameter"
-    )
+    raise InputError(f"{place} = {shown(parameter)}: must be one of {', '.join(BY_NAME)}, or a Parameter")
 
 
 def check_range(parameter: Parameter, between: tuple[float, float]) -> tuple[float, float]:

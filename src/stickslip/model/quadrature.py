@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import NamedTuple, Protocol, cast
+from typing import Any, NamedTuple, Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,6 +28,15 @@ class HasDensity(Protocol):
     def knots(self) -> tuple[float, ...]:
         """Where the density jumps."""
         ...
+
+
+def hashable(record: object) -> Any:
+    """Return a record, checked to be fit for the key of a table."""
+    try:
+        hash(record)
+    except TypeError as error:
+        raise InputError(f"{record!r}: a distribution must be hashable; make it a frozen dataclass") from error
+    return record
 
 
 @lru_cache(maxsize=64)
@@ -136,7 +145,7 @@ def _density(distribution: HasDensity, x: Array) -> Array:
 
 def partial_moment_of(distribution: HasDensity, x: ArrayLike, order: int) -> Array:
     """Integral of ``y**order`` times the density over ``y > x``."""
-    table = table_of(distribution)
+    table = table_of(hashable(distribution))
     low = np.clip(np.asarray(x, dtype=float), table.edges[0], table.edges[-1])
     panel = np.clip(np.searchsorted(table.edges, low, side="right") - 1, 0, len(table.x) - 1)
     beyond = np.append(np.cumsum(np.sum(table.weight * table.x**order, axis=1)[::-1])[::-1], 0.0)
@@ -151,7 +160,7 @@ def inverse_survival_of(distribution: HasDensity, probability: ArrayLike) -> Arr
     """Stretching exceeded with the given probability, by root finding within a panel."""
     from scipy.optimize import elementwise
 
-    table = table_of(distribution)
+    table = table_of(hashable(distribution))
     wanted = np.clip(np.asarray(probability, dtype=float), 0.0, table.survival[0])
     panel = np.clip(np.searchsorted(-table.survival, -wanted, side="right") - 1, 0, len(table.x) - 1)
     low, high = table.edges[panel], table.edges[panel + 1]
@@ -174,29 +183,29 @@ _NODES = 1 << 20
 """Most nodes of a transform."""
 
 
-def laplace_of(distribution: HasDensity, q: ArrayLike, order: int) -> ComplexArray:
-    """Mean of ``x**order * exp(-q x)``, on panels as fine as `q` needs them."""
+def laplace_of(distribution: HasDensity, q: ArrayLike, orders: Sequence[int]) -> ComplexArray:
+    """Mean of ``x**order * exp(-q x)`` for each order, shape (orders, *q), on panels as fine as `q` needs them."""
     q = np.asarray(q, dtype=complex)
-    flat, result = q.ravel(), np.empty(q.size, dtype=complex)
+    flat, result = q.ravel(), np.empty((len(orders), q.size), dtype=complex)
     scale = np.ceil(np.log2(np.maximum(np.abs(flat), 2.0**-20)))
     for power in np.unique(scale).tolist():
         own = np.flatnonzero(scale == power)
         least = float(np.min(flat[own].real))
-        x, weight = _fine_nodes(
-            distribution, power, least if least < 0 else 2.0 ** math.floor(math.log2(max(least, 2.0**-20)))
-        )
-        weight = weight * x**order
+        if least >= 0:  # few different ones: the nodes are kept
+            least = 2.0 ** math.floor(math.log2(max(least, 2.0**-20)))
+        x, weight = _fine_nodes(hashable(distribution), power, least)
+        kernel = np.stack([weight * x**order for order in orders], axis=1)
         for start in range(0, own.size, 128):
             some = own[start : start + 128]
             with np.errstate(over="ignore", invalid="ignore"):  # too far left is no number, as for closed forms
-                result[some] = np.exp(-np.multiply.outer(flat[some], x)) @ weight
-    return result.reshape(q.shape)
+                result[:, some] = (np.exp(-np.multiply.outer(flat[some], x)) @ kernel).T
+    return result.reshape(len(orders), *q.shape)
 
 
 @lru_cache(maxsize=64)
 def _fine_nodes(distribution: HasDensity, power: float, least: float) -> tuple[Array, Array]:
     """Nodes and weights for ``|q|`` up to 2 to the `power` and ``Re q >= least``."""
-    table = table_of(distribution)
+    table = table_of(hashable(distribution))
     left, right = table.edges[:-1], table.edges[1:]
     if least >= 0:
         # What is left out is below rounding: tails, and all that has decayed.

@@ -41,9 +41,7 @@ def registrar(table: dict[str, type], what: str) -> Callable[[str], Callable[[Ki
     def register(name: str) -> Callable[[Kind], Kind]:
         def enter(kind: Kind) -> Kind:
             if not is_dataclass(kind) or not kind.__dataclass_params__.frozen:  # type: ignore[attr-defined]
-                raise InputError(
-                    f"{what} {shown(name)}: {kind.__name__} must be a frozen dataclass, @dataclass(frozen=True)"
-                )
+                raise InputError(f"{what} {shown(name)}: {kind.__name__} must be a frozen dataclass")
             known = table.get(name)
             # The same class once more is a notebook's cell run again.
             if known is not None and (known.__module__, known.__qualname__) != (kind.__module__, kind.__qualname__):

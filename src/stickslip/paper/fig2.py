@@ -18,7 +18,7 @@ from scipy.optimize import brentq
 from stickslip import plot
 from stickslip.errors import UndecidedError
 from stickslip.model import Delay, Interface, Slider
-from stickslip.paper.cases import FIG2
+from stickslip.paper.cases import CRITICAL_STIFFNESS, FIG2
 from stickslip.paper.figure import Claim, Figure, Progress, at_least, at_most, near, variable, verdict
 from stickslip.rigid import Renewal, critical_stiffness, effective_stiffness, rigid_slide
 from stickslip.simulation import LABELS
@@ -140,7 +140,7 @@ def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
             measured=(
                 near("X*, no re-attachment", float(never.sel(quantity="slider")), 0.9247, 1e-4, "x_s"),
                 near("v_d t*, no re-attachment", float(never.sel(quantity="drive")), 1.2820, 1e-4, "x_s"),
-                near("largest K_eff on the curve", K_eff.max(), 2.989, 0.003, "k"),
+                near("largest K_eff on the curve", K_eff.max(), CRITICAL_STIFFNESS, 0.003, "k"),
             ),
             evidence=f"first root of K_eff(X) = {K:g} k; K_eff(X) against {STIFF:g} k over 0 to {_DISTANCE:g} x_s",
         ),

@@ -9,6 +9,7 @@ standard deviation, and on what is done with negative draws.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import matplotlib.figure
@@ -24,7 +25,7 @@ from stickslip.measure import transitions
 from stickslip.model import Contacts, Interface, NegativeDelay, Output, RandomDelay, constant
 from stickslip.model.drive import ramp
 from stickslip.model.rig import Rig
-from stickslip.paper.cases import FIG7
+from stickslip.paper.cases import FIG7, V1
 from stickslip.paper.figure import (
     Claim,
     Figure,
@@ -80,6 +81,24 @@ def _sweep(interface: Interface, top: float, method: Contacts, progress: Progres
     )
 
 
+def _ranges(
+    case: _Case, velocities: list[float], points: int, parts: Iterator[Progress]
+) -> tuple[list[float], list[float], list[float]]:
+    """Velocities between which stick-slip persists and smooth sliding is unstable; oscillation at some velocities."""
+    rig = Rig(_random(case), FIG7.slider, constant(1.0))
+    nowhere = [math.nan, math.nan]
+    # With redrawn delays the range is narrow, .7 to .9: hence the number of points.
+    windows = sustained(rig, "velocity", between=(0.2, _TOP), points=points, tolerance=0.01).windows
+    persists = [windows[0].low.value, windows[-1].high.value] if windows else nowhere
+    next(parts)(1.0)
+    edges = critical(rig, "velocity", between=(0.05, 100.0)).edges
+    unstable = [edges[0].value, edges[-1].value] if edges else nowhere
+    looked = _ON.get(case[0], ()) + _OFF.get(case[0], ())
+    oscillation = [is_sustained(rig.replace(velocity=v)).peak_to_peak if v in looked else math.nan for v in velocities]
+    next(parts)(1.0)
+    return persists, unstable, oscillation
+
+
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
     cases = (_CASES[0], _CASES[2]) if quick else _CASES
     seeds = (1,) if quick else (1, 2, 3)
@@ -99,27 +118,8 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     next(parts)(1.0)
 
     velocities = sorted({v for looked in (_ON, _OFF) for there in looked.values() for v in there})
-    persists, unstable, oscillation = (np.full((len(cases), n), np.nan) for n in (2, 2, len(velocities)))
-    for i, case in enumerate(cases):
-        interface = _random(case)
-        # With redrawn delays the window is narrow: .7 to .9.
-        points = 5 if quick else 16
-        answer = sustained(
-            Rig(interface, FIG7.slider, constant(1.0)), "velocity", between=(0.2, _TOP), points=points, tolerance=0.01
-        )
-        if answer.windows:
-            persists[i] = answer.windows[0].low.value, answer.windows[-1].high.value
-        next(parts)(1.0)
-        edges = [
-            c.value
-            for c in critical(Rig(interface, FIG7.slider, constant(1.0)), "velocity", between=(0.05, 100.0)).edges
-        ]
-        if edges:
-            unstable[i] = edges[0], edges[-1]
-        for j, v in enumerate(velocities):
-            if v in _ON.get(case[0], ()) + _OFF.get(case[0], ()):
-                oscillation[i, j] = is_sustained(Rig(interface, FIG7.slider, constant(v))).peak_to_peak
-        next(parts)(1.0)
+    ranges = [_ranges(case, velocities, 5 if quick else 16, parts) for case in cases]
+    persists, unstable, oscillation = (np.array(values) for values in zip(*ranges, strict=True))
 
     return xr.Dataset(
         {
@@ -181,7 +181,7 @@ def _hysteresis(data: xr.Dataset) -> Claim:
         verdict=verdict(printed=fold < linear and bool(np.all(v1_down < v1))),
         settled="reproduced",
         measured=(
-            near("v1, smooth sliding loses stability (linear)", linear, 1.388221, 1e-6, "x_s/time"),
+            near("v1, smooth sliding loses stability (linear)", linear, V1, 1e-6, "x_s/time"),
             near("v1', stick-slip decays at its fold (nonlinear)", fold, 0.71, 0.02, "x_s/time"),
             between("v1 of the ramps, smallest", v1.min(), 1.0, 1.85, "x_s/time"),
             between("v1 of the ramps, largest", v1.max(), 1.0, 1.85, "x_s/time"),

@@ -79,7 +79,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
                 "1/sqrt(time)",
             ),
             "P_c": variable("f", distribution, "stationary distribution of thresholds, Eq. (17)", "1/f_s"),
-            "P_c_seen": variable("f", seen, "the same, of contacts born at rest", "1/f_s"),
+            "P_c_seen": variable("f", seen, "the same, of contacts aged at rest", "1/f_s"),
         },
         coords={
             "solver": variable("solver", list(_METHODS), "solver"),
@@ -138,7 +138,7 @@ def _stationary(data: xr.Dataset) -> Claim:
         verdict=verdict(printed=all(m.ok for m in measured)),
         settled="reproduced",
         measured=measured,
-        evidence="100000 contacts born without strength, ten ageing times at rest",
+        evidence="100000 newborn contacts without strength, ten ageing times at rest",
     )
 
 
@@ -212,7 +212,7 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
         ax.tick_params(labelbottom=row == 1)
     distribution = figure.add_subplot(grid[2, 0])
     ax.set_xlabel(plot.label(data["time"]))
-    distribution.bar(data["f"], data["P_c_seen"], width=1.0 / _BINS, color=plot.SKY, label="contacts born at rest")
+    distribution.bar(data["f"], data["P_c_seen"], width=1.0 / _BINS, color=plot.SKY, label="contacts aged at rest")
     distribution.plot(data["f"], data["P_c"], color=plot.BLACK, label="Eq. (17)")
     plot.dress(distribution.xaxis, data["f"])
     distribution.set_ylabel(plot.label(data["P_c"].assign_attrs(long_name="density")))

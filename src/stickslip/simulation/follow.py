@@ -22,7 +22,7 @@ Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
-class Course:
+class Track:
     """Where an engine has been: samples, the drive at their times, and snapshots with their times."""
 
     columns: tuple[str, ...]
@@ -44,7 +44,7 @@ def follow(
     times: Array,
     looks: tuple[float, ...] = (),
     progress: Progress | None = None,
-) -> Course:
+) -> Track:
     """Follow a drive from piece to piece.
 
     Parameters
@@ -62,7 +62,7 @@ def follow(
 
     Returns
     -------
-    Course
+    Track
         Up to where the drive ended: a condition may end a piece early.
 
     Raises
@@ -92,7 +92,7 @@ def follow(
         position = float(leg.drive_position(np.asarray(engine.here()[0])))
     report(1.0)
     kept = slice(filled)
-    return Course(
+    return Track(
         columns=engine.columns,
         times=times[kept],
         rows=rows[kept],

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from stickslip.model import Slider
 from stickslip.simulation.engines import Stretchings
-from stickslip.simulation.follow import Course
+from stickslip.simulation.follow import Track
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -67,12 +67,12 @@ def labelled(name: str, dims: str | tuple[str, ...], values: ArrayLike, units: s
     return dims, np.asarray(values), attributes
 
 
-def dataset_of(course: Course, slider: Slider, bins: int, provenance: str) -> xr.Dataset:
+def dataset_of(track: Track, slider: Slider, bins: int, provenance: str) -> xr.Dataset:
     """Return the Dataset of a run, in natural units.
 
     Parameters
     ----------
-    course : Course
+    track : Track
     slider : Slider
     bins : int
         Of a snapshot.
@@ -80,15 +80,15 @@ def dataset_of(course: Course, slider: Slider, bins: int, provenance: str) -> xr
     """
     import xarray as xr
 
-    values = {name: course[name] for name in course.columns}
-    values["drive_velocity"] = course.drive_velocity
-    values["spring_force"] = slider.stiffness * (course.drive_position - values["displacement"])
+    values = {name: track[name] for name in track.columns}
+    values["drive_velocity"] = track.drive_velocity
+    values["spring_force"] = slider.stiffness * (track.drive_position - values["displacement"])
     values["kinetic_energy"] = 0.5 * slider.mass * values["velocity"] ** 2
     values["spring_energy"] = 0.5 * values["spring_force"] ** 2 / slider.stiffness
     variables = {name: labelled(name, "time", values[name]) for name in LABELS if name in values}
-    coordinates = {"time": labelled("time", "time", course.times)}
-    if course.snapshots:
-        times, seen = zip(*course.snapshots, strict=True)
+    coordinates = {"time": labelled("time", "time", track.times)}
+    if track.snapshots:
+        times, seen = zip(*track.snapshots, strict=True)
         edges = _edges(seen, bins)
         densities = [_density(one, edges) for one in seen]
         variables["stretching_density"] = labelled("stretching_density", ("snapshot", "x"), densities)

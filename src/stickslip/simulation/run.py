@@ -80,7 +80,7 @@ def simulate(
     InputError
         If the rig cannot be simulated: no mass, thresholds without a density for the master equation, a snapshot
         beyond the end; `Langevin` ageing of thresholds that are no Gaussian; ageing for which the method has no
-        solver; if it would take too long and `long` is not set.
+        solver; if it would take too long and `long` is not set; if its numbers stop being finite.
 
     Examples
     --------
@@ -94,19 +94,19 @@ def simulate(
     told = rig.replace(**{name: value for name, value in changes.items() if value is not None})
     case = told.natural
     _check(case)
+    solver = engine_of(case.interface, case.method)
+    beginning = Beginning(case.interface, case.slider, case.velocity, case.start)
     instance("simulate: long", long, bool, "True or False")
     if not long:
         estimate(told).check()
     if progress is not None and not callable(progress):
         raise InputError(f"simulate: progress = {shown(progress)}: must be a function of the fraction that is done")
-    solver = engine_of(case.interface, case.method)
-    beginning = Beginning(case.interface, case.slider, case.velocity, case.start)
     times = _sample_times(case.slider, case.drive, case.output, solver.angle)
     engine = solver(beginning, case.method)
     origin = beginning.drive_position(engine.contact_force())
-    course = follow(engine, case.drive, origin, times, case.output.snapshots, progress)
+    track = follow(engine, case.drive, origin, times, case.output.snapshots, progress)
     provenance = store.provenance("simulate", {"rig": told})
-    return rig.in_its_units(dataset_of(course, case.slider, case.output.bins, provenance))
+    return rig.in_its_units(dataset_of(track, case.slider, case.output.bins, provenance))
 
 
 def pull_rigidly(interface: Interface, distance: float, velocity: float, method: Method, points: int) -> xr.Dataset:
@@ -121,20 +121,38 @@ def pull_rigidly(interface: Interface, distance: float, velocity: float, method:
 
     duration = distance / velocity
     engine = engine_of(interface, method)(Beginning(interface, None, velocity), method)
-    course = follow(engine, constant(velocity, duration), 0.0, np.linspace(0.0, duration, points + 1))
+    track = follow(engine, constant(velocity, duration), 0.0, np.linspace(0.0, duration, points + 1))
     return xr.Dataset(
-        {name: labelled(name, "displacement", course[name]) for name in ("friction_force", "attached")},
-        {"displacement": labelled("displacement", "displacement", velocity * course.times)},
+        {name: labelled(name, "displacement", track[name]) for name in ("friction_force", "attached")},
+        {"displacement": labelled("displacement", "displacement", velocity * track.times)},
     )
 
 
 def rerun(run: xr.Dataset, progress: Progress | None = None) -> xr.Dataset:
     """Make a run again from its provenance: the same numbers, bit for bit.
 
+    Parameters
+    ----------
+    run : xarray.Dataset
+        Of `simulate`, as it was or from a file.
+    progress : callable, optional
+        Called with the fraction of the drive that is done.
+
+    Returns
+    -------
+    xarray.Dataset
+
     Raises
     ------
     InputError
         If the Dataset carries no provenance of `simulate`.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> run = ss.simulate(ss.example("precision_stage"))
+    >>> ss.rerun(run).identical(run)
+    True
     """
     return simulate(rig_of(run), progress=progress, long=True)
 
@@ -146,12 +164,20 @@ def rig_of(run: xr.Dataset) -> Rig:
     ------
     InputError
         If the Dataset carries no provenance of `simulate`.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> from stickslip.simulation import rig_of
+    >>> rig_of(ss.simulate(ss.example("precision_stage"))).name
+    'Precision stage'
     """
     content = store.read_provenance(run)
     if content["call"] != "simulate":
         raise InputError(f"this file was made by {content['call']!r}, not by `simulate`")
     try:
-        rig = store.decode(content["arguments"], store.records()).get("rig")
+        arguments = store.decode(content["arguments"], store.records())
+        rig = arguments["rig"] if arguments.keys() == {"rig"} else None
     except RecursionError:
         rig = None
     instance("the provenance in this file", rig, Rig, "that of a rig; make the run again")

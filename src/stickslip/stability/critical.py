@@ -106,7 +106,7 @@ class Crossings:
 
     def __str__(self) -> str:
         low, high = self.searched
-        where = f"for {self.parameter} from {low:g} to {high:g} {self.unit}"
+        where = f"for {self.parameter} from {low:g} to {high:g}{'' if self.unit == '1' else f' {self.unit}'}"
         if not self.edges:
             state = "unstable" if self.unstable_at_ends[0] else "stable"
             return f"smooth sliding is {state} all the way {where}: no boundary there"

@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 
 from stickslip.errors import InputError, instance, number, shown
 from stickslip.model import Interface
+from stickslip.model.quadrature import hashable
 from stickslip.model.rig import Rig
 from stickslip.stability.aged import aged_response
 from stickslip.stability.impedances import Impedance, impedance
 from stickslip.stability.response import ComplexArray, Response
-from stickslip.stability.transforms import hashable
 from stickslip.stability.unaged import unaged_response
 
 
@@ -30,7 +30,7 @@ def respond(interface: Interface) -> Response:
     instance("interface", interface, Interface, "an Interface")
     if interface.ageing is not None:
         return aged_response(interface)
-    return unaged_response(hashable(interface.threshold_distribution), interface.delay)
+    return unaged_response(hashable(interface.threshold_distribution), hashable(interface.delay))
 
 
 def dynamic_stiffness(interface: Interface, velocity: float, s: ArrayLike) -> ComplexArray:
@@ -131,6 +131,7 @@ def growth_rate(rig: Rig) -> complex:
     With thresholds that age growing modes are confirmed by their count; a negative real part is that of the mode
     nearest to the axis among those found.
     """
+    instance("growth_rate: rig", rig, Rig, "a Rig(interface, slider, drive)")
     return rightmost_root(rig.natural) * rig.unit("1/time")
 
 

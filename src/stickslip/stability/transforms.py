@@ -8,8 +8,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from stickslip.errors import InputError, UndecidedError
+from stickslip.errors import UndecidedError
 from stickslip.model.distributions import Distribution
+from stickslip.model.quadrature import hashable
 from stickslip.stability.response import Array, ComplexArray
 
 
@@ -66,7 +67,7 @@ def transforms(distribution: Distribution, q: ComplexArray) -> tuple[ComplexArra
 
 
 def _outer(distribution: Distribution, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-    mean, slope = distribution.transform(q)
+    mean, slope = distribution.transform(np.asarray(q, dtype=np.complex128))
     return 1.0 - mean, (1.0 - mean) / q - slope
 
 
@@ -90,12 +91,3 @@ def _series(distribution: Distribution) -> tuple[float, Array, Array]:
                 best, terms = radius, count
     # A tenth of the width of the distribution: beyond it the closed form loses nothing.
     return min(best, 0.5 / moments[1]), first[:terms], second[:terms]
-
-
-def hashable(distribution: Distribution) -> Distribution:
-    """Return the distribution, checked to be fit for the key of a table."""
-    try:
-        hash(distribution)
-    except TypeError as error:
-        raise InputError(f"{distribution!r}: a distribution must be hashable; make it a frozen dataclass") from error
-    return distribution

@@ -27,6 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 from stickslip.errors import InputError, UndecidedError
 from stickslip.model import DelayModel
 from stickslip.model.distributions import Distribution
+from stickslip.model.quadrature import hashable
 from stickslip.stability.impedances import (
     Impedance,
     Modes,
@@ -127,7 +128,7 @@ class UnagedResponse:
                 f"{reach:g} x_s, and may outweigh the rig up to wavelengths of {2 * math.pi / top:g} x_s; "
                 "give the rig some damping, or the thresholds more standard deviation"
             )
-        return axis_table(self.distribution, step, count)
+        return axis_table(hashable(self.distribution), step, count)
 
     @cached_property
     def _largest(self) -> float:

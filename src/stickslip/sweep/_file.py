@@ -143,7 +143,7 @@ class Document(Part):
         starts: dict[str | None, Start] = {None: rig.start, FROM_REST: FromRest(), FROM_SLIDING: FromSliding()}
         run = self.run
         return Study(
-            rig=replace(rig, method=method, start=starts[run.start], name="", assumed={}, source=""),
+            rig=replace(rig, method=method, start=starts[run.start], name="", assumed={}),
             distance=SHORTEST if run.distance is None else run.distance / rig.unit("x_s"),
             duration=0.0 if run.duration is None else run.duration / rig.unit("time"),
             cycles=number("run.cycles", run.cycles, at_least=0),
@@ -174,7 +174,7 @@ class Document(Part):
 
                 near = difflib.get_close_matches(name, MEASURES, n=1, cutoff=0.5)
                 remedy = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(MEASURES)}"
-                raise InputError(f"measure: {name!r} is nothing that can be measured; {remedy}")
+                raise InputError(f"measure: {name!r} is not measured in a sweep; {remedy}")
         always = ["regime", *(["seed"] if own_seed else [])]
         return tuple(dict.fromkeys([*always, *(name for name in names if name != "seed")]))
 

@@ -119,7 +119,7 @@ def refine(
 ) -> xr.Dataset:
     """Find the boundaries between the regions of a plane in which a function returns the same category.
 
-    A quarter of the runs is spread over the box, the next go where categories differ (`adaptive.Learner2D`), the
+    A quarter of the runs is distributed over the box, the next go where categories differ (`adaptive.Learner2D`), the
     last bisect lines across the boundary. A region that all of the first quarter miss is not found. With
     hysteresis, search for each branch, with cases that start on it; see `Refinement`.
 
@@ -259,7 +259,7 @@ class _Search:
                 learner.tell(point, -1 if found is None else classes.setdefault(found, len(classes)))
 
     def _polish(self, runs: int, together: int, resolution: float) -> None:
-        """Bisect lines across the boundary, spread along it, as many as the runs left are enough for."""
+        """Bisect lines across the boundary, far apart along it, as many as the runs left are enough for."""
         brackets = self._crossings()
         if not brackets:
             return

@@ -23,10 +23,9 @@ def generators(seed: int) -> list[np.random.Generator]:
 def first_contacts(beginning: Beginning, count: int, rng: np.random.Generator) -> tuple[Array, Array, Array]:
     """Draw stretchings and thresholds of all contacts (detached ones last), and when the latter re-attach."""
     distribution, delay = beginning.interface.threshold_distribution, beginning.interface.delay
+    initial, attached = beginning.interface.initial, count
     if beginning.sliding:
         initial, attached = SteadyState(thresholds=distribution), round(count * beginning.attached)
-    else:
-        initial, attached = beginning.interface.initial, count
     x = initial.sample(rng, attached)
     largest = distribution.support[1]
     while (again := np.flatnonzero(np.abs(x) >= largest)).size:

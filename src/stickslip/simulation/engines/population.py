@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError
 from stickslip.model import Interface, MasterEquation, Slider
+from stickslip.model.distribution import check_density
 from stickslip.simulation.engines.base import (
     COLUMNS,
     Advance,
@@ -58,7 +59,7 @@ class Population(Engine):
     @staticmethod
     def check(interface: Interface, method: MasterEquation) -> None:  # noqa: ARG004
         """Raise `InputError` for thresholds without a density."""
-        interface.threshold_distribution.density(0.0)
+        check_density(interface.threshold_distribution)
 
     def _thresholds(self) -> kernel.Table:
         from stickslip.kernels import cohorts as kernel
@@ -137,20 +138,20 @@ class Population(Engine):
 
         turned = self.copy()
         turned._interface, turned.slider = interface, slider_constants(slider)
-        scalar, cohort, broken, cursor, used = (part.copy() for part in self._state)
+        state = turned._state = copy.deepcopy(self._state)
+        scalar, cohort, broken, used = state.scalar, state.cohort, state.broken, state.used
         if interface.delay != self._interface.delay:
             turned._delays = turned._times_until_attached()
             ratio = _stretched(self._delays, turned._delays)
             n = used[1]
             broken[0, :n] = scalar[kernel.TIME] - ratio * (scalar[kernel.TIME] - broken[0, :n])
-            cursor[:] = 0
+            state.cursor[:] = 0
         if interface.thresholds != self._interface.thresholds:
             turned._table = turned._thresholds()
             n = used[0]
             fraction = np.array([kernel.survival(turned._table, reach) for reach in cohort[kernel.REACH, :n]])
             held = fraction > kernel.EXTINCT  # the others break as soon as they are stretched further
             cohort[kernel.MASS, :n] = np.where(held, cohort[kernel.ALIVE, :n] / np.where(held, fraction, 1.0), 0.0)
-        turned._state = kernel.State(scalar, cohort, broken, cursor, used)
         return turned
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +22,8 @@ _SAMPLES = 256
 class Steps(Engine, Protocol):
     """An engine that takes steps of time, and samples no energies."""
 
-    columns = MOTION
-    angle = 0.35  # that of its steps: samples finer than that show no more
+    columns: ClassVar[tuple[str, ...]] = MOTION
+    angle: ClassVar[float] = 0.35  # that of its steps: samples finer than that show no more
 
     state: Array
     """Time, position of the slider, and what else the kernel keeps there."""

@@ -1,0 +1,87 @@
+"""Pictures: a Dataset in, matplotlib Axes out.
+
+Every function draws what the Dataset holds, a run of the model or a measured trace, in its own units: labels come from
+``long_name`` and ``units`` of the variables. Without `ax` a function makes a figure of its own; write it with `save`:
+
+>>> import stickslip as ss
+>>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1))
+>>> run = ss.simulate(interface, ss.Slider(stiffness=2.0, mass=1e-3, damping=20.0), ss.constant(1.0, duration=3))
+>>> from stickslip.plot import overview, save
+>>> save(overview(run), "run.png").name
+'run.png'
+
+Figures are plain `matplotlib.figure.Figure` objects, unknown to pyplot: nothing to close, no window system needed.
+"""
+
+from stickslip.plot.answers import chart, prediction
+from stickslip.plot.runs import (
+    attached,
+    energy,
+    force_trace,
+    overview,
+    phase_portrait,
+    rigid_curve,
+    side_by_side,
+    stretchings,
+    velocity,
+)
+from stickslip.plot.style import (
+    BLACK,
+    BLUE,
+    COLUMN,
+    GREEN,
+    GREY,
+    ORANGE,
+    PAGE,
+    PALETTE,
+    PURPLE,
+    SKY,
+    VERMILLION,
+    YELLOW,
+    dress,
+    house_style,
+    label,
+    legend_above,
+    letter,
+    new_axes,
+    new_figure,
+    save,
+    unit_text,
+)
+from stickslip.plot.sweeps import sweep_picture
+
+__all__ = [
+    "BLACK",
+    "BLUE",
+    "COLUMN",
+    "GREEN",
+    "GREY",
+    "ORANGE",
+    "PAGE",
+    "PALETTE",
+    "PURPLE",
+    "SKY",
+    "VERMILLION",
+    "YELLOW",
+    "attached",
+    "chart",
+    "dress",
+    "energy",
+    "force_trace",
+    "house_style",
+    "label",
+    "legend_above",
+    "letter",
+    "new_axes",
+    "new_figure",
+    "overview",
+    "phase_portrait",
+    "prediction",
+    "rigid_curve",
+    "save",
+    "side_by_side",
+    "stretchings",
+    "sweep_picture",
+    "unit_text",
+    "velocity",
+]

@@ -1,0 +1,309 @@
+"""Pictures of a run or of a measured trace."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import matplotlib as mpl
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
+
+from stickslip.errors import InputError
+from stickslip.measure import drops, regime
+from stickslip.measure.arrays import check_numbers
+from stickslip.model.units import engineering
+from stickslip.plot.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    MOST_POINTS,
+    ORANGE,
+    PAGE,
+    PALETTE,
+    PURPLE,
+    SKY,
+    VERMILLION,
+    dress,
+    envelope,
+    house_style,
+    legend_above,
+    new_axes,
+    new_figure,
+    unit_text,
+    variable,
+)
+
+Scale = Literal["linear", "log"]
+
+_MANY_SLIPS = 60  # more are marked by smaller dots
+_WIDE_RANGE = 25.0  # a velocity this many times that of the drive asks for a logarithmic axis
+
+
+@house_style()
+def force_trace(
+    run: xr.Dataset, ax: Axes | None = None, *, events: xr.Dataset | None = None, color: str = BLUE
+) -> Axes:
+    """Draw the spring force against time.
+
+    Parameters
+    ----------
+    run : Dataset
+        A run or a measured trace: `F_d` along `t`.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
+    events : Dataset, optional
+        Slips to mark, from `stickslip.drops`.
+    color : str
+
+    Raises
+    ------
+    InputError
+        If the Dataset has no such variable.
+    """
+    force = variable(run, "spring_force", "time")
+    ax = new_axes(PAGE, 2.2) if ax is None else ax
+    time = run["time"]
+    ax.plot(*envelope(time.to_numpy(), force.to_numpy()), color=color)
+    if events is not None:
+        _mark_slips(ax, events)
+    if "filled" in run and bool(run["filled"].any()):
+        gap = run["filled"].to_numpy().astype(bool)
+        text = f"{np.count_nonzero(gap)} filled in"
+        ax.plot(time.to_numpy()[gap], force.to_numpy()[gap], "x", color=BLACK, markersize=4, label=text)
+    dress(ax.xaxis, time)
+    dress(ax.yaxis, force)
+    ax.margins(x=0.01)
+    if ax.get_legend_handles_labels()[0]:
+        legend_above(ax)
+    return ax
+
+
+@house_style()
+def velocity(run: xr.Dataset, ax: Axes | None = None, *, scale: Scale | None = None) -> Axes:
+    """Draw the velocity of the slider, and of the drive, against time.
+
+    Parameters
+    ----------
+    run : Dataset
+        A run: `velocity` along `t`.
+    ax : Axes, optional
+    scale : {"linear", "log"}, optional
+        Logarithmic from the drive's velocity on, linear below it, as the slider may move back. By default
+        logarithmic where the slider gets more than 25 times as fast as the drive.
+    """
+    speed = variable(run, "velocity", "time")
+    ax = new_axes(PAGE, 2.2) if ax is None else ax
+    ax.plot(*envelope(run["time"].to_numpy(), speed.to_numpy()), color=GREEN, label="slider")
+    usual = 0.0
+    if "drive_velocity" in run:
+        drive = variable(run, "drive_velocity", "time").to_numpy()
+        usual = float(np.max(np.abs(drive)))
+        ax.plot(
+            *envelope(run["time"].to_numpy(), drive), color=GREY, linewidth=0.9, linestyle=(0, (4, 2)), label="drive"
+        )
+        legend_above(ax)
+    if scale is None:
+        scale = "log" if usual > 0 and float(np.max(np.abs(speed.to_numpy()))) > _WIDE_RANGE * usual else "linear"
+    if scale == "log":
+        linear = usual or float(np.median(np.abs(speed.to_numpy()))) or 1.0
+        ax.set_yscale("symlog", linthresh=linear)
+
+        def tick(value: float, _: int | None) -> str:
+            # Decades within the linear part crowd around 0.
+            return "" if 0 < abs(value) < linear else f"{value:g}".replace("-", "\N{MINUS SIGN}")
+
+        ax.yaxis.set_major_formatter(FuncFormatter(tick))
+    dress(ax.xaxis, run["time"])
+    dress(ax.yaxis, speed)
+    ax.margins(x=0.01)
+    return ax
+
+
+@house_style()
+def attached(run: xr.Dataset, ax: Axes | None = None) -> Axes:
+    """Draw the fraction of attached contacts against time."""
+    fraction = variable(run, "attached", "time")
+    ax = new_axes(PAGE, 2.2) if ax is None else ax
+    ax.plot(*envelope(run["time"].to_numpy(), fraction.to_numpy()), color=PURPLE)
+    dress(ax.xaxis, run["time"])
+    dress(ax.yaxis, fraction)
+    ax.set_ylim(min(0.0, float(fraction.min())), 1.03)
+    ax.margins(x=0.01)
+    return ax
+
+
+@house_style()
+def phase_portrait(run: xr.Dataset, ax: Axes | None = None, *, after: float | None = None) -> Axes:
+    """Draw the spring force against the velocity of the slider: a point for smooth sliding, a loop for stick-slip.
+
+    Parameters
+    ----------
+    run : Dataset
+        A run: `F_d` and `velocity` along `t`.
+    ax : Axes, optional
+    after : float, optional
+        Draw what comes after this time, in the unit of `t`: the cycle without the transient.
+    """
+    variable(run, "spring_force", "time")
+    variable(run, "velocity", "time")
+    ax = new_axes() if ax is None else ax
+    if after is not None:
+        run = run.sel(time=slice(after, None))
+        if run.sizes["time"] < 2:
+            raise InputError(f"phase_portrait: after = {after:g}: the data hold no motion after that time")
+    ax.plot(
+        run["velocity"],
+        run["spring_force"],
+        color=BLUE,
+        linewidth=0.8,
+        rasterized=run.sizes["time"] > 10 * MOST_POINTS,
+    )
+    dress(ax.xaxis, run["velocity"])
+    dress(ax.yaxis, run["spring_force"])
+    return ax
+
+
+@house_style()
+def stretchings(run: xr.Dataset, ax: Axes | None = None) -> Axes:
+    """Draw the snapshots of the distribution of stretchings ``Q(x)`` that a run recorded."""
+    if "stretching_density" not in run or set(run["stretching_density"].dims) != {"snapshot", "x"}:
+        raise InputError("plot: this run holds no snapshots; record them with Output(snapshots=(1.0, 2.0))")
+    for name in ("stretching_density", "snapshot", "x"):
+        check_numbers("plot", run[name])
+    ax = new_axes() if ax is None else ax
+    count = run.sizes["snapshot"]
+    colours = mpl.colormaps["cividis"](np.linspace(0.0, 0.9, count)) if count > len(PALETTE) else PALETTE
+    time = unit_text(str(run["snapshot"].attrs.get("units", "")))
+    time = "" if time == "time units" else f" {time}"
+    for one, colour in zip(run["stretching_density"].transpose("snapshot", "x"), colours, strict=False):
+        ax.plot(run["x"], one, color=colour, label=f"t = {float(one['snapshot']):.4g}{time}", drawstyle="steps-mid")
+    dress(ax.xaxis, run["x"])
+    dress(ax.yaxis, run["stretching_density"])
+    ax.set_ylim(bottom=0)
+    legend_above(ax, columns=min(count, 3))
+    return ax
+
+
+@house_style()
+def rigid_curve(curve: xr.Dataset, ax: Axes | None = None, *, color: str = BLUE) -> Axes:
+    """Draw the friction force against the displacement of a rigid slider, from `stickslip.slide`."""
+    force = variable(curve, "friction_force", "displacement")
+    ax = new_axes() if ax is None else ax
+    ax.plot(*envelope(curve["displacement"].to_numpy(), force.to_numpy()), color=color)
+    dress(ax.xaxis, curve["displacement"])
+    dress(ax.yaxis, force)
+    ax.margins(x=0.01)
+    ax.set_ylim(bottom=min(0.0, float(force.min())))
+    return ax
+
+
+_ENERGIES = {
+    "broken_energy": ("lost in breaks", VERMILLION),
+    "damped_energy": ("lost to damping", ORANGE),
+    "contact_energy": ("in contacts", SKY),
+    "spring_energy": ("in the spring", GREEN),
+    "kinetic_energy": ("kinetic", PURPLE),
+}
+
+
+@house_style()
+def energy(run: xr.Dataset, ax: Axes | None = None) -> Axes:
+    """Draw where the work of the drive has gone: the parts stacked, and the work, which they add up to, on top."""
+    parts = {name: variable(run, name, "time") for name in _ENERGIES}
+    work = variable(run, "work", "time")
+    ax = new_axes(PAGE, 2.6) if ax is None else ax
+    t = run["time"].to_numpy()
+    # An envelope would not stack; the last of each group of samples will do.
+    kept = np.unique(np.append(np.arange(0, t.size, max(1, t.size // MOST_POINTS)), t.size - 1))
+    stack = [part.to_numpy()[kept] for part in parts.values()]
+    names, colours = zip(*_ENERGIES.values(), strict=True)
+    ax.stackplot(t[kept], *stack, labels=names, colors=colours, alpha=0.75, linewidth=0)
+    start = sum(float(part[0]) for part in parts.values())
+    ax.plot(t[kept], work.to_numpy()[kept] + start, color=BLACK, linestyle=(0, (4, 2)), label="work of the drive")
+    dress(ax.xaxis, run["time"])
+    units = str(work.attrs.get("units", ""))
+    per_contact = ", per contact" if "per contact" in str(work.attrs.get("long_name", "")) else ""
+    dress(ax.yaxis, (work + start).assign_attrs(units=units, long_name=f"energy{per_contact}"))
+    ax.margins(x=0)
+    legend_above(ax, columns=3)
+    return ax
+
+
+@house_style()
+def overview(run: xr.Dataset, *, events: xr.Dataset | None = None) -> Figure:
+    """Draw a run at a glance: force with its slips marked, velocities, attached fraction; whatever of these there is.
+
+    Parameters
+    ----------
+    run : Dataset
+        A run or a measured trace.
+    events : Dataset, optional
+        Slips to mark; by default those that `stickslip.drops` finds, where the regime is stick-slip.
+
+    Raises
+    ------
+    InputError
+        If the Dataset has no spring force, or too little of it to look for slips.
+    """
+    variable(run, "spring_force", "time")
+    seen = regime(run)
+    if events is None and seen.kind == "stick-slip":
+        events = drops(run)
+    panels = [name for name in ("velocity", "attached") if name in run]
+    figure = new_figure(PAGE, 2.4 + 1.7 * len(panels))
+    axes = figure.subplots(1 + len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    force_trace(run, axes[0], events=events)
+    axes[0].set_title(seen.kind)
+    for name, ax in zip(panels, axes[1:], strict=True):
+        (velocity if name == "velocity" else attached)(run, ax)
+    for ax in axes[:-1]:
+        ax.set_xlabel("")
+    figure.align_ylabels(axes)
+    return figure
+
+
+@house_style()
+def side_by_side(left: xr.Dataset, right: xr.Dataset) -> Figure:
+    """Draw the forces of two runs on one scale, each under its regime and the speed of its drive."""
+    figure = new_figure(PAGE, 2.3)
+    axes = figure.subplots(1, 2, sharey=True)
+    for ax, run in zip(axes, (left, right), strict=True):
+        seen = regime(run)
+        force_trace(run, ax, color=GREEN if seen.kind == "smooth sliding" else BLUE)
+        speed = "" if seen.drive_velocity is None else f" at {_speed(seen.drive_velocity, run)}"
+        ax.set_title(f"{seen.kind}{speed}")
+    axes[1].set_ylabel("")
+    return figure
+
+
+def _speed(value: float, run: xr.Dataset) -> str:
+    unit = str(run["drive_velocity"].attrs.get("units", "")) if "drive_velocity" in run else ""
+    said = engineering(value, unit) if unit == "m/s" else f"{value:.4g} {unit_text(unit)}"
+    return said.replace(" um", " µm").strip()
+
+
+def _mark_slips(ax: Axes, events: xr.Dataset) -> None:
+    """Shade the slips and put a dot on the peak before each."""
+    count = events.sizes.get("event", 0)
+    if count == 0:
+        return
+    start, end = events["start"].to_numpy(), events["end"].to_numpy()
+    spans = [[(a, 0), (a, 1), (b, 1), (b, 0)] for a, b in zip(start, end, strict=True)]
+    shade = PolyCollection(
+        spans,
+        transform=ax.get_xaxis_transform(),
+        facecolor=ORANGE,
+        alpha=0.3,
+        linewidth=0,
+        zorder=0.5,
+        label="slipping",
+    )
+    ax.add_collection(shade, autolim=False)
+    text = "1 slip" if count == 1 else f"{count} slips"
+    size = 3.5 if count <= _MANY_SLIPS else 2.0
+    ax.plot(start, events["force_before"], "o", color=VERMILLION, markersize=size, markeredgewidth=0, label=text)

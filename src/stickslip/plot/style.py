@@ -1,0 +1,214 @@
+"""What all pictures share: the style of the house, labels with units, legends, files."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis, YAxis
+from matplotlib.figure import Figure
+from matplotlib.mathtext import MathTextParser
+from matplotlib.rcsetup import cycler
+from matplotlib.ticker import FuncFormatter
+from numpy.typing import NDArray
+
+from stickslip.errors import InputError
+from stickslip.io import files
+from stickslip.measure.arrays import check_numbers
+
+Array = NDArray[np.float64]
+
+BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
+BLUE, VERMILLION, PURPLE, YELLOW = "#0072B2", "#D55E00", "#CC79A7", "#F0E442"
+GREY = "#7F7F7F"
+PALETTE = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
+"""Colours of Okabe and Ito, which colour-blind readers can tell apart; yellow is too pale for a line."""
+
+COLUMN, PAGE = 3.5, 7.0
+"""Widths of a printed column and page, in inches."""
+
+_STYLE: Any = {
+    "axes.axisbelow": True,
+    "axes.labelsize": 9,
+    "axes.linewidth": 0.7,
+    "axes.prop_cycle": cycler(color=PALETTE),
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlelocation": "left",
+    "axes.titlesize": 9,
+    "figure.constrained_layout.use": True,
+    "figure.dpi": 120,
+    "font.family": "DejaVu Sans",
+    "font.size": 9,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "legend.handlelength": 1.6,
+    "lines.linewidth": 1.1,
+    "lines.solid_capstyle": "round",
+    "pdf.fonttype": 42,
+    "savefig.dpi": 200,
+    "svg.hashsalt": "stickslip",
+    "xtick.labelsize": 8,
+    "xtick.major.width": 0.7,
+    "ytick.labelsize": 8,
+    "ytick.major.width": 0.7,
+}
+
+_FORMATS = ("png", "svg", "pdf")
+MOST_POINTS = 6_000  # a line of more is drawn by its envelope: the picture is the same, the file is not
+
+
+@contextmanager
+def house_style() -> Iterator[None]:
+    """Draw in the style of the house within this context; what is set outside it stays as it is."""
+    with mpl.rc_context(_STYLE):
+        yield
+
+
+def new_figure(width: float = COLUMN, height: float = 2.6) -> Figure:
+    """Return an empty figure of a size in inches, in the style of the house."""
+    with house_style():
+        return Figure(figsize=(width, height), layout="constrained")
+
+
+def new_axes(width: float = COLUMN, height: float = 2.6) -> Axes:
+    """Return the axes of a new figure with one panel, in the style of the house."""
+    with house_style():
+        return new_figure(width, height).add_subplot()
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Words
+# ---------------------------------------------------------------------------------------------------------------------
+
+_PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
+_TAKES_PREFIX = {"N", "m", "s", "m/s", "J", "N/m"}
+
+
+def unit_text(units: str) -> str:
+    """Return a unit as it is printed: ``"x_s/time"`` as "x_s per time unit" with a proper index; "" for none."""
+    if units in ("", "1"):
+        return ""
+    if units == "time":
+        return "time units"
+    text = re.sub(r"/time\b", " per time unit", units)
+    return re.sub(r"\b([A-Za-z]+)_([A-Za-z]+)\b|\b(k)\b", _as_symbol, text)
+
+
+def _as_symbol(found: re.Match[str]) -> str:
+    return f"${found[1]}_{{\\mathrm{{{found[2]}}}}}$" if found[1] else f"${found[3]}$"
+
+
+def _drawable(text: str) -> str:
+    """Return a text with its dollar signs as they are, if it is no formula that can be drawn."""
+    try:
+        MathTextParser("path").parse(text)
+    except ValueError:
+        return text.replace("$", r"\$")
+    return text
+
+
+def label(variable: xr.DataArray, *, units: str | None = None, most: int = 200) -> str:
+    """Return the label of an axis: long name and unit of a variable.
+
+    Parameters
+    ----------
+    variable : DataArray
+    units : str, optional
+        In place of its own.
+    most : int
+        Characters of a line; a longer label is broken into two.
+    """
+    name = str(variable.attrs.get("long_name", "" if variable.name is None else variable.name))
+    units = str(variable.attrs.get("units", "")) if units is None else units
+    name, unit = _drawable(name), _drawable(unit_text(units))
+    words = [(word, len(word)) for word in name.split()]
+    if unit:
+        words.append((f"({unit})", len(units) + 2))
+    if sum(length + 1 for _, length in words) - 1 > most and len(words) > 1:
+        before = np.cumsum([length + 1 for _, length in words])
+        cut = int(np.argmin(np.maximum(before[:-1], before[-1] - before[:-1]))) + 1
+        return "\n".join(" ".join(word for word, _ in line) for line in (words[:cut], words[cut:]))
+    return " ".join(word for word, _ in words)
+
+
+def dress(axis: Axis, variable: xr.DataArray) -> None:
+    """Label an axis with the name and unit of a variable; SI units get the prefix that suits the values."""
+    units = str(variable.attrs.get("units", ""))
+    values = np.abs(np.asarray(variable.values, dtype=float))
+    largest = float(np.nanmax(values, initial=0.0))
+    if variable.attrs.get("spacing") == "log" and largest > 0:  # of an axis over decades the middle decides
+        largest = float(np.exp(np.nanmean(np.log(values[values > 0]))))
+    factor, prefix = 1.0, ""
+    if units in _TAKES_PREFIX and largest > 0 and not 0.5 <= largest < 5e3:
+        factor, prefix = next((p for p in _PREFIXES if largest >= 0.5 * p[0]), _PREFIXES[-1])
+    most = 24 if isinstance(axis, YAxis) else 200
+    axis.set_label_text(label(variable, units=prefix + units, most=most))
+    if factor != 1.0:
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / factor:.6g}".replace("-", "\N{MINUS SIGN}")))
+
+
+def legend_above(ax: Axes, *, columns: int = 4) -> None:
+    """Put the legend above the axes on the right, where it hides no data."""
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2, ncols=columns, columnspacing=1.4)
+
+
+def letter(ax: Axes, text: str) -> None:
+    """Put the letter of a panel, and a short title if there is one, above it on the left: ``"(a) no delay"``."""
+    ax.set_title(text, loc="left")
+
+
+def variable(data: xr.Dataset, name: str, along: str) -> xr.DataArray:
+    """Take a variable along one dimension, or complain."""
+    if name not in data:
+        there = ", ".join(map(str, data.data_vars)) or "none"
+        raise InputError(f"plot: this Dataset has no variable {name}; it has: {there}")
+    if data[name].dims != (along,):
+        raise InputError(f"plot: {name} has the dimensions {data[name].dims}: must be along {along} alone; select one")
+    if data.sizes[along] == 0:
+        raise InputError(f"plot: {name} is empty")
+    check_numbers("plot", data[name])
+    check_numbers("plot", data[along])
+    return data[name]
+
+
+def envelope(x: Array, y: Array) -> tuple[Array, Array]:
+    """Thin out a long line: smallest and largest value of each group of samples, in their order."""
+    group = y.size // (MOST_POINTS // 2)
+    if group < 3 or not np.all(np.isfinite(y)):
+        return x, y
+    whole = y.size // group * group
+    blocks = y[:whole].reshape(-1, group)
+    first = np.arange(0, whole, group)
+    ends = np.stack([first + blocks.argmin(axis=1), first + blocks.argmax(axis=1)], axis=1)
+    kept = np.unique(np.concatenate([[0], np.sort(ends, axis=1).ravel(), np.arange(whole, y.size), [y.size - 1]]))
+    return x[kept], y[kept]
+
+
+def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
+    """Write a figure as PNG, SVG or PDF, by the suffix of the name; whole or not at all.
+
+    Raises
+    ------
+    InputError
+        If the suffix is none of these or the place cannot be written.
+    """
+    files.target(path)
+    kind = Path(path).suffix.lower().removeprefix(".")
+    if kind not in _FORMATS:
+        raise InputError(f"{path}: a picture is written as {', '.join('.' + f for f in _FORMATS)}, chosen by suffix")
+    # No date in the file: the same figure gives the same bytes.
+    undated: Mapping[str, None] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})
+    picture = io.BytesIO()
+    with house_style():
+        figure.savefig(picture, format=kind, metadata=dict(undated))
+    return files.write(path, picture.getbuffer())

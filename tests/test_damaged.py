@@ -1,0 +1,181 @@
+"""Files of runs that are damaged, or were made by others: one line, nothing printed by the libraries below."""
+
+import json
+import os
+import random
+
+import h5py
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip import cli
+
+RIG = """
+units = "natural"
+slider = { stiffness = 2.0, mass = 1e-4, damping = 200.0 }
+interface = { thresholds = { distribution = "gaussian", std = 0.1 }, delay = 0.2 }
+drive = { velocity = 1.0, distance = 4.0 }
+simulation = { contacts = 100 }
+"""
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("whole")
+    (folder / "rig.toml").write_text(RIG)
+    assert cli.main(["simulate", str(folder / "rig.toml"), "-o", str(folder / "run.nc")]) == 0
+    return folder / "run.nc"
+
+
+@pytest.fixture
+def check(capfd):
+    """Run a command on a damaged run: it does its work, or refuses it in one line."""
+
+    def run(*arguments, code=None):
+        capfd.readouterr()
+        got = cli.main([str(argument) for argument in arguments])
+        out, err = capfd.readouterr()
+        assert got in (0, 2) if code is None else got == code
+        if got == 2:
+            assert out == ""
+            assert err.count("\n") == 1
+            assert len(err) <= 401
+        else:
+            assert err == ""
+        return err
+
+    return run
+
+
+def changed(whole, place, **attributes):
+    run = ss.load(whole)
+    run.attrs |= attributes
+    run.to_netcdf(place, engine="h5netcdf")
+    return place
+
+
+@pytest.mark.parametrize("command", [["measure"], ["measure", "--json"], ["plot"]], ids=" ".join)
+@pytest.mark.parametrize(
+    "text",
+    ["x = ", 3, "x = " + "[" * 2000, "", "slider = 3", "i = " + "9" * 5000, [1.0, 2.0]],
+    ids=lambda t: str(t)[:9],
+)
+def test_a_damaged_rig(whole, tmp_path, check, command, text):
+    place = changed(whole, tmp_path / "run.nc", rig=text)
+    last = [tmp_path / "out.png"] if command == ["plot"] else []
+    check(command[0], place, *last, *command[1:], code=0)  # it is told from the provenance
+
+
+@pytest.mark.parametrize("text", ["x", 3, "[" * 100_000, "", [1.0, 2.0]], ids=lambda t: str(t)[:9])
+def test_a_damaged_list_of_unreadable_rows(whole, tmp_path, check, text):
+    check("measure", changed(whole, tmp_path / "run.nc", unreadable=text), code=None if text == 3 else 2)
+
+
+def arguments(change):
+    def make(text):
+        content = json.loads(text)
+        change(content["arguments"])
+        return json.dumps(content)
+
+    return make
+
+
+def deep(levels):
+    return lambda _: (
+        '{"stickslip": "0", "call": "simulate", "arguments": {"interface": ' + "[" * levels + "]" * levels + "}}"
+    )
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda _: 3,
+        lambda _: "",
+        deep(500),
+        deep(900),
+        deep(100_000),
+        lambda _: '{"call": "simulate", "arguments": {"interface": ' + "9" * 5000 + "}}",
+        arguments(lambda a: a.pop("rig")),
+        arguments(lambda a: a.update(extra=3)),
+        arguments(lambda a: a["rig"].update(slider=3)),
+        arguments(lambda a: a["rig"].update(start=None)),
+        arguments(lambda a: a["rig"]["drive"].update(pieces=3)),
+        arguments(lambda a: a["rig"]["drive"].update(pieces=[3])),
+        arguments(lambda a: a["rig"]["output"].update(snapshots=3)),
+        arguments(lambda a: a["rig"]["method"].update(seed="x")),
+        arguments(
+            lambda a: a["rig"]["interface"].update(thresholds={"class": "Empirical", "edges": 3, "weights": None})
+        ),
+        arguments(lambda a: a["rig"]["interface"].update(delay={"class": "Scales", "force": 1})),
+    ],
+)
+def test_damaged_provenance(whole, tmp_path, check, damage):
+    text = damage(ss.load(whole).attrs["provenance"])
+    check("simulate", changed(whole, tmp_path / "run.nc", provenance=text), "--again", code=2)
+
+
+def strings(run, name):
+    return run.assign({name: ("time", np.array(["a"] * run.sizes["time"], dtype=object), run[name].attrs)})
+
+
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        (lambda run: strings(run, "spring_force"), "no numbers"),
+        (lambda run: strings(run, "velocity"), "no numbers"),
+        (lambda run: run.assign(spring_force=1e300 * run["spring_force"]), "at most 1e+30"),
+        (lambda run: run.assign(spring_force=np.nan * run["spring_force"]), "not finite"),
+        (lambda run: run.assign_coords(time=np.nan * run["time"]), "finite and rising"),
+        (lambda run: run.assign_coords(time=run["time"].assign_attrs(units="seconds since 1900-01-01")), ""),
+        (lambda run: run.assign_coords(time=run["time"].assign_attrs(units="x since y")), ""),
+        (lambda run: run.assign(spring_force=run["spring_force"].assign_attrs(long_name="$\\frac{", units="$x_")), ""),
+        (lambda run: run.assign(spring_force=run["spring_force"].assign_attrs(long_name=3, units=[1.0, 2.0])), ""),
+        (lambda run: run.assign(spring_force=0 * run["spring_force"]), ""),
+        (lambda run: run.assign(spring_force=run["spring_force"].expand_dims(q=2)), "along time"),
+        (lambda run: run.isel(time=slice(0)), ""),
+    ],
+)
+def test_damaged_variables(whole, tmp_path, check, damage, words):
+    place = tmp_path / "run.nc"
+    damage(ss.load(whole)).to_netcdf(place, engine="h5netcdf")
+    assert words in check("measure", place, code=2 if words else None)
+    for kind in ("overview", "phase", "energy"):
+        check("plot", place, tmp_path / "out.png", "--kind", kind)
+
+
+def test_hdf5_of_others(tmp_path, check):
+    with h5py.File(tmp_path / "run.nc", "w") as file:
+        file["spring_force"], file["time"] = np.arange(100.0), np.arange(100.0)
+    check("measure", tmp_path / "run.nc")
+    with h5py.File(tmp_path / "huge.nc", "w") as file:  # a few bytes that unfold to eight terabytes
+        file.create_dataset("spring_force", (10**12,), chunks=(10**6,), dtype="f8")
+    assert "8e+03 GB" in check("measure", tmp_path / "huge.nc", code=2)
+
+
+@pytest.mark.parametrize("command", ["measure", "predict", "simulate"])
+def test_what_has_no_end_is_not_read(tmp_path, check, command):
+    os.mkfifo(tmp_path / "pipe")
+    os.symlink("/dev/zero", tmp_path / "zero")
+    for place, words in ((tmp_path / "pipe", "is a named pipe"), (tmp_path / "zero", "is a device")):
+        error = check(command, place, code=2)
+        assert words in error or "is no regular file" in error
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_flipped_bits(whole, tmp_path, check, seed):
+    draw = random.Random(seed)
+    content = bytearray(whole.read_bytes())
+    for _ in range(draw.choice([1, 1, 4, 30])):
+        # The beginning holds what the file is made of.
+        content[draw.randrange(draw.choice([2_000, 20_000, len(content)]))] ^= 1 << draw.randrange(8)
+    place = tmp_path / "run.nc"
+    place.write_bytes(content)
+    check("measure", place)
+    check("simulate", place, "--again", "-o", tmp_path / "again.nc")
+
+
+def test_a_whole_run_passes(whole, tmp_path, check):
+    check("measure", whole, code=0)
+    check("simulate", whole, "--again", "-o", tmp_path / "again.nc", code=0)
+    assert ss.load(whole).identical(ss.load(tmp_path / "again.nc"))

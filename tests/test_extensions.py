@@ -1,0 +1,186 @@
+"""A distribution, a delay and a parameter of a user's own: one class and one registration each, for all there is."""
+
+import functools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip import sweep
+from stickslip.errors import InputError
+from stickslip.io import datasets
+from stickslip.model import ageing, delays, distributions, parameters
+from stickslip.model.distribution import Distribution
+from stickslip.model.parameters import Parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class Triangular(Distribution):
+    """Symmetric triangle about the mean, given by its density alone."""
+
+    mean: float
+    half_width: float
+
+    def density(self, x):
+        away = np.abs(np.asarray(x, dtype=float) - self.mean) / self.half_width
+        return np.maximum(1.0 - away, 0.0) / self.half_width
+
+
+@dataclass(frozen=True)
+class ConstantRate(delays.DelayModel):
+    """Detached contacts re-attach at a constant rate: delays are exponential."""
+
+    rate: float
+
+    def moment(self, order):
+        return math.factorial(order) / self.rate**order
+
+    def laplace(self, s):
+        return self.rate / (self.rate + np.asarray(s, dtype=complex))
+
+    def sample(self, rng, size):
+        return rng.exponential(1 / self.rate, size)
+
+    def quadrature(self):
+        node, weight = np.polynomial.laguerre.laggauss(40)
+        return node / self.rate, weight
+
+
+ZETA = Parameter(
+    name="damping ratio",
+    unit="1",
+    title="damping ratio of the slider",
+    get=lambda rig: rig.slider.damping / (2 * rig.slider.frequency),
+    set=lambda rig, value: replace(
+        rig, slider=replace(rig.slider, damping=2 * value * math.sqrt(rig.slider.stiffness / rig.slider.mass))
+    ),
+)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _registered() -> Iterator[None]:
+    """As the decorators do it; other tests see only what comes with the package."""
+    distributions.register("triangle of a test")(Triangular)
+    delays.register("rate of a test")(ConstantRate)
+    parameters.register(ZETA)
+    yield
+    del (
+        distributions.DISTRIBUTIONS["triangle of a test"],
+        delays.DELAYS["rate of a test"],
+        parameters.BY_NAME[ZETA.name],
+    )
+
+
+THRESHOLDS = Triangular(mean=1.0, half_width=0.25)
+# The same in 400 bins
+_EDGES = np.linspace(0.75, 1.25, 401)
+_BELOW = np.where(_EDGES <= 1, 8 * (_EDGES - 0.75) ** 2, 1 - 8 * (1.25 - _EDGES) ** 2)
+HISTOGRAM = ss.Empirical(edges=tuple(_EDGES.tolist()), weights=tuple(np.diff(_BELOW).tolist()))
+SLIDER = ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4)
+
+
+def rig_with(delay, thresholds=THRESHOLDS, distance=4.0):
+    return ss.Rig(ss.Interface(thresholds=thresholds, delay=delay), SLIDER, ss.constant(1.0, distance))
+
+
+def test_a_density_is_a_whole_distribution():
+    assert THRESHOLDS.moment(1) == pytest.approx(1.0, rel=1e-13)
+    assert THRESHOLDS.standard_deviation() == pytest.approx(0.25 / math.sqrt(6), rel=1e-12)
+    x = np.linspace(0.7, 1.3, 25)
+    u = np.clip((x - 0.75) / 0.25, 0.0, 2.0)
+    survival = np.where(u <= 1, 1 - 0.5 * u**2, 0.5 * (2 - u) ** 2)
+    assert THRESHOLDS.survival(x) == pytest.approx(survival, abs=1e-14)
+    p = np.array([0.999, 0.7, 0.5, 0.2, 1e-6])
+    assert THRESHOLDS.survival(THRESHOLDS.inverse_survival(p)) == pytest.approx(p, rel=1e-12)
+    # The sum of two uniform draws: the product of their transforms.
+    half = ss.Uniform(low=0.375, high=0.625)
+    q = np.array([0.0, 1e-6j, 3.0 + 2j, -4.0, 40j, 2e3j, 1e3])
+    assert THRESHOLDS.laplace(q) == pytest.approx(half.laplace(q) ** 2, rel=1e-11, abs=1e-14)
+    assert THRESHOLDS.laplace(q, 1) == pytest.approx(2 * half.laplace(q) * half.laplace(q, 1), rel=1e-11, abs=1e-14)
+    assert THRESHOLDS.leftmost == -math.inf
+    assert THRESHOLDS.positive() is THRESHOLDS
+    drawn = THRESHOLDS.sample(np.random.default_rng(1), 20_000)
+    assert abs(drawn.mean() - 1.0) < 5 * THRESHOLDS.standard_deviation() / math.sqrt(20_000)
+
+
+def test_thresholds_are_the_positive_part_of_a_density():
+    wide = Triangular(mean=0.2, half_width=0.5)
+    cut = wide.positive()
+    assert cut.survival(0.0) == pytest.approx(1.0, rel=1e-14)
+    x = np.linspace(0.05, 0.65, 7)
+    assert cut.survival(x) == pytest.approx(wide.survival(x) / wide.survival(0.0), rel=1e-12)
+
+
+def test_a_density_that_is_none_is_told_so():
+    @dataclass(frozen=True)
+    class Twice(Distribution):
+        def density(self, x):
+            return 2 * THRESHOLDS.density(x)
+
+    @dataclass(frozen=True)
+    class Negative(Distribution):
+        def density(self, x):
+            return np.where(np.abs(np.asarray(x)) < 1, 0.5 * np.sign(x), 0.0)
+
+    with pytest.raises(InputError, match=r"integral of its density is 2, must be 1"):
+        Twice().moment(1)
+    with pytest.raises(InputError, match=r"density is -0\.5 at x = -"):
+        Negative().moment(1)
+
+
+def test_every_solver_takes_them():
+    for delay in (ss.Delay(0.1), ConstantRate(10.0)):
+        rig = rig_with(delay)
+        expected = ss.kinetic_friction(rig.interface, 1.0)
+        assert expected == pytest.approx(0.5 * (1 + 0.25**2 / 6) / (1 + 0.1), rel=1e-12)
+        for method in (ss.Contacts(2_000, seed=3), ss.MasterEquation()):
+            run = ss.simulate(replace(rig, method=method, start=ss.FromSliding()))
+            late = run["friction_force"].to_numpy()[len(run["time"]) // 2 :]
+            assert late.mean() == pytest.approx(expected, rel=0.05)
+    rigid = ss.rigid_slide(rig_with(ss.Delay(0.0)).interface, distance=6.0)
+    histogram = ss.rigid_slide(rig_with(ss.Delay(0.0), HISTOGRAM).interface, distance=6.0)
+    force = rigid["friction_force"].to_numpy()
+    assert force == pytest.approx(histogram["friction_force"].to_numpy(), abs=1e-5)
+
+
+def test_stability_takes_them_by_name():
+    rig, histogram = (rig_with(ss.Delay(0.1), each).replace(velocity=1.6) for each in (THRESHOLDS, HISTOGRAM))
+    for parameter, between in (("velocity", (1.0, 1.9)), ("damping ratio", (0.05, 2.0))):
+        own, other = (
+            [edge.value for edge in ss.critical(each, parameter, between=between)] for each in (rig, histogram)
+        )
+        assert len(own) > 0
+        # The square of a bin over the standard deviation
+        assert own == pytest.approx(other, rel=1.5e-4)
+    assert rig.replace(**{"damping ratio": own[0]}).slider.damping == pytest.approx(2 * own[0] * SLIDER.frequency)
+    assert ss.growth_rate(rig) == pytest.approx(ss.growth_rate(histogram), rel=1e-3)
+    # Equal delays make smooth sliding unstable, scattered ones do not.
+    modes = [ss.stability.count_unstable(rig_with(delay)) for delay in (ss.Delay(0.2), ConstantRate(5.0))]
+    assert modes == [2, 0]
+
+
+def test_results_and_sweeps_keep_them(tmp_path):
+    rig = rig_with(ConstantRate(10.0))
+    assert datasets.decode(datasets.encode(rig.interface), datasets.records()) == rig.interface
+    friction = functools.partial(_friction, interface=rig.interface)
+    found = sweep.run_cases(friction, {"velocity": [0.5, 1.0]}, store=tmp_path / "own.sqlite")
+    assert found["friction"].to_numpy() == pytest.approx([friction(velocity=v)["friction"] for v in (0.5, 1.0)])
+
+
+def _friction(velocity, interface):
+    return {"friction": float(ss.kinetic_friction(interface, velocity))}
+
+
+def test_a_registration_names_one_frozen_dataclass():
+    with pytest.raises(
+        InputError, match=r"distribution 'gaussian': Gaussian has this name already; choose another one"
+    ):
+        distributions.register("gaussian")(Triangular)
+    with pytest.raises(InputError, match=r"ageing model 'none': int must be a frozen dataclass"):
+        ageing.register("none")(int)
+    with pytest.raises(InputError, match="comes with the package"):
+        parameters.register(replace(ZETA, name="mass"))
+    assert distributions.register("triangle of a test")(Triangular) is Triangular

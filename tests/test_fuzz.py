@@ -1,0 +1,310 @@
+"""Whatever is given: an answer or one line, in seconds. Never another exception, a warning or a page of text.
+
+The quick run takes a few examples, the slow one a thousand, always the same; `make fuzz` takes others.
+"""
+
+import json
+import os
+import time
+import tomllib
+from functools import cache
+
+import numpy as np
+import pytest
+import tomli_w
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import stickslip as ss
+from stickslip.errors import LONGEST_MESSAGE, UndecidedError
+from stickslip.explorer import answers, documents
+from stickslip.io import rig_files
+from stickslip.simulation import estimate
+from stickslip.sweep import run_cases, status_of
+
+OTHERS = "FUZZ_EXAMPLES" in os.environ
+EXAMPLES = int(os.environ.get("FUZZ_EXAMPLES", "25"))
+LONGEST = 10.0
+"""Seconds (of a processor) that one example may take."""
+WORTH = 0.5
+"""Runs that would take longer, in seconds, are not run here."""
+
+NUMBERS = st.one_of(
+    st.sampled_from([0, -1, 1, 1e-300, 5e-324, 1e300, 1e25, 1e-25, 1e12, 1e-12, 1e-4, 10**400, -0.0, 0.1, 2.5, 40]),
+    st.floats(),
+    st.integers(),
+    st.booleans(),
+)
+UNITS = st.sampled_from(["N/m", "um", "mm/s", "ms", "g", "N", "m", "s", "1/s", "kg", "µm", "", "²", "furlong", "N m"])
+TEXTS = st.one_of(
+    st.text(max_size=12),
+    st.builds("{} {}".format, NUMBERS, UNITS),
+    st.sampled_from(["never", "contacts", "master equation", "gaussian", "SI", "natural", "9**9**9 N/m", "4,0 MN/m"]),
+    st.integers(1, 100_000).map("x".__mul__),
+)
+VALUES = st.recursive(
+    st.one_of(NUMBERS, TEXTS),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=6), inner, max_size=3),
+    max_leaves=6,
+)
+PLAIN = VALUES | st.none() | st.just(b"1") | st.just(1j) | st.just(object())
+
+
+@cache
+def documents_to_begin_with():
+    small = {
+        "units": "natural",
+        "slider": {"stiffness": 2.0, "mass": 1e-4, "damping": 200.0},
+        "interface": {"thresholds": {"distribution": "gaussian", "std": 0.1}, "delay": 0.2},
+        "drive": {"velocity": 1.0, "distance": 4.0},
+        "simulation": {"contacts": 50},
+    }
+    return [small, *(tomllib.loads(rig_files.example_file(name).read_text()) for name in rig_files.examples()[:3])]
+
+
+def paths(node, at=()):
+    for key, value in node.items():
+        yield (*at, key)
+        if isinstance(value, dict):
+            yield from paths(value, (*at, key))
+
+
+@st.composite
+def rigs(draw):
+    """The content of a rig file with some of its values changed, taken away or added."""
+    document = json.loads(json.dumps(draw(st.sampled_from(documents_to_begin_with()))))
+    for _ in range(draw(st.integers(0, 3))):
+        *where, last = draw(st.sampled_from(list(paths(document))))
+        node = document
+        for key in where:
+            node = node[key]
+        match draw(st.integers(0, 5)):
+            case 0:
+                del node[last]
+            case 1:
+                node[draw(st.text(min_size=1, max_size=8))] = draw(VALUES)
+            case 2 if isinstance(node[last], (int, float)):
+                node[last] = node[last] * draw(st.sampled_from([1e-12, 1e-6, 1e-3, 0.1, -1, 10, 1e3, 1e6, 1e12]))
+            case _:
+                node[last] = draw(VALUES)
+        if not any(True for _ in paths(document)):
+            break
+    return document
+
+
+def with_a_rig_file(document, tmp_path):
+    place = tmp_path / "rig.toml"
+    try:
+        place.write_text(tomli_w.dumps(document))
+    except (UnicodeEncodeError, ValueError):
+        return  # no file can hold it
+    rig = ss.read_rig(place)
+    if estimate(rig).seconds < WORTH:
+        ss.regime(ss.simulate(rig))
+
+
+def with_the_text_of_a_rig_file(changes, tmp_path):
+    text = tomli_w.dumps(documents_to_begin_with()[0]).encode()
+    for at, what in changes:
+        at = int(at * len(text))
+        text = text[:at] + what + text[at + 1 :]
+    place = tmp_path / "rig.toml"
+    place.write_bytes(text)
+    estimate(ss.read_rig(place))
+
+
+CELLS = st.one_of(
+    NUMBERS.map(str), st.sampled_from(["", "nan", "1,5", "1.2 N", "950 mN", "time", "#", "²", "12:30:00", "-"])
+)
+
+
+@st.composite
+def traces(draw):
+    """The text of a measured trace: a sawtooth with what loggers add to it, and what none does."""
+    separator = draw(st.sampled_from([",", ";", "\t", " ", ", "]))
+    count, size = draw(st.sampled_from([0, 1, 3, 40, 400])), draw(st.sampled_from([1.0, 1e-9, 1e9, 1e-320, 1e308, 0.0]))
+    rows = [[f"{0.1 * i:.3f}", f"{size * (5 + 0.1 * (i % 20)):.6g}"] for i in range(count)]
+    for _ in range(draw(st.integers(0, 4))):
+        if rows:
+            row = draw(st.sampled_from(rows))
+            row[draw(st.integers(0, 1)) if len(row) > 1 else 0] = draw(CELLS)
+    header = draw(
+        st.sampled_from(["", "time,force\n", "Time,Force\ns,N\n", "t [s];F [N]\n", "[section]\n", "\ufeffa,b\n"])
+    )
+    return header + "\n".join(separator.join(row) for row in rows)
+
+
+def with_a_trace(text, tmp_path):
+    place = tmp_path / "trace.csv"
+    place.write_text(text)
+    trace = ss.read_trace(place)
+    ss.drops(trace)
+    ss.regime(trace)
+
+
+INTERFACE = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
+AGEING = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), ageing=ss.Langevin(rate=1.0))
+RIG = ss.Rig(
+    INTERFACE,
+    ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0),
+    ss.constant(1.0, duration=4.0),
+    method=ss.Contacts(50, seed=1),
+)
+CALLS = (
+    lambda a, b: ss.Gaussian(mean=a, std=b),
+    lambda a, b: ss.Uniform(low=a, high=b),
+    lambda a, b: ss.Gamma(mean=a, std=b),
+    lambda a, b: ss.LogNormal(mean=a, std=b),
+    lambda a, b: ss.Weibull(scale=a, shape=b),
+    lambda a, b: ss.Empirical(edges=a, weights=b),
+    lambda a, b: ss.RandomDelay(mean=a, std=b),
+    lambda a, b: ss.Slider(stiffness=a, mass=b, damping=1.0),
+    lambda a, b: ss.Output(interval=a, snapshots=b),
+    lambda a, b: ss.Contacts(a, seed=b),
+    lambda a, b: ss.MasterEquation(cells=a, memoryless=b),
+    lambda a, b: ss.ramp(a, b, duration=1.0),
+    lambda a, b: ss.constant(a, duration=b),
+    lambda a, b: RIG.replace(**{str(a): b}),
+    lambda a, b: RIG.replace(velocity=a, stiffness=b),
+    lambda a, b: estimate(RIG.replace(mass=a, drive=ss.constant(1.0, duration=b))),
+    lambda a, b: ss.kinetic_friction(a, b),
+    lambda a, _: ss.kinetic_friction(INTERFACE, a),
+    lambda a, _: ss.kinetic_friction(AGEING, a),
+    lambda a, _: ss.regime(a),
+    lambda a, b: ss.critical(RIG, a, between=b),
+    lambda a, b: ss.rigid_slide(INTERFACE, a, velocity=b),
+)
+
+
+def with_arguments(given_, _tmp_path):
+    call, a, b = given_
+    CALLS[call](a, b)
+
+
+def with_a_message(message, _tmp_path):
+    text, kind, document = message
+    request = documents.from_json(text if kind is None else json.dumps({**document, "kind": kind}))
+    if kind is not None:
+        for _ in {"run": answers.run, "edit": answers.edit, "stretchings": answers.stretchings}[kind](request, ignored):
+            pass
+
+
+def ignored(_part):
+    """No progress is shown."""
+
+
+@st.composite
+def messages(draw):
+    if draw(st.integers(0, 3)) == 0:
+        return (
+            draw(st.text(max_size=40) | st.integers(1, 2000).map(lambda n: "[" * n) | VALUES.map(json.dumps)),
+            None,
+            {},
+        )
+    document = draw(rigs())
+    extra = draw(st.dictionaries(st.sampled_from(["cursor", "width", "turn", "units", "relative_damping"]), VALUES))
+    return "", draw(st.sampled_from(["run", "edit", "stretchings"])), {"document": document, **extra}
+
+
+@cache
+def run_as_bytes():
+    from tempfile import TemporaryDirectory
+
+    with TemporaryDirectory() as folder:
+        ss.save(ss.simulate(RIG.replace(output=ss.Output(interval=0.05))), f"{folder}/run.nc")
+        run_cases(half, {"a": [1.0, 2.0, 3.0]}, store=f"{folder}/s.sqlite")
+        found = []
+        for name in ("run.nc", "s.sqlite"):
+            with open(f"{folder}/{name}", "rb") as file:
+                found.append(file.read())
+        return found
+
+
+def half(a, seed):
+    """A case of a sweep."""
+    return {"b": a / 2 + 0 * seed}
+
+
+DAMAGE = st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.integers(0, 7)), min_size=1, max_size=20)
+
+
+def damaged(content, bits, cut):
+    content = bytearray(content)
+    for at, bit in bits:
+        content[int(at**2 * len(content))] ^= 1 << bit  # its beginning holds what a file is made of
+    return bytes(content if cut is None else content[: int(cut * len(content))])
+
+
+def with_a_damaged_run(damage, tmp_path):
+    place = tmp_path / "run.nc"
+    place.write_bytes(damaged(run_as_bytes()[0], *damage))
+    run = ss.load(place)
+    ss.regime(run)
+    ss.drops(run)
+    ss.rerun(run)
+
+
+def with_a_damaged_store(damage, tmp_path):
+    place = tmp_path / "s.sqlite"
+    place.write_bytes(damaged(run_as_bytes()[1], *damage))
+    status_of(place)
+    found = run_cases(half, {"a": [1.0, 2.0, 3.0]}, store=place)
+    assert np.array_equal(found["b"], [0.5, 1.0, 1.5]), "a damaged store is read as if it were whole"
+
+
+CUTS = st.none() | st.floats(0, 1)
+PROPERTIES = {
+    "rig files": (with_a_rig_file, rigs()),
+    "texts of rig files": (
+        with_the_text_of_a_rig_file,
+        st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.binary(max_size=3)), max_size=4),
+    ),
+    "traces": (with_a_trace, traces()),
+    "arguments": (with_arguments, st.tuples(st.integers(0, len(CALLS) - 1), PLAIN, PLAIN)),
+    "messages": (with_a_message, messages()),
+    "damaged runs": (with_a_damaged_run, st.tuples(DAMAGE, CUTS)),
+    "damaged stores": (with_a_damaged_store, st.tuples(DAMAGE, CUTS)),
+}
+
+
+@pytest.mark.parametrize("examples", [EXAMPLES, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", PROPERTIES)
+def test_an_answer_or_one_line(name, examples, tmp_path, capfd):
+    use, strategy = PROPERTIES[name]
+
+    @settings(
+        max_examples=examples,
+        derandomize=not OTHERS,
+        database=None,
+        deadline=None,
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(strategy)
+    def holds(what):
+        begun, line = time.process_time(), ""
+        try:
+            use(what, tmp_path)
+        except (ss.InputError, UndecidedError) as error:
+            line = str(error)
+        assert len(line) <= LONGEST_MESSAGE + 20
+        assert "\n" not in line
+        assert time.process_time() - begun < LONGEST
+
+    if name != "texts of rig files":
+        use(first(name), tmp_path)  # what is whole, passes; and everything is compiled
+    holds()
+    out, err = capfd.readouterr()
+    assert "Traceback" not in out + err
+
+
+def first(name):
+    """An example that is whole."""
+    sawtooth = "time,force\n" + "\n".join(f"{0.1 * i:.1f},{5 + 0.1 * (i % 20):.2f}" for i in range(600))
+    return {
+        "rig files": documents_to_begin_with()[0],
+        "traces": sawtooth,
+        "arguments": (0, 1.0, 0.1),
+        "messages": ("", "run", {"document": documents_to_begin_with()[0]}),
+        "damaged runs": ([], None),
+        "damaged stores": ([], None),
+    }[name]
