@@ -192,7 +192,7 @@ def _told(mistakes: list[InputError], place: str) -> InputError:
         told.append(line)
         if sum(map(len, told)) > _MOST_TOLD and number + 1 < len(lines):
             told.append(f"and {len(lines) - number - 1} more")
-            break
+            return InputError(f"{place}: {'; '.join(told)}")
     key = mistakes[0].place if len(mistakes) == 1 else ""
     return InputError(f"{place}: {'; '.join(told)}", key, tuple(mistakes))
 

@@ -52,6 +52,8 @@ class Key:
         In words, what is taken if a key without a `default` is left out.
     measure : str
         For a property of the bench that has a default: how to measure it.
+    longest : int
+        Characters of a text.
     """
 
     meaning: str
@@ -66,6 +68,7 @@ class Key:
     required: bool = False
     otherwise: str = ""
     measure: str = ""
+    longest: int = 2_000
 
     @property
     def is_table(self) -> bool:
@@ -99,9 +102,9 @@ class Key:
                 return value
             wrong = f"must be {' or '.join(map(repr, self.choices))}"
         elif isinstance(self.example, str):
-            if isinstance(value, str) and len(value) <= LONGEST_TEXT:
+            if isinstance(value, str) and len(value) <= self.longest:
                 return value
-            wrong = f"must be text in quotes, of at most {LONGEST_TEXT} characters"
+            wrong = f"must be text in quotes, of at most {self.longest} characters"
         elif self._of_numbers:
             if isinstance(value, list):
                 return tuple(_pure(item, f"{place}[{i}]", "") for i, item in enumerate(value))
@@ -123,9 +126,6 @@ def _pure(value: object, place: str, sign: Sign) -> float:
     return found
 
 
-LONGEST_TEXT = 2_000
-"""Characters of a text in a file."""
-
 NO_DELAY = (
     "hold the rig at rest for longer and longer, or slide it at several speeds: without delay and ageing contacts "
     "never strengthen with rest and nothing can stick-slip; the speed at which the kinetic friction has fallen to half "
@@ -133,7 +133,7 @@ NO_DELAY = (
 )
 
 TOP: Mapping[str, Key] = {
-    "name": Key("What to call the rig.", "Brake pad", default="rig"),
+    "name": Key("What to call the rig.", "Brake pad", default="rig", longest=200),
     "units": Key(
         "The system of units. `natural`: plain numbers; the mean threshold force, stiffness and breaking displacement "
         "of a contact are 1, and mass and stiffness are per contact.",

@@ -357,7 +357,7 @@
       annotations: [{ x: drive, yref: "paper", y: 1, yanchor: "bottom", showarrow: false, text: "drive", font: { color: colour("quiet") } }] });
   }
   function drawStretchings() {
-    const { x, Q, at: time } = shown.stretchings;
+    const { x, stretching_density: Q, at: time } = shown.stretchings;
     const unit = shown.run.time.unit;
     $("at").textContent = `t = ${short(time)}${unit === "time" ? "" : ` ${unit}`}`;
     return draw("plot-stretchings", [{ x: x.values, y: Q.values, mode: "lines", line: { shape: "hvh", color: colour("purple"), width: 1.3 },
