@@ -225,8 +225,10 @@ class Search:
                 furthest = min(furthest, _WIDEST_STD / parameter.get(self.setting))
         return furthest
 
-    def _runs(self, path: Parameter, start: FromRest | FromSliding) -> tuple[Callable[[float], bool], ...]:
-        """Whether a run slides smoothly, by the factor; and whether another does, of other contacts and twice as long."""
+    def _runs(
+        self, path: Parameter, start: FromRest | FromSliding
+    ) -> tuple[Callable[[float], bool], Callable[[float], bool]]:
+        """Whether a run slides smoothly, by the factor; and whether a longer one does, of other contacts."""
 
         def run(other: int) -> Callable[[float], bool]:
             def smooth(factor: float) -> bool:
