@@ -228,7 +228,7 @@ class Search:
     def _runs(
         self, path: Parameter, start: FromRest | FromSliding
     ) -> tuple[Callable[[float], bool], Callable[[float], bool]]:
-        """Whether a run slides smoothly, by the factor; and whether one of other contacts does, twice as long."""
+        """Whether a run slides smoothly, by the factor; and whether a longer one does, of other contacts."""
 
         def run(other: int) -> Callable[[float], bool]:
             def smooth(factor: float) -> bool:
