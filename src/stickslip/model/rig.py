@@ -58,8 +58,8 @@ class Rig:
     interface : Interface
         The contacts.
     slider : Slider or impedance
-        What the contacts hold, on its driving spring. For the linear stability of smooth sliding any mechanical impedance
-        of `stickslip.stability` will do.
+        What the contacts hold, on its driving spring. For the linear stability of smooth sliding any mechanical
+        impedance of `stickslip.stability` will do.
     drive : Drive
         How the far end of the spring moves.
     method : Contacts, MasterEquation or PaperClosure
@@ -144,8 +144,8 @@ class Rig:
         Parameters
         ----------
         **changes
-            A field of this record (`drive` and `output` in the rig's own units), or a parameter by name, in the rig's own
-            units: ``velocity``, ``stiffness``, ``mass``, ``damping``, ``delay``, ``std``, ``ageing``.
+            A field of this record (`drive` and `output` in the rig's own units), or a parameter by name, in the rig's
+            own units: ``velocity``, ``stiffness``, ``mass``, ``damping``, ``delay``, ``std``, ``ageing``.
 
         Raises
         ------
