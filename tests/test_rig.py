@@ -265,9 +265,8 @@ def test_a_mistake_names_its_place_and_its_remedy(document, path, value, place, 
     assert "\n" not in message
 
 
-@pytest.mark.parametrize(("path", "value", "place", "remedy"), MISTAKES)
-def test_a_mistake_knows_its_key(document, path, value, place, remedy):
-    del remedy
+@pytest.mark.parametrize(("path", "value", "place"), [mistake[:3] for mistake in MISTAKES])
+def test_a_mistake_knows_its_key(document, path, value, place):
     with pytest.raises(ss.InputError) as caught:
         rigs.from_document(with_value(document, path, value))
     keys = [mistake.place for mistake in caught.value.mistakes]
