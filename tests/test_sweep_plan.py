@@ -20,7 +20,7 @@ import tomli_w
 import xarray as xr
 
 import stickslip as ss
-from stickslip import cli, plot
+from stickslip import cli, console, plot
 from stickslip.errors import InputError
 from stickslip.io import rig_files as rigs
 from stickslip.measure import regime
@@ -418,7 +418,7 @@ def test_stores_that_will_not_do(tmp_path, capsys, monkeypatch):
 
 def test_a_scheduler_that_is_not_there(tmp_path, capsys, monkeypatch):
     pytest.importorskip("distributed", reason="dask.distributed is not installed")
-    monkeypatch.setattr(cli, "_PATIENCE", "0.5s")
+    monkeypatch.setattr(console, "_PATIENCE", "0.5s")
     file = written(tmp_path)
     line = refused(capsys, "sweep", file, "--store", tmp_path / "s.sqlite", "--scheduler", "tcp://127.0.0.1:9")
     assert "--scheduler tcp://127.0.0.1:9: cannot be reached" in line

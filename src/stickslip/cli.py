@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 import json as jsonlib
-import math
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
-from dataclasses import fields, is_dataclass
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from cyclopts import App, CycloptsError, Parameter, Token
 
-from stickslip import __version__
+from stickslip import __version__, console
 from stickslip.errors import InputError, UndecidedError, one_line, shortened, shown
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from stickslip.advise import Prediction
-    from stickslip.sweep import Progress
 
 Value = TypeVar("Value")
 
@@ -76,7 +72,7 @@ Plot = Annotated[Path | None, Parameter(help="Also draw a picture: .png, .svg or
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code: 2 for input that cannot be used, 1 for a claim or case that fails."""
     try:
-        with _stoppable():
+        with console.stoppable():
             result = app(list(sys.argv[1:] if arguments is None else arguments), exit_on_error=False, print_error=False)
     except (InputError, UndecidedError) as error:
         return _fail(str(error))
@@ -124,21 +120,21 @@ def predict(
 
     _check_outputs(plot, read=rig)
     described = rigs.read_rig(rig)
-    with _bar("predicting") as progress:
+    with console.bar("predicting") as progress:
         found = advise.predict(described, fast=True, progress=progress)
     if not fast:
         if sys.stderr.isatty():
             print(f"{found.verdict}\n... looking for mitigations", file=sys.stderr)
-        with _bar("predicting") as progress:
+        with console.bar("predicting") as progress:
             found = advise.complete(found, progress=progress)
     if plot is not None:
         from stickslip import plot as drawing
 
         drawing.save(found.plot(), plot)
     if json:
-        _print_json(found.to_dict())
+        console.print_json(found.to_dict())
     else:
-        _print_prediction(found, plot)
+        console.print_prediction(found, plot)
 
 
 @app.command
@@ -182,7 +178,7 @@ def simulate(
 
     _check_outputs(output, plot, read=rig)
     described = rigs.read_rig(rig)
-    with _bar("simulating") as progress:
+    with console.bar("simulating") as progress:
         result = run_case(described, progress=progress, long=long)
     result.attrs["rig"] = rigs.to_toml(described)
     _keep_run(result, output, plot, json=json)
@@ -208,7 +204,7 @@ def rerun(
 
     _check_outputs(output, plot, read=run)
     before = store.load(run)
-    with _bar("simulating") as progress:
+    with console.bar("simulating") as progress:
         result = simulation.rerun(before, progress=progress)
     result.attrs.update({key: value for key, value in before.attrs.items() if key not in result.attrs})
     _keep_run(result, output, plot, json=json)
@@ -227,7 +223,7 @@ def _keep_run(run: xr.Dataset, output: Path | None, plot: Path | None, *, json: 
 
         drawing.save(drawing.overview(run), plot)
     if json:
-        _print_json({"regime": _plain(seen), "output": str(output) if output else None})
+        console.print_json({"regime": console.plain(seen), "output": str(output) if output else None})
         return
     print(seen)
     for what, where in (("run", output), ("picture", plot)):
@@ -280,16 +276,16 @@ def measure(
     except (ValueError, TypeError, RecursionError):
         raise InputError(f"{data}: its attribute 'unreadable' is damaged; measure the trace again") from None
     if json:
-        _print_json(
+        console.print_json(
             {
-                "regime": _plain(seen),
+                "regime": console.plain(seen),
                 "statistics": {
-                    str(name): {key: _plain(column.attrs[key]) for key in ("mean", "std", "units")}
+                    str(name): {key: console.plain(column.attrs[key]) for key in ("mean", "std", "units")}
                     for name, column in catalogue.data_vars.items()
                     if "mean" in column.attrs
                 }
                 | {"count": catalogue.attrs["count"]},
-                "events": {str(name): _plain(catalogue[name].to_numpy()) for name in catalogue.variables},
+                "events": {str(name): console.plain(catalogue[name].to_numpy()) for name in catalogue.variables},
                 "unreadable": unreadable,
             }
         )
@@ -382,11 +378,14 @@ def map(
             f"--over {shortened(over)}: must name two parameters with a comma between, such as stiffness,velocity"
         )
     described = rigs.read_rig(rig)
-    with _bar("mapping") as progress:
+    with console.bar("mapping") as progress:
         found = advise.chart(described, (names[0], names[1]), around, points, bistable=bistable, progress=progress)
     drawing.save(drawing.chart(found), output)
     if json:
-        _print_json({str(name): _plain(found[name].to_numpy()) for name in found.variables} | _plain(dict(found.attrs)))
+        console.print_json(
+            {str(name): console.plain(found[name].to_numpy()) for name in found.variables}
+            | console.plain(dict(found.attrs))
+        )
         return
     print(found.attrs["summary"])
     print(f"picture: {output}")
@@ -425,7 +424,7 @@ def sweep(
     if status:
         found = status_of(store)
         if json:
-            _print_json(_plain(found) | {"seconds_left": found.seconds_left})
+            console.print_json(console.plain(found) | {"seconds_left": found.seconds_left})
         else:
             print(found)
         return 0
@@ -439,7 +438,11 @@ def sweep(
         if not plans.plan_of(result).is_same(plan):
             raise InputError(f"store = {str(store)!r}: holds another sweep than {file}; draw it with `stickslip plot`")
     else:
-        with _executor(workers, processes, scheduler) as executor, _progress_of(plan.name) as report, _stoppable():
+        with (
+            console.executor_of(workers, processes, scheduler) as executor,
+            console.progress_of(plan.name) as report,
+            console.stoppable(),
+        ):
             try:
                 result = plan.run(store=store, executor=executor, progress=report, retry_failed=retry_failed)
             except KeyboardInterrupt:
@@ -475,12 +478,12 @@ def paper(
         places(one, output, kinds)
     made = []
     for one in chosen:
-        with _bar(one.name) as progress:
+        with console.bar(one.name) as progress:
             made.append(reproduce(one, output, formats=kinds, check=check, quick=quick, progress=progress))
         if not json:
             print(made[-1], end="\n\n" if one is not chosen[-1] else "\n", flush=True)
     if json:
-        _print_json({"figures": [one.to_dict() for one in made], "ok": all(one.ok for one in made)})
+        console.print_json({"figures": [one.to_dict() for one in made], "ok": all(one.ok for one in made)})
     return 0 if all(one.ok for one in made) else 1
 
 
@@ -515,115 +518,6 @@ def explore(
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-@contextmanager
-def _bar(title: str) -> Iterator[Callable[[float], None]]:
-    """A progress bar on a terminal, nothing in a pipe."""
-    if not sys.stderr.isatty():
-        yield lambda _share: None
-        return
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(escape(title), total=1.0)
-        yield lambda share: bar.update(task, completed=share)
-
-
-@contextmanager
-def _executor(workers: int | None, processes: bool, scheduler: str | None) -> Iterator[Any]:
-    """Where the cases of a sweep run."""
-    from stickslip.sweep import Processes, Threads
-
-    if scheduler is None:
-        yield Processes(workers) if processes else Threads(workers)
-        return
-    if processes or workers is not None:
-        raise InputError("--scheduler: the cluster has its own workers; leave out --workers and --processes")
-    with _dask(scheduler) as client:
-        if not client.nthreads():
-            print(f"no workers yet; start one with: dask worker {scheduler}", file=sys.stderr)
-        yield client.get_executor()
-
-
-@contextmanager
-def _progress_of(title: str) -> Iterator[Callable[[Progress], None]]:
-    """How far a sweep is: a bar on a terminal; elsewhere, as in the log of a job, a line with the time now and then."""
-    if sys.stderr.isatty():
-        with _bar(title) as bar:
-            yield lambda p: bar(p.finished / p.total)
-        return
-    import time
-
-    from stickslip.sweep import in_words
-
-    begin = time.monotonic()
-    due = begin
-
-    def line(p: Progress) -> None:
-        nonlocal due
-        now = time.monotonic()
-        if now < due or p.finished == p.total:
-            return
-        due = now + _LINES_EVERY
-        words = f"{p.finished} of {p.total} cases" + (f", {p.failed} failed" if p.failed else "")
-        if fresh := p.finished - p.found:
-            words += f", about {in_words((now - begin) * (p.total - p.finished) / fresh)} left"
-        print(time.strftime("%Y-%m-%d %H:%M:%S"), f"{title}: {words}", file=sys.stderr, flush=True)
-
-    yield line
-
-
-@contextmanager
-def _stoppable() -> Iterator[None]:
-    """Take for a Ctrl-C what a cluster sends before it kills, and what a terminal sends when it is closed.
-
-    A signal that is ignored, as under nohup, stays so.
-    """
-    import signal
-    import threading
-
-    if threading.current_thread() is not threading.main_thread():  # only that one may
-        yield
-        return
-
-    def stop(_number: int, _frame: object) -> None:
-        raise KeyboardInterrupt
-
-    # What is ignored stays so: `nohup` means it.
-    heeded = [n for n in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(n) != signal.SIG_IGN]
-    before = {n: signal.signal(n, stop) for n in heeded}
-    try:
-        yield
-    finally:
-        for n, handler in before.items():
-            signal.signal(n, handler)
-
-
-@contextmanager
-def _dask(scheduler: str) -> Iterator[Any]:
-    import logging
-
-    try:
-        from distributed import Client
-    except ImportError:
-        raise InputError("--scheduler needs the dask.distributed package: pip install 'stickslip[sweep]'") from None
-    for name in [*logging.root.manager.loggerDict]:
-        if name.startswith("distributed"):
-            logging.getLogger(name).setLevel(logging.CRITICAL)  # what concerns the user is said in our line
-    try:
-        client: Any = Client(scheduler, timeout=_PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
-    except (OSError, ValueError, TimeoutError) as error:
-        reason = " ".join(str(error).split())
-        raise InputError(
-            f"--scheduler {scheduler}: cannot be reached ({reason}); start one with: dask scheduler"
-        ) from None
-    try:
-        yield client
-    finally:
-        client.close(timeout=5)
-
-
 def _cut(result: xr.Dataset, at: str | None) -> xr.Dataset:
     """Select from a sweep, each axis at the value nearest to the one given."""
     from stickslip.model.quantities import read_number
@@ -651,7 +545,7 @@ def _draw_sweep(result: xr.Dataset, picture: Path, *, bistable: bool) -> str:
     from stickslip import plot as drawing
     from stickslip.sweep.theory import with_theory
 
-    with _bar("drawing") as progress:
+    with console.bar("drawing") as progress:
         result = with_theory(result, bistable=bistable, progress=progress)
     drawing.save(drawing.sweep_picture(result), picture)
     return str(result.attrs["theory"])
@@ -674,8 +568,9 @@ def _report_sweep(result: xr.Dataset, store: Path, picture: Path | None, theory:
 
     report = plans.report(result)
     if json:
-        _print_json(
-            _plain(report) | {"store": str(store), "picture": str(picture) if picture else None, "theory": theory}
+        console.print_json(
+            console.plain(report)
+            | {"store": str(store), "picture": str(picture) if picture else None, "theory": theory}
         )
         return 1 if report.failures else 0
     for kind, count in report.regimes.items():
@@ -692,10 +587,6 @@ def _report_sweep(result: xr.Dataset, store: Path, picture: Path | None, theory:
 
 
 _FAILURES_SHOWN = 5
-_LINES_EVERY = 30.0
-"""Seconds between two lines on the progress of a sweep."""
-_PATIENCE = "10s"
-"""How long a scheduler is waited for."""
 
 
 def _check_outputs(*outputs: Path | None, read: Path | None = None) -> None:
@@ -747,99 +638,6 @@ def _as_csv(catalogue: xr.Dataset) -> str:
     writer.writerow([f"{name} [{catalogue[name].attrs.get('units', '')}]" for name in names])
     writer.writerows(zip(*(catalogue[name].to_numpy().tolist() for name in names), strict=True))
     return text.getvalue()
-
-
-def _plain(value: Any) -> Any:
-    """Turn a result into what JSON can hold; what is not finite becomes null."""
-    if is_dataclass(value) and not isinstance(value, type):
-        return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if hasattr(value, "tolist"):
-        return _plain(value.tolist())
-    if isinstance(value, complex):
-        return {"real": _plain(value.real), "imag": _plain(value.imag)}
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if value is None or isinstance(value, (bool, int, str)):
-        return value
-    return str(value)
-
-
-def _print_json(value: Any) -> None:
-    print(jsonlib.dumps(value, indent=2))
-
-
-def _print_prediction(found: Prediction, picture: Path | None) -> None:
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    # In a pipe nobody knows the width of the page: sentences are wrapped, the lines of a table kept whole. What users
-    # write is no markup.
-    terminal = sys.stdout.isatty()
-    console = Console(highlight=False, markup=False, emoji=False, width=None if terminal else _PIPE_WIDTH)
-    tables = console if terminal else Console(highlight=False, markup=False, emoji=False, width=2 * _PIPE_WIDTH)
-
-    def say(line: str, bold: str = "") -> None:
-        indent = "  " if line.startswith("- ") else ""
-        for text in Text.assemble((bold, "bold"), line).wrap(console, console.width - len(indent)):
-            text.rstrip()
-            console.print(text if text.plain.startswith("- ") or not indent else Text(indent) + text, soft_wrap=True)
-
-    def bullets(title: str, rest: str, lines: Iterable[str]) -> None:
-        lines = list(lines)
-        if lines:
-            console.print()
-            say(rest, title)
-            for line in lines:
-                say(f"- {line}")
-
-    rig = found.rig
-    say(f": {found.verdict}", rig.name)
-    console.print()
-    if not found.judged:
-        say(f"To measure it, {found.measure_note()}")
-        console.print()
-    else:
-        for line in str(found.regime).splitlines():
-            say(line)
-        console.print()
-    numbers = Table(box=None, show_header=False, pad_edge=False)
-    for name, text in found.numbers():
-        numbers.add_row(Text(name), Text(text))
-    tables.print(numbers)
-    if found.margins:
-        console.print()
-        say(" of smooth sliding, one parameter varied at a time (linear stability)", "Margins")
-        table = Table(box=None, pad_edge=False)
-        for title in ("parameter", "now", "stability limit below", "stability limit above"):
-            table.add_column(title)
-        for row in found.margin_rows():
-            table.add_row(*(Text(cell) for cell in row))
-        tables.print(table)
-    bullets("Mitigations", ", the smallest change first; simulated", found.mitigation_lines())
-    bullets("Tried", ", within the range searched", found.attempt_lines())
-    if note := found.search_note():
-        console.print()
-        say(note)
-    if rig.assumed:
-        console.print()
-        say(", not measured", "Assumed")
-        table = Table(box=None, pad_edge=False)
-        table.add_column("key", min_width=max(len(key) for key in rig.assumed))
-        for title in ("assumed", "how to measure it"):
-            table.add_column(title)
-        for key, item in rig.assumed.items():
-            table.add_row(Text(key), Text(item.said), Text(item.how))
-        console.print(table)
-    if picture is not None:
-        console.print(f"\npicture: {picture}", soft_wrap=True)
-
-
-_PIPE_WIDTH = 80
 
 
 if __name__ == "__main__":

@@ -1,0 +1,231 @@
+"""The command line's other end: progress, executors and answers on a terminal, in a pipe, or in a log."""
+
+from __future__ import annotations
+
+import json as jsonlib
+import math
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stickslip.errors import InputError
+
+if TYPE_CHECKING:
+    from stickslip.advise import Prediction
+    from stickslip.sweep import Progress
+
+
+_LINES_EVERY = 30.0
+"""Seconds between two lines on the progress of a sweep."""
+
+
+@contextmanager
+def bar(title: str) -> Iterator[Callable[[float], None]]:
+    """A progress bar on a terminal, nothing in a pipe."""
+    if not sys.stderr.isatty():
+        yield lambda _share: None
+        return
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(escape(title), total=1.0)
+        yield lambda share: bar.update(task, completed=share)
+
+
+@contextmanager
+def executor_of(workers: int | None, processes: bool, scheduler: str | None) -> Iterator[Any]:
+    """Where the cases of a sweep run."""
+    from stickslip.sweep import Processes, Threads
+
+    if scheduler is None:
+        yield Processes(workers) if processes else Threads(workers)
+        return
+    if processes or workers is not None:
+        raise InputError("--scheduler: the cluster has its own workers; leave out --workers and --processes")
+    with dask(scheduler) as client:
+        if not client.nthreads():
+            print(f"no workers yet; start one with: dask worker {scheduler}", file=sys.stderr)
+        yield client.get_executor()
+
+
+@contextmanager
+def progress_of(title: str) -> Iterator[Callable[[Progress], None]]:
+    """How far a sweep is: a bar on a terminal; elsewhere, as in the log of a job, a line with the time now and then."""
+    if sys.stderr.isatty():
+        with bar(title) as shown_bar:
+            yield lambda p: shown_bar(p.finished / p.total)
+        return
+    import time
+
+    from stickslip.sweep import in_words
+
+    begin = time.monotonic()
+    due = begin
+
+    def line(p: Progress) -> None:
+        nonlocal due
+        now = time.monotonic()
+        if now < due or p.finished == p.total:
+            return
+        due = now + _LINES_EVERY
+        words = f"{p.finished} of {p.total} cases" + (f", {p.failed} failed" if p.failed else "")
+        if fresh := p.finished - p.found:
+            words += f", about {in_words((now - begin) * (p.total - p.finished) / fresh)} left"
+        print(time.strftime("%Y-%m-%d %H:%M:%S"), f"{title}: {words}", file=sys.stderr, flush=True)
+
+    yield line
+
+
+@contextmanager
+def stoppable() -> Iterator[None]:
+    """Take for a Ctrl-C what a cluster sends before it kills, and what a terminal sends when it is closed.
+
+    A signal that is ignored, as under nohup, stays so.
+    """
+    import signal
+    import threading
+
+    if threading.current_thread() is not threading.main_thread():  # only that one may
+        yield
+        return
+
+    def stop(_number: int, _frame: object) -> None:
+        raise KeyboardInterrupt
+
+    # What is ignored stays so: `nohup` means it.
+    heeded = [n for n in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(n) != signal.SIG_IGN]
+    before = {n: signal.signal(n, stop) for n in heeded}
+    try:
+        yield
+    finally:
+        for n, handler in before.items():
+            signal.signal(n, handler)
+
+
+@contextmanager
+def dask(scheduler: str) -> Iterator[Any]:
+    """The cluster at an address, or one clear line."""
+    import logging
+
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError("--scheduler needs the dask.distributed package: pip install 'stickslip[sweep]'") from None
+    for name in [*logging.root.manager.loggerDict]:
+        if name.startswith("distributed"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # what concerns the user is said in our line
+    try:
+        client: Any = Client(scheduler, timeout=_PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
+    except (OSError, ValueError, TimeoutError) as error:
+        reason = " ".join(str(error).split())
+        raise InputError(
+            f"--scheduler {scheduler}: cannot be reached ({reason}); start one with: dask scheduler"
+        ) from None
+    try:
+        yield client
+    finally:
+        client.close(timeout=5)
+
+
+_PATIENCE = "10s"
+"""How long a scheduler is waited for."""
+
+
+def plain(value: Any) -> Any:
+    """Turn a result into what JSON can hold; what is not finite becomes null."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, complex):
+        return {"real": plain(value.real), "imag": plain(value.imag)}
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, (bool, int, str)):
+        return value
+    return str(value)
+
+
+def print_json(value: Any) -> None:
+    """Print a result for a machine to read."""
+    print(jsonlib.dumps(value, indent=2))
+
+
+def print_prediction(found: Prediction, picture: Path | None) -> None:
+    """Print an answer: the sentence, its evidence, margins, mitigations, and what was assumed."""
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    # In a pipe nobody knows the width of the page: sentences are wrapped, the lines of a table kept whole. What users
+    # write is no markup.
+    terminal = sys.stdout.isatty()
+    console = Console(highlight=False, markup=False, emoji=False, width=None if terminal else _PIPE_WIDTH)
+    tables = console if terminal else Console(highlight=False, markup=False, emoji=False, width=2 * _PIPE_WIDTH)
+
+    def say(line: str, bold: str = "") -> None:
+        indent = "  " if line.startswith("- ") else ""
+        for text in Text.assemble((bold, "bold"), line).wrap(console, console.width - len(indent)):
+            text.rstrip()
+            console.print(text if text.plain.startswith("- ") or not indent else Text(indent) + text, soft_wrap=True)
+
+    def bullets(title: str, rest: str, lines: Iterable[str]) -> None:
+        lines = list(lines)
+        if lines:
+            console.print()
+            say(rest, title)
+            for line in lines:
+                say(f"- {line}")
+
+    rig = found.rig
+    say(f": {found.verdict}", rig.name)
+    console.print()
+    if not found.judged:
+        say(f"To measure it, {found.measure_note()}")
+        console.print()
+    else:
+        for line in str(found.regime).splitlines():
+            say(line)
+        console.print()
+    numbers = Table(box=None, show_header=False, pad_edge=False)
+    for name, text in found.numbers():
+        numbers.add_row(Text(name), Text(text))
+    tables.print(numbers)
+    if found.margins:
+        console.print()
+        say(" of smooth sliding, one parameter varied at a time (linear stability)", "Margins")
+        table = Table(box=None, pad_edge=False)
+        for title in ("parameter", "now", "stability limit below", "stability limit above"):
+            table.add_column(title)
+        for row in found.margin_rows():
+            table.add_row(*(Text(cell) for cell in row))
+        tables.print(table)
+    bullets("Mitigations", ", the smallest change first; simulated", found.mitigation_lines())
+    bullets("Tried", ", within the range searched", found.attempt_lines())
+    if note := found.search_note():
+        console.print()
+        say(note)
+    if rig.assumed:
+        console.print()
+        say(", not measured", "Assumed")
+        table = Table(box=None, pad_edge=False)
+        table.add_column("key", min_width=max(len(key) for key in rig.assumed))
+        for title in ("assumed", "how to measure it"):
+            table.add_column(title)
+        for key, item in rig.assumed.items():
+            table.add_row(Text(key), Text(item.said), Text(item.how))
+        console.print(table)
+    if picture is not None:
+        console.print(f"\npicture: {picture}", soft_wrap=True)
+
+
+_PIPE_WIDTH = 80
