@@ -10,6 +10,7 @@ import sys
 from html.parser import HTMLParser
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -57,7 +58,9 @@ def found(dotted):
 def test_every_public_name_is_in_the_reference():
     text = "\n".join(page.read_text() for page in (DOCS / "reference").glob("*.md"))
     named = re.findall(r"^\.\. auto(?:function|class|data):: stickslip\.(\w+)$", text, re.MULTILINE)
-    assert sorted(named) == ss.__all__
+    # Rooms are no functions: each has a page of its own. A room that can be called is both.
+    rooms = {name for name in ss.__all__ if isinstance(getattr(ss, name), ModuleType)}
+    assert sorted({*named, *rooms}) == ss.__all__
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(DOCS).as_posix())
@@ -87,7 +90,7 @@ def test_commands_come_with_all_their_options(house):
     text = house.commands()
     assert "```console\nstickslip predict [OPTIONS] RIG\n```" in text
     assert re.findall(r"^## stickslip (\w+)$", text, re.MULTILINE) == [name for name in app if name[0] != "-"]
-    assert "data and, with `--check`, its claims" in text
+    assert "Check the paper's claims; exit code 1 if one fails" in text
     assert "`--minimum-drop FLOAT`: Smallest drop that counts as a slip." in text
 
 

@@ -210,7 +210,7 @@ SIZES = {
     "in": (Fraction(254, 10**4), (1, 0, 0)),
     "kg": (Fraction(1), (0, 1, 0)),
     "g": (Fraction(1, 1000), (0, 1, 0)),
-    "time": (Fraction(1000), (0, 1, 0)),
+    "t": (Fraction(1000), (0, 1, 0)),
     "s": (Fraction(1), (0, 0, 1)),
     "ms": (Fraction(1, 1000), (0, 0, 1)),
     "min": (Fraction(60), (0, 0, 1)),

@@ -5,7 +5,8 @@ Every function draws what the Dataset holds, a run of the model or a measured tr
 
 >>> import stickslip as ss
 >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1))
->>> run = ss.simulate(interface, ss.Slider(stiffness=2.0, mass=1e-3, damping=20.0), ss.constant(1.0, duration=3))
+>>> rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-3, damping=20.0), ss.constant(1.0, duration=3))
+>>> run = ss.simulate(rig)
 >>> from stickslip.plot import overview, save
 >>> save(overview(run), "run.png").name
 'run.png'

@@ -382,7 +382,7 @@
     const bar = $(`${where}-progress`);
     bar.hidden = share === null;
     if (share !== null && share >= 0) bar.value = share;
-    else bar.removeAttribute("value"); // not known: it swings
+    else bar.removeAttribute("value"); // not known: it moves to and fro
     if (where === "run") clearTimeout(patience);
   }
 
@@ -478,7 +478,7 @@
 
   // ------------------------------------------------------------------------------------------------ page 2
 
-  /* The map stays as it is while only its own two knobs are turned. */
+  /* The map stays as it is while only its own two parameters are varied. */
   function signature(over) {
     const keys = { stiffness: "slider.stiffness", velocity: "drive.velocity", mass: "slider.mass", damping: "slider.damping",
       delay: "interface.delay", std: "interface.thresholds.std",
@@ -486,7 +486,7 @@
     const rest = structuredClone(doc);
     delete rest.simulation; delete rest.name; delete rest.assumed; delete rest.source;
     if (rest.drive) { delete rest.drive.distance; delete rest.drive.duration; }
-    for (const knob of over) Fields.put(rest, keys[knob], undefined);
+    for (const parameter of over) Fields.put(rest, keys[parameter], undefined);
     return JSON.stringify([over, rest]);
   }
   const over = () => [$("across").value, $("up").value];
@@ -505,10 +505,10 @@
     }, shown.chart ? 250 : 0);
   }
   /* Page 1 was turned: the dot follows, and a dot that has left its map asks for another. */
-  function followDot(knobs) {
+  function followDot(parameters) {
     const { chart } = shown;
     if (!chart || dragging || asked.chart !== signature(chart.over)) return;
-    const now = chart.over.map((knob) => knobs[knob]);
+    const now = chart.over.map((parameter) => parameters[parameter]);
     if (now.some((value) => value === undefined)) return;
     const out = (value, [low, high]) => value < low * 0.999 || value > high * 1.001;
     if (out(now[0], chart.x.ends) || out(now[1], chart.y.ends)) { asked.chart = ""; if (page === "map") askMap(); return; }
@@ -603,7 +603,7 @@
     $(id).value = chosen;
     $(id).onchange = () => {
       const other = $(id === "across" ? "up" : "across");
-      if (other.value === $(id).value) other.value = Object.keys(KNOBS).find((knob) => knob !== $(id).value);
+      if (other.value === $(id).value) other.value = Object.keys(KNOBS).find((parameter) => parameter !== $(id).value);
       askMap();
     };
   }
@@ -637,12 +637,12 @@
     $("verdict").parentElement.className = `verdict ${found.ill ? "stick-slip" : "smooth-sliding"}`;
     list("advice-evidence", found.evidence);
     table("numbers", found.numbers);
-    table("margins", found.margins, ["knob", "now", "nearest edge below", "nearest edge above"]);
-    const remedies = found.mitigations.map(({ parameter, words, steps }) => element("li", {}, word2(words), element("br"),
+    table("margins", found.margins, ["parameter", "now", "limit below", "limit above"]);
+    const mitigations = found.mitigations.map(({ parameter, words, steps }) => element("li", {}, word2(words), element("br"),
       ...steps.map(({ title, value }) => element("button", { type: "button", textContent: `Apply ${word2(title)}`,
         onclick: () => ask("edit", { turn: { [parameter]: value } }) }))));
-    const none = found.ill ? "No single change within the ranges searched gives smooth sliding." : "None needed.";
-    $("remedies").replaceChildren(...(remedies.length ? remedies : [element("li", { textContent: none })]));
+    const none = found.ill ? "No change within the ranges searched gives smooth sliding." : "None needed.";
+    $("mitigations").replaceChildren(...(mitigations.length ? mitigations : [element("li", { textContent: none })]));
     const assumed = Object.entries(found.assumed).map(([key, how]) => element("li", { textContent: `${key}: ${how}` }));
     $("assumed").replaceChildren(...(assumed.length ? [element("h2", { textContent: "Assumed, not measured" }), element("ul", {}, ...assumed)] : []));
   }
