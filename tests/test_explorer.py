@@ -832,12 +832,14 @@ def test_the_bistable_band_fills_in_with_progress(page):
 def test_a_mitigation_is_applied_and_works(page):
     page.click("#tab-advice")
     page.wait_for_selector("#mitigations button", timeout=120_000)
-    button = page.locator("#mitigations li:has-text('delay') button:has-text('stick-slip decays')")
-    delay = float(re.search(r"Apply ([\d.]+)", button.text_content())[1])
+    button = page.locator("#mitigations li:has-text('speed') button:has-text('stick-slip decays')")
+    velocity = float(re.search(r"Apply ([\d.]+)", button.text_content())[1])
+    assert velocity < state(page)["drive"]["velocity"]
     button.click()
     page.wait_for_timeout(300)
-    assert state(page)["interface"]["delay"] == pytest.approx(delay, rel=1e-3)
-    page.wait_for_selector("#regime:has-text('smooth sliding')", state="attached")
+    assert state(page)["drive"]["velocity"] == pytest.approx(velocity, rel=1e-3)
+    # The run on the page is short: it ends while stick-slip still decays. The verdict comes from longer ones.
+    page.wait_for_function("!document.querySelector('#regime').textContent.includes('stick-slip')")
     page.wait_for_selector("#verdict:has-text('smooth')", timeout=120_000)
 
 
