@@ -218,9 +218,12 @@ def print_prediction(found: Prediction, picture: Path | None) -> None:
         console.print()
         say(", not measured", "Assumed")
         table = Table(box=None, pad_edge=False)
-        table.add_column("key", min_width=max(len(key) for key in rig.assumed))
-        for title in ("assumed", "how to measure it"):
-            table.add_column(title)
+        # Widths are said: left to itself, the table wraps its cells wider than it prints them, and cuts them off.
+        key_width = max(len(key) for key in rig.assumed)
+        said_width = min(max(len(item.said) for item in rig.assumed.values()), (console.width - key_width) // 2)
+        table.add_column("key", width=key_width)
+        table.add_column("assumed", width=max(said_width, len("assumed")))
+        table.add_column("how to measure it", width=max(console.width - key_width - said_width - 4, 17))
         for key, item in rig.assumed.items():
             table.add_row(Text(key), Text(item.said), Text(item.how))
         console.print(table)
