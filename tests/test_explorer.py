@@ -106,8 +106,8 @@ def test_a_parameter_turned_is_where_it_was_put(parameter, document):
         document = deepcopy(dict(document))
         document["interface"]["ageing"] = {"model": "langevin", "time": 0.5 if "units" in document else "0.5 s"}
     rig = documents.rig_of(document)
-    before = answers._knobs(rig)
-    after = answers._knobs(documents.rig_of(documents.turned(document, {parameter: 1.5 * before[parameter]})))
+    before = answers._values(rig)
+    after = answers._values(documents.rig_of(documents.turned(document, {parameter: 1.5 * before[parameter]})))
     assert after[parameter] == pytest.approx(1.5 * before[parameter], rel=1e-3)
     for other in before:
         if other != parameter:
@@ -116,7 +116,7 @@ def test_a_parameter_turned_is_where_it_was_put(parameter, document):
 
 def test_only_thresholds_that_age_have_a_time_of_ageing():
     rig = documents.rig_of(small())
-    assert set(answers._knobs(rig)) == set(documents.QUANTITIES) - {"ageing"}
+    assert set(answers._values(rig)) == set(documents.QUANTITIES) - {"ageing"}
     with pytest.raises(InputError, match="has no ageing to vary"):
         documents.turned(small(), {"ageing": 1.0})
 

@@ -63,7 +63,7 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
         "phase": _phase(shown),
         "stretchings": _stretchings(shown),
         "name": rig.name,
-        "parameters": _knobs(rig),
+        "parameters": _values(rig),
         "took": time.perf_counter() - begun,
     }
     yield {"friction": _friction(rig)}
@@ -90,7 +90,7 @@ def edit(request: Plain, watch: Watch) -> Iterator[Plain]:
         yield {"document": documents.with_damping(document, ratio is True)}
 
 
-def _knobs(rig: Rig) -> dict[str, float]:
+def _values(rig: Rig) -> dict[str, float]:
     """Where each parameter of the map stands, in the unit of its axis."""
     if rig.natural.velocity <= 0:
         return {}

@@ -16,7 +16,7 @@ _LONGEST_TRANSIENT = 25  # windows: 100 x_s, by default
 _SI_UNITS = {"n", "mn", "kn", "un", "µn", "m", "mm", "um", "µm", "nm", "cm"}
 
 
-def _swing(run: xr.Dataset, window: float) -> xr.Dataset:
+def _oscillation(run: xr.Dataset, window: float) -> xr.Dataset:
     """Peak to peak of the spring force over a moving stretch of drive travel."""
     window = number("window", window, above=0, hint="in the unit of X")
     trace = Trace.of(run)
@@ -121,7 +121,7 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
         if value is None and unit.strip().lower() in _SI_UNITS:
             raise InputError(f"transitions: {of} is in {unit}: give {name} in that unit (.4 f_s and 4 x_s are usual)")
     level = 0.4 if level is None else number("level", level, above=0, hint="in the unit of spring_force")
-    oscillation = _swing(run, 4.0 if window is None else window)
+    oscillation = _oscillation(run, 4.0 if window is None else window)
     top = _turning_time(run)
     on = _settled(np.asarray(oscillation["peak_to_peak"].values > level), _PARTS // 2)
     t, drive = np.asarray(run["time"].values, dtype=float), np.asarray(run["drive_velocity"].values, dtype=float)
@@ -135,11 +135,11 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
         state = f"until v = {np.interp(stops[0], t, drive):.3g}" if stops.size else "all along"
         notes.append(f"the force oscillates above the level from the start {state}: the state the run was started in")
     # What the start leaves behind dies within some tens of windows; what lasts longer has an end that counts.
-    lasting = float(
+    transient = float(
         np.interp(_LONGEST_TRANSIENT, oscillation["travel"].values / float(oscillation.attrs["window"]), middle)
     )
     if starts.size:
-        lasting = min(lasting, float(starts[0]))
+        transient = min(transient, float(starts[0]))
 
     found: dict[str, float | None] = {}
     for way, onset, ending, moves, first, last in (
@@ -147,7 +147,7 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
         ("down", "v2'", "v1'", top < t[-1], top, np.inf),
     ):
         here = starts[(starts > first) & (starts <= last)]
-        there = stops[(stops > first) & (stops <= last) & ((stops > lasting) | (t[0] >= top))]
+        there = stops[(stops > first) & (stops <= last) & ((stops > transient) | (t[0] >= top))]
         found[onset] = float(np.interp(here[0], t, drive)) if here.size else None
         found[ending] = float(np.interp(there[-1], t, drive)) if there.size else None
         seen = on[(middle > first) & (middle <= last)]

@@ -74,7 +74,7 @@ def sweep_picture(data: xr.Dataset) -> Figure:
     if not axes and "seed" not in data.dims:
         raise InputError("plot: this sweep has no axis to draw along")
     data = data.sortby([*axes, *(dim for dim in ("seed",) if dim in data.dims)])
-    return _phase_diagram(data, axes) if len(axes) == 2 else _swing_along(data, axes[0] if axes else "seed")
+    return _phase_diagram(data, axes) if len(axes) == 2 else _amplitude_along(data, axes[0] if axes else "seed")
 
 
 def _kinds(data: xr.Dataset) -> xr.DataArray:
@@ -171,7 +171,7 @@ def _draw_theory(ax: Axes, data: xr.Dataset, across: str, up: str) -> dict[str, 
     return drawn
 
 
-def _swing_along(data: xr.Dataset, axis: str) -> Figure:
+def _amplitude_along(data: xr.Dataset, axis: str) -> Figure:
     if "peak_to_peak" not in data:
         raise InputError("plot: this sweep holds no variable peak_to_peak; measure it to draw it along an axis")
     figure = new_figure(1.4 * COLUMN, 3.0)

@@ -105,7 +105,7 @@ class Work:
         """
         if (excess := self.seconds / seconds) > 1:
             worst = max(self.parts, key=lambda part: part.seconds)
-            amount, share = f"{worst.what} would take about {_lasting(self.seconds)}", worst.seconds / seconds
+            amount, share = f"{worst.what} would take about {_in_time(self.seconds)}", worst.seconds / seconds
         elif (excess := self.bytes / bytes) > 1:
             worst = max(self.parts, key=lambda part: part.bytes)
             amount, share = f"{worst.what} would take about {self.bytes / 1e9:.2g} GB", worst.bytes / bytes
@@ -186,7 +186,7 @@ def _way(piece: Piece) -> float:
     return min(way, piece.until.distance) if isinstance(piece.until, Travel) else way
 
 
-def _lasting(seconds: float) -> str:
+def _in_time(seconds: float) -> str:
     """Say a time as a person would."""
     for size, name in ((31_557_600.0, "years"), (86_400.0, "days"), (3600.0, "h"), (60.0, "min")):
         if seconds >= 2 * size:
