@@ -38,6 +38,18 @@ CASES = [
     model.Langevin(rate=1.5),
     model.ExponentialGrowth(rate=2.0, newborn=0.1),
     model.LogarithmicGrowth(slope=0.05, time=1e-3),
+    model.OnArrest(),
+    model.Bell(width=0.01, attempts=1e6),
+    model.Parabolic(temperature=0.01, attempts=1e6),
+    model.Barrier(height=100.0, attempts=1e6, power=2.0, kramers=True),
+    model.Interface(
+        thresholds=LAWS_INSIDE.thresholds,
+        delay=model.OnArrest(),
+        temperature=model.Bell(width=0.01, attempts=1e6),
+        sliding_force=0.3,
+        newborn=thresholds.Uniform(low=0.0, high=0.2),
+        track_scatter=0.1,
+    ),
     model.Interface(thresholds=LAWS_INSIDE.thresholds, initial=LAWS_INSIDE, ageing=model.Langevin(rate=1)),
     model.Slider(stiffness=2.0, mass=1e-4, damping=200.0),
     model.Rig(

@@ -19,6 +19,8 @@ from .measure import drops as drops
 from .measure import read_trace as read_trace
 from .measure import regime as regime
 from .measure import transitions as transitions
+from .model import Barrier as Barrier
+from .model import Bell as Bell
 from .model import Contacts as Contacts
 from .model import Delay as Delay
 from .model import Drive as Drive
@@ -36,8 +38,10 @@ from .model import Langevin as Langevin
 from .model import LogarithmicGrowth as LogarithmicGrowth
 from .model import LogNormal as LogNormal
 from .model import MasterEquation as MasterEquation
+from .model import OnArrest as OnArrest
 from .model import Output as Output
 from .model import PaperClosure as PaperClosure
+from .model import Parabolic as Parabolic
 from .model import Parameter as Parameter
 from .model import RandomDelay as RandomDelay
 from .model import Rig as Rig

@@ -115,6 +115,7 @@ def _check_renewal(interface: Interface) -> None:
     """Raise `InputError` for what the renewal equation cannot take: ageing, and thresholds without a density."""
     if interface.ageing is not None:
         raise InputError(f"Interface.ageing = {interface.ageing}: not available with Renewal; use Contacts")
+    interface.allow((), "Renewal")
     check_density(interface.threshold_distribution)
 
 
@@ -211,6 +212,7 @@ def steepest_fall(interface: Interface, *, reattachment: bool = True) -> tuple[f
 def static_friction(interface: Interface) -> tuple[float, float]:
     """Largest friction force in quasi-static motion, per contact in ``f_s``, and the displacement there."""
     instance("static_friction: interface", interface, Interface, "an Interface")
+    interface.allow((), "static_friction")
     run = rigid_slide(
         interface.__class__(thresholds=interface.thresholds, initial=interface.initial), _reach(interface)
     )

@@ -57,6 +57,7 @@ def kinetic_friction(interface: Interface, velocity: float | Array = 0.0) -> flo
         if the delay is infinite at zero velocity, or with `Langevin` a delay meets newborns without strength.
     """
     instance("kinetic_friction: interface", interface, Interface, "an Interface")
+    interface.allow((), "kinetic_friction")
     distribution = interface.threshold_distribution
     if interface.ageing is None:
         return 0.5 * distribution.moment(2) / distribution.moment(1) * attached_fraction(interface, velocity)
@@ -253,6 +254,7 @@ def attached_fraction(interface: Interface, velocity: float | Array) -> float | 
         If thresholds age, or the delay is infinite at zero velocity.
     """
     instance("attached_fraction: interface", interface, Interface, "an Interface")
+    interface.allow(("sliding_force", "track_scatter"), "attached_fraction")
     if interface.ageing is not None:
         raise InputError(
             f"Interface.ageing = {interface.ageing}: steady sliding with ageing thresholds has no closed form; "

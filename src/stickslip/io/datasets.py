@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 from stickslip import model
 from stickslip.errors import InputError
 from stickslip.io import files
+from stickslip.model.activation import ACTIVATIONS
 from stickslip.model.ageing import AGEING_MODELS
 from stickslip.model.delays import DELAYS
 from stickslip.model.distributions import DISTRIBUTIONS
@@ -40,7 +41,7 @@ Plain = Any
 def records() -> dict[str, type]:
     """Return the records of `stickslip.model`, and those registered by a user, by name, for `decode`."""
     kinds = {name: kind for name, kind in vars(model).items() if isinstance(kind, type) and is_dataclass(kind)}
-    for table in (DISTRIBUTIONS, DELAYS, AGEING_MODELS):
+    for table in (DISTRIBUTIONS, DELAYS, AGEING_MODELS, ACTIVATIONS):
         kinds.update({kind.__name__: kind for kind in table.values()})
     del kinds["Parameter"]  # it holds functions
     return kinds

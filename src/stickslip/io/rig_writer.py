@@ -62,6 +62,7 @@ class RigWriter:
 
     def _interface(self) -> Document:
         interface, found = self.rig.interface, {}
+        interface.allow((), "a rig file")
         if self.scales is not None:
             found["contact_strength"] = self._quantity(1.0, "f_s", lambda si: si == self._scale("force"))
             found["breaking_displacement"] = self._quantity(1.0, "x_s", lambda si: si == self._scale("stretching"))

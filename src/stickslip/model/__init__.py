@@ -4,8 +4,9 @@ Records only, each validated on construction. Natural units throughout: contact 
 force ``f_s = 1``, hence stretchings in units of ``x_s = f_s/k``; everything per contact. Time is in any unit.
 """
 
+from stickslip.model.activation import Activation, Barrier, Bell, Parabolic
 from stickslip.model.ageing import ExponentialGrowth, Langevin, LogarithmicGrowth, Strengthening
-from stickslip.model.delays import Delay, DelayModel, NegativeDelay, RandomDelay
+from stickslip.model.delays import Delay, DelayModel, NegativeDelay, OnArrest, RandomDelay
 from stickslip.model.distributions import (
     Distribution,
     Empirical,
@@ -36,6 +37,9 @@ from stickslip.model.units import Scales
 
 __all__ = [
     "PARAMETERS",
+    "Activation",
+    "Barrier",
+    "Bell",
     "Contacts",
     "Delay",
     "DelayModel",
@@ -57,8 +61,10 @@ __all__ = [
     "MasterEquation",
     "Method",
     "NegativeDelay",
+    "OnArrest",
     "Output",
     "PaperClosure",
+    "Parabolic",
     "Parameter",
     "Piece",
     "RandomDelay",

@@ -108,6 +108,36 @@ class Delay(DelayModel):
         return np.full(count, self.time), np.ones(count)
 
 
+@register("on arrest")
+@dataclass(frozen=True)
+class OnArrest(DelayModel):
+    """Broken contacts re-attach when the slider next stops, however long that takes: never, in smooth sliding.
+
+    What a delay much longer than a slip and much shorter than the time between slips comes to.
+    """
+
+    def moment(self, order: int) -> float:
+        """Infinite: in smooth sliding there is no arrest."""
+        return 1.0 if order == 0 else math.inf
+
+    def laplace(self, s: ArrayLike) -> ComplexArray:
+        """Mean of ``exp(-s tau)``: 0."""
+        return np.zeros_like(np.asarray(s, dtype=complex))
+
+    def absence(self, s: ArrayLike) -> ComplexArray:
+        """``1 - laplace(s)``."""
+        return np.ones_like(np.asarray(s, dtype=complex))
+
+    def sample(self, rng: np.random.Generator, size: int) -> Array:
+        """Return `size` infinite delays: only an arrest ends them."""
+        del rng
+        return np.full(size, math.inf)
+
+    def quadrature(self) -> tuple[Array, Array]:
+        """No node."""
+        return np.empty(0), np.empty(0)
+
+
 @register("random")
 @dataclass(frozen=True, kw_only=True)
 class RandomDelay(DelayModel):

@@ -6,13 +6,17 @@ Natural units throughout: contact stiffness ``k = 1``, mean threshold force ``f_
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Annotated
 
 from stickslip.errors import InputError, instance
+from stickslip.model.activation import Activation
 from stickslip.model.ageing import Strengthening
-from stickslip.model.delays import Delay, DelayModel
+from stickslip.model.delays import Delay, DelayModel, OnArrest
 from stickslip.model.distributions import Distribution, Gaussian
+from stickslip.model.records import Number, check
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,14 +34,28 @@ class Interface:
         How long a broken contact stays detached.
     ageing : Strengthening, optional
         How thresholds grow with the age of a contact; by default they do not.
+    temperature : Bell, Parabolic or Barrier, optional
+        How contacts break before their threshold; by default they do not.
+    sliding_force : float
+        Force ``f_d`` of a detached contact while it slides, in ``f_s``.
+    newborn : Distribution, optional
+        Distribution of the stretchings with which contacts re-attach; by default they are unstretched.
+    track_scatter : float
+        Scatter from slip to slip of all thresholds alike: the standard deviation of the factor, of mean 1, that the
+        thresholds drawn in one slip have in common.
     """
 
     thresholds: Distribution
     initial: Distribution = Gaussian(mean=0.0, std=0.01)
     delay: DelayModel = Delay(0.0)
     ageing: Strengthening | None = None
+    temperature: Activation | None = None
+    sliding_force: Annotated[float, Number("f_s", at_least=0, hint="force of a detached contact while it slides")] = 0.0
+    newborn: Distribution | None = None
+    track_scatter: Annotated[float, Number(at_least=0, at_most=1, hint="standard deviation of a common factor")] = 0.0
 
     def __post_init__(self) -> None:
+        check(self)
         instance(
             "Interface.thresholds", self.thresholds, Distribution, "a distribution, such as Gaussian(mean=1.0, std=0.1)"
         )
@@ -51,12 +69,45 @@ class Interface:
             Strengthening | None,
             "an ageing model, such as Langevin(rate=1.5), or None",
         )
+        instance(
+            "Interface.temperature",
+            self.temperature,
+            Activation | None,
+            "a kind of thermal activation, such as Bell(width=0.01, attempts=1e6), or None",
+        )
+        instance(
+            "Interface.newborn",
+            self.newborn,
+            Distribution | None,
+            "a distribution of stretchings, such as Uniform(low=0.0, high=0.2), or None",
+        )
         lost = self.initial_loss
         if lost > 1e-3:
             raise InputError(
                 f"Interface.initial = {self.initial}: {100 * lost:.3g} % of the contacts would start beyond the "
                 f"largest threshold ({self.threshold_distribution.support[1]:g}); narrow it or bring it nearer to 0",
                 "Interface.initial",
+            )
+
+    @property
+    def mechanisms(self) -> frozenset[str]:
+        """What the interface has beyond thresholds, a delay and ageing; each is a field of its own."""
+        asked = {
+            "temperature": self.temperature is not None,
+            "sliding_force": self.sliding_force > 0,
+            "newborn": self.newborn is not None,
+            "track_scatter": self.track_scatter > 0,
+            "on_arrest": isinstance(self.delay, OnArrest),
+        }
+        return frozenset(name for name, present in asked.items() if present)
+
+    def allow(self, mechanisms: Collection[str], who: str) -> None:
+        """Raise `InputError` if the interface has a mechanism that is not among those that `who` can take."""
+        for name in sorted(self.mechanisms.difference(mechanisms)):
+            field = "delay" if name == "on_arrest" else name
+            raise InputError(
+                f"Interface.{field} = {getattr(self, field)}: not available with {who}; leave it out",
+                f"Interface.{field}",
             )
 
     @cached_property

@@ -28,6 +28,7 @@ def respond(interface: Interface) -> Response:
         If the interface has no steady sliding, or one whose response is not known.
     """
     instance("interface", interface, Interface, "an Interface")
+    interface.allow((), "the linear response")
     if interface.ageing is not None:
         return aged_response(interface)
     return unaged_response(hashable(interface.threshold_distribution), hashable(interface.delay))

@@ -142,6 +142,8 @@ class Engine(Protocol):
     """What its samples hold: the first of `COLUMNS`, at least `MOTION`."""
     angle: ClassVar[float]
     """Default distance of samples, in radians of the fastest oscillation of the slider."""
+    mechanisms: ClassVar[frozenset[str]] = frozenset()
+    """What it takes of `Interface.mechanisms`; the rest is refused before it is asked."""
     slider: SliderConstants
 
     @staticmethod
@@ -181,11 +183,11 @@ class Engine(Protocol):
 
 E = TypeVar("E", bound=type)
 
-ENGINES: dict[tuple[type, type], type[Engine]] = {}
-"""The engines by kind of method and of ageing; `solves` adds to it."""
+ENGINES: dict[tuple[type, type, type], type[Engine]] = {}
+"""The engines by kind of method, of ageing and of thermal activation; `solves` adds to it."""
 
 
-def solves(method: type, *ageing: type) -> Callable[[E], E]:
+def solves(method: type, *ageing: type, temperature: tuple[type, ...] = (type(None),)) -> Callable[[E], E]:
     """Register an engine: for a method, on contacts with one of these kinds of ageing; by default without ageing.
 
     Parameters
@@ -193,7 +195,9 @@ def solves(method: type, *ageing: type) -> Callable[[E], E]:
     method : type
         The record that selects the engine.
     *ageing : type
-        Ageing models.
+        Ageing models, ``type(None)`` among them if it takes contacts that do not age as well.
+    temperature : tuple of type
+        Kinds of thermal activation; by default none.
 
     Returns
     -------
@@ -203,7 +207,8 @@ def solves(method: type, *ageing: type) -> Callable[[E], E]:
 
     def register(engine: E) -> E:
         for kind in ageing or (type(None),):
-            ENGINES[method, kind] = engine
+            for activation in temperature:
+                ENGINES[method, kind, activation] = engine
         return engine
 
     return register
@@ -217,14 +222,18 @@ def engine_of(interface: Interface, method: object) -> type[Engine]:
     InputError
         If there is none, or it cannot take the interface.
     """
-    engine = ENGINES.get((type(method), type(interface.ageing)))
+    name, ageing, temperature = type(method).__name__, interface.ageing, interface.temperature
+    engine = ENGINES.get((type(method), type(ageing), type(temperature)))
     if engine is not None:
+        interface.allow(engine.mechanisms, name)
         engine.check(interface, method)
         return engine
-    name, ageing = type(method).__name__, interface.ageing
+    if temperature is not None:
+        also = "" if ageing is None else f" and ageing = {ageing}"
+        raise InputError(f"Interface.temperature = {temperature}{also}: not available with {name}")
     if ageing is not None:
         raise InputError(f"Interface.ageing = {ageing}: not available with {name}; use Contacts")
-    kinds = " or ".join(sorted(kind.__name__ for taken, kind in ENGINES if taken is type(method)))
+    kinds = " or ".join(sorted(kind.__name__ for taken, kind, _ in ENGINES if taken is type(method)))
     if kinds:
         raise InputError(f"{name}: is for thresholds that age by {kinds}; use MasterEquation")
     raise InputError(f"method = {shown(method)}: is no method of simulation; use Contacts or MasterEquation")

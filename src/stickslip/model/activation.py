@@ -1,0 +1,89 @@
+"""Temperature: contacts that break before their threshold, at a rate set by the barrier that is left.
+
+A contact of threshold ``x_c`` stretched by ``x`` breaks at the rate ``attempts * exp(-barrier(x, x_c)/kT)``, and at
+once where ``|x| = x_c``. The threshold of each contact is its own for its whole life.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from stickslip.model.records import Number, check
+from stickslip.model.registry import registrar
+
+ACTIVATIONS: dict[str, type] = {}
+"""The kinds of thermal activation that rig files can name."""
+
+register = registrar(ACTIVATIONS, "activation")
+"""Class decorator: ``@register("bell")`` gives a kind of activation the name that rig files use."""
+
+
+@register("bell")
+@dataclass(frozen=True, kw_only=True)
+class Bell:
+    """Thermal activation after Bell and Eyring: the barrier falls linearly, ``(x_c - x)/width`` in units of ``kT``.
+
+    Parameters
+    ----------
+    width : float
+        Activation width ``A``, in ``x_s``: ``kT`` over the activation length times the contact's stiffness times
+        ``x_s``. It goes with the temperature.
+    attempts : float
+        Rate of attempts on the top of the barrier, in 1/time.
+    """
+
+    width: Annotated[float, Number("x_s", above=0, hint="the activation width A")]
+    attempts: Annotated[float, Number("1/time", above=0, hint="attempt rate")]
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+@register("parabolic")
+@dataclass(frozen=True, kw_only=True)
+class Parabolic:
+    """Thermal activation over the elastic energy itself: barrier ``(x_c**2 - x**2)/(2 temperature)``.
+
+    Parameters
+    ----------
+    temperature : float
+        ``kT/(k x_s**2)``.
+    attempts : float
+        Rate of attempts on the top of the barrier, in 1/time.
+    """
+
+    temperature: Annotated[float, Number(above=0, hint="kT/(k x_s^2)")]
+    attempts: Annotated[float, Number("1/time", above=0, hint="attempt rate")]
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+@register("barrier")
+@dataclass(frozen=True, kw_only=True)
+class Barrier:
+    """Thermal activation over a barrier of given height: ``height * (1 - x/x_c)**power`` in units of ``kT``.
+
+    Parameters
+    ----------
+    height : float
+        Height of the barrier of an unstretched contact over ``kT``.
+    power : float
+        1, 3/2 (a smooth potential near its limit) or 2.
+    attempts : float
+        Rate of attempts on the top of the barrier, in 1/time.
+    kramers : bool
+        Whether the rate carries Kramers' prefactor ``(1 - x/x_c)**(power - 1)``.
+    """
+
+    height: Annotated[float, Number(above=0, hint="barrier over kT")]
+    attempts: Annotated[float, Number("1/time", above=0, hint="attempt rate")]
+    power: Annotated[float, Number(at_least=1, at_most=2)] = 1.5
+    kramers: bool = False
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+Activation = Bell | Parabolic | Barrier
