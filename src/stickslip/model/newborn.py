@@ -1,0 +1,80 @@
+"""Contacts at their birth: with which stretching and how far from the next break, and what that makes on average."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stickslip.model.distributions import Distribution
+from stickslip.model.interface import Interface
+from stickslip.model.quadrature import panels
+
+Array = NDArray[np.float64]
+
+
+def stretching_nodes(distribution: Distribution, thresholds: Distribution, finer: int = 1) -> tuple[Array, Array]:
+    """Quadrature nodes of stretchings below the largest threshold, between jumps, and their weights of sum 1.
+
+    Sixteen nodes for every four standard deviations do for distributions without jumps, and `finer` times as many may
+    be asked for.
+    """
+    std = distribution.standard_deviation()
+    if std == 0:
+        return np.array([distribution.moment(1)]), np.ones(1)
+    low, high = (
+        max(distribution.support[0], -thresholds.support[1]),
+        min(distribution.support[1], thresholds.support[1]),
+    )
+    edges = [low, *(knot for knot in sorted({*distribution.knots, *thresholds.knots}) if low < knot < high), high]
+    width = 4.0 * min(std, max(thresholds.standard_deviation(), 1e-3 * std))
+    parts = [panels(left, right, math.ceil(finer * (right - left) / width)) for left, right in pairwise(edges)]
+    x, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
+    weight = weight * distribution.density(x)
+    kept = (weight > 0) & (thresholds.survival(np.abs(x)) > 0)
+    return x[kept], weight[kept] / weight[kept].sum()
+
+
+class Life(NamedTuple):
+    """Averages over the lives of contacts in steady sliding, each from its birth to its break."""
+
+    path: float
+    """Mean distance that the slider goes, ``<x_s - x_0>``; the mean threshold where newborns are unstretched."""
+    work: float
+    """Mean work of a contact against the slider, ``<x_s^2 - x_0^2>/2``."""
+
+
+def mean_life(interface: Interface) -> Life:
+    """Return the averages over lives: newborns have the stretchings of `Interface.newborn`, and hold beyond them."""
+    thresholds = interface.threshold_distribution
+    if interface.newborn is None:
+        return Life(thresholds.moment(1), 0.5 * thresholds.moment(2))
+    x, weight = stretching_nodes(interface.newborn, thresholds)
+    held = thresholds.survival(np.abs(x))
+    first, second = (thresholds.partial_moment(np.abs(x), order) / held for order in (1, 2))
+    return Life(float(weight @ (first - x)), 0.5 * float(weight @ (second - x * x)))
+
+
+def thresholds_beyond(
+    thresholds: Distribution, rng: np.random.Generator, stretching: ArrayLike, factor: float = 1.0
+) -> Array:
+    """Draw thresholds, `factor` times those of the distribution, that hold contacts of these stretchings.
+
+    A contact stretched so far that no threshold would hold it has just its stretching.
+    """
+    reach = np.abs(np.asarray(stretching, dtype=float))
+    drawn = factor * thresholds.sample_beyond(rng, np.minimum(reach / factor, thresholds.support[1]))
+    return np.asarray(np.maximum(drawn, reach))
+
+
+def stretchings_within(
+    distribution: Distribution, rng: np.random.Generator, size: int, thresholds: Distribution
+) -> Array:
+    """Draw stretchings; those beyond the largest threshold are drawn again."""
+    x, largest = distribution.sample(rng, size), thresholds.support[1]
+    while (again := np.flatnonzero(np.abs(x) >= largest)).size:
+        x[again] = distribution.sample(rng, again.size)
+    return x
