@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stickslip.model.distributions import Distribution
+from stickslip.errors import InputError
+from stickslip.model.distributions import Distribution, Gaussian
 from stickslip.model.interface import Interface
 from stickslip.model.quadrature import panels
 
@@ -56,6 +59,78 @@ def mean_life(interface: Interface) -> Life:
     held = thresholds.survival(np.abs(x))
     first, second = (thresholds.partial_moment(np.abs(x), order) / held for order in (1, 2))
     return Life(float(weight @ (first - x)), 0.5 * float(weight @ (second - x * x)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Margin(Distribution):
+    """How much further contacts of one stretching can go: thresholds beyond it, counted from it."""
+
+    thresholds: Distribution
+    stretching: float
+
+    @cached_property
+    def _held(self) -> float:
+        return float(self.thresholds.survival(abs(self.stretching)))
+
+    def density(self, x: ArrayLike) -> Array:
+        """Probability density at `x`."""
+        y = np.asarray(x, dtype=float) + self.stretching
+        beyond = y > abs(self.stretching)
+        return np.where(beyond, self.thresholds.density(np.where(beyond, y, 1.0)) / self._held, 0.0)
+
+    def partial_moment(self, x: ArrayLike, order: int) -> Array:
+        """Integral of ``y**order`` times the density over ``y > x``."""
+        low = np.maximum(np.asarray(x, dtype=float) + self.stretching, abs(self.stretching))
+        parts = (
+            math.comb(order, n) * (-self.stretching) ** (order - n) * self.thresholds.partial_moment(low, n)
+            for n in range(order + 1)
+        )
+        return np.asarray(sum(parts) / self._held)
+
+    def inverse_survival(self, probability: ArrayLike) -> Array:
+        """Distance exceeded with the given probability."""
+        at = self.thresholds.inverse_survival(np.asarray(probability, dtype=float) * self._held)
+        return np.asarray(at - self.stretching)
+
+    def positive(self) -> Margin:
+        """Return the distribution itself: it is positive."""
+        return self
+
+    @property
+    def leftmost(self) -> float:
+        """That of the thresholds: the tails are alike."""
+        return self.thresholds.leftmost
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """Where it begins, and the jumps of the thresholds beyond."""
+        begin = abs(self.stretching)
+        return (begin - self.stretching, *(knot - self.stretching for knot in self.thresholds.knots if knot > begin))
+
+
+def as_unstretched(interface: Interface) -> tuple[Distribution, float]:
+    """Return thresholds and sliding force of unstretched newborns that answer perturbations of steady sliding alike.
+
+    Raises
+    ------
+    InputError
+        If newborn contacts are not all stretched alike.
+    """
+    thresholds, newborn = interface.threshold_distribution, interface.newborn
+    if newborn is None:
+        return thresholds, interface.sliding_force
+    if newborn.standard_deviation() > 0:
+        raise InputError(
+            f"Interface.newborn = {newborn}: the linear response is known for newborn contacts stretched all alike; "
+            "give a Gaussian with std = 0, or simulate",
+            "Interface.newborn",
+        )
+    x = newborn.moment(1)
+    if isinstance(thresholds, Gaussian) and x >= 0 and thresholds.std > 0:
+        return replace(thresholds, mean=thresholds.mean - x, lower=max(thresholds.lower - x, 0.0)), (
+            interface.sliding_force - x
+        )
+    return Margin(thresholds=thresholds, stretching=x), interface.sliding_force - x
 
 
 def thresholds_beyond(
