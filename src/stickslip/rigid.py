@@ -288,5 +288,5 @@ class _Solution:
             later = shift <= X
             earlier = self._kernel.observe(self._contacts, self._re_attached, X[later] - shift)
             detaching[later] -= fraction * earlier.rate
-        stiffness = found.stiffness + element * detaching + np.where(X < self._sliding_force, detached, 0.0)
+        stiffness = found.stiffness + element * detaching + np.where(self._sliding_force > X, detached, 0.0)
         return found._replace(force=found.force + element * detached, stiffness=stiffness)

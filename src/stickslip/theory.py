@@ -235,7 +235,9 @@ def attached_fraction(interface: Interface, velocity: Array) -> Array: ...
 def attached_fraction(interface: Interface, velocity: float | Array) -> float | Array:
     """Return the mean fraction of attached contacts in smooth sliding, ``N_c/N = 1/(1 + v <tau>/<x_s>)``, Eq. (10).
 
-    With ``<x_s - x_0>`` in place of ``<x_s>`` if newborn contacts are stretched by ``x_0``. The paper's ``vbar = xbar/tau_d`` with ``xbar = 1/Gamma``, which in steady sliding is the mean threshold
+    With ``<x_s - x_0>`` in place of ``<x_s>`` if newborn contacts are stretched by ``x_0``.
+
+    The paper's ``vbar = xbar/tau_d`` with ``xbar = 1/Gamma``, which in steady sliding is the mean threshold
     stretching. There it is exact, for a random delay with the mean delay. Used inside the dynamics, as the
     paper does, it has no memory and is an approximation.
 

@@ -88,9 +88,10 @@ class Interface:
         )
         for name, born in (("initial", self.initial), ("newborn", self.newborn)):
             if born is not None and (lost := self._beyond_thresholds(born)) > 1e-3:
+                largest = self.threshold_distribution.support[1]
                 raise InputError(
                     f"Interface.{name} = {born}: {100 * lost:.3g} % of the contacts would start beyond the "
-                    f"largest threshold ({self.threshold_distribution.support[1]:g}); narrow it or bring it nearer to 0",
+                    f"largest threshold ({largest:g}); narrow it or bring it nearer to 0",
                     f"Interface.{name}",
                 )
 

@@ -61,6 +61,24 @@ def mean_life(interface: Interface) -> Life:
     return Life(float(weight @ (first - x)), 0.5 * float(weight @ (second - x * x)))
 
 
+def half_distance(interface: Interface) -> float:
+    """Return the distance slid within the mean delay at the speed at which the friction of slow sliding has halved.
+
+    Raises
+    ------
+    InputError
+        If it never halves.
+    """
+    life, force = mean_life(interface), interface.sliding_force
+    slow = life.work / life.path
+    if force >= 0.5 * slow:
+        raise InputError(
+            f"the friction never halves: it falls from {slow:.3g} to the sliding force, {force:.3g} of the contact "
+            "strength; give the delay"
+        )
+    return life.path if force == 0 else life.path / (1.0 - 2.0 * force / slow)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Margin(Distribution):
     """How much further contacts of one stretching can go: thresholds beyond it, counted from it."""
