@@ -155,59 +155,54 @@ def test_the_two_directions_are_mirror_images():
         assert np.allclose(ahead[name], sign * back[name], atol=1e-9)
 
 
-def test_on_arrest_all_contacts_are_attached_whenever_the_slider_has_stopped():
-    """Slow drive: the slider sticks between slips, at full attachment, and slips with contacts detached."""
-    interface = ss.Interface(thresholds=TENTH, delay=ss.OnArrest(), sliding_force=0.5)
-    run = ss.simulate(rig_of(interface, ss.constant(0.01, duration=600), damping=100.0, count=100))
-    attached, velocity = run["attached"].to_numpy(), run["velocity"].to_numpy()
-    back = np.flatnonzero(np.diff(attached) > 0.3)
-    assert back.size > 3
-    assert np.all(attached[back + 1] > 0.9)
-    assert np.all(attached[velocity < 0] > 0.5)  # it cannot move back before it has stopped
+RE_STUCK = ss.Interface(
+    thresholds=TENTH, delay=ss.OnArrest(), sliding_force=0.5, newborn=ss.Gaussian(mean=0.5, std=0.0)
+)
+"""Contacts that re-attach as they slide, when the slider stops: sustained stick-slip."""
 
 
-def test_contacts_re_attached_as_they_slide_hold_the_force():
-    """At an arrest nothing lets go: newborns take over the force of the detached contacts."""
-    interface = ss.Interface(
-        thresholds=TENTH, delay=ss.OnArrest(), sliding_force=0.5, newborn=ss.Gaussian(mean=0.5, std=0.0)
-    )
-    let_go = replace(interface, newborn=None)
-    lowest = []
-    for one in (interface, let_go):
-        run = ss.simulate(rig_of(one, ss.constant(0.01, duration=600), damping=100.0, count=100))
-        half = run.isel(time=slice(run.sizes["time"] // 4, None))
-        lowest.append(float(half["friction_force"].min()))
-    assert lowest[0] > 0.25
-    assert lowest[1] < 0.15
+def stick_slip(interface, *, duration=1500, interval=0.05, count=100):
+    """A soft spring, little damping and a slow drive: the slider stops within each slip."""
+    drive = ss.constant(0.05, duration=duration)
+    rig = rig_of(interface, drive, damping=20.0, stiffness=0.5, count=count)
+    return ss.simulate(rig, output=ss.Output(interval=interval))
 
 
-def test_track_scatter_scatters_peaks_and_leaves_the_mean_strength():
-    """Peaks of slips whose contacts all break follow the factor of their track."""
-    interface = ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, std=0.02), delay=ss.OnArrest(), sliding_force=0.2, track_scatter=0.15
-    )
+def test_contacts_stay_detached_until_the_slider_stops_and_then_all_re_attach():
+    run = stick_slip(RE_STUCK)
+    attached, force = run["attached"].to_numpy(), run["spring_force"].to_numpy()
+    drops = ss.drops(run)
+    assert drops.sizes["event"] > 40
+    assert np.mean(attached == 1.0) > 0.9  # before the first breaks and between slips
+    # It overshoots the force of the detached contacts, and stops.
+    assert float(drops["force_after"].mean()) < 0.45
+    never = stick_slip(replace(RE_STUCK, delay=ss.Delay(math.inf)))
+    assert float(never["attached"][-1]) == 0.0
+    assert float(never["spring_force"][-1]) == pytest.approx(0.5, abs=1e-3)
+    slip = int(np.argmax(force)) - 20
+    assert np.allclose(force[:slip], never["spring_force"][:slip], atol=0.02)
+
+
+@pytest.mark.parametrize(("newborn", "let_go"), [(RE_STUCK.newborn, 0.0), (None, 0.5)])
+def test_at_an_arrest_contacts_let_go_of_what_newborns_do_not_take_over(newborn, let_go):
+    run = stick_slip(replace(RE_STUCK, newborn=newborn), duration=55, interval=2e-4)
+    attached, friction = run["attached"].to_numpy(), run["friction_force"].to_numpy()
+    (back,) = np.flatnonzero(np.diff(attached) > 0.8)
+    assert attached[back + 1] == 1.0
+    assert friction[back + 1] - friction[back] == pytest.approx(-let_go * (1.0 - attached[back]), abs=0.02)
+
+
+def test_peaks_of_slips_follow_the_factor_of_their_track():
     peaks = {}
     for scatter in (0.0, 0.15):
-        run = ss.simulate(
-            rig_of(
-                replace(interface, track_scatter=scatter),
-                ss.constant(0.02, duration=4000),
-                damping=150.0,
-                stiffness=0.1,
-                count=200,
-                seed=3,
-            ),
-            output=ss.Output(interval=0.05),
-        )
-        force, attached = run["spring_force"].to_numpy(), run["attached"].to_numpy()
-        ends = np.flatnonzero((attached[:-1] > 0.5) & (attached[1:] > attached[:-1] + 0.3) | (np.diff(force) < -0.3))
-        found = force[ends]
-        peaks[scatter] = found[5:]
+        interface = replace(RE_STUCK, thresholds=ss.Gaussian(mean=1.0, std=0.02), track_scatter=scatter)
+        run = stick_slip(interface, count=200)
+        peaks[scatter] = ss.drops(run)["force_before"].to_numpy()[1:]
     n = peaks[0.15].size
-    assert n > 50
+    assert n > 30
     assert peaks[0.0].std() < 0.02
     assert peaks[0.15].mean() == pytest.approx(peaks[0.0].mean(), abs=4 * 0.15 / math.sqrt(n))
-    assert peaks[0.15].std() == pytest.approx(0.15 * peaks[0.0].mean(), rel=5 / math.sqrt(2 * n))
+    assert peaks[0.15].std() == pytest.approx(0.15 * peaks[0.0].mean(), rel=4 / math.sqrt(2 * n))
 
 
 @pytest.mark.parametrize(
@@ -215,8 +210,8 @@ def test_track_scatter_scatters_peaks_and_leaves_the_mean_strength():
     [
         ({"newborn": ss.Gaussian(mean=1.5, std=0.3)}, "Interface.newborn = .*would start beyond the largest threshold"),
         ({"newborn": STRETCHED, "track_scatter": 0.1, "delay": ss.Delay(0.0)}, "Interface.delay = .*above 0"),
-        ({"sliding_force": -0.1}, "Interface.sliding_force = -0.1: must be at least 0"),
-        ({"track_scatter": 1.5}, "Interface.track_scatter = 1.5: must be at most 1"),
+        ({"sliding_force": -0.1}, "Interface.sliding_force = -0.1: must be .* at least 0"),
+        ({"track_scatter": 1.5}, "Interface.track_scatter = 1.5: must be .* at most 1"),
     ],
 )
 def test_what_cannot_be_is_refused(changes, words):
@@ -264,16 +259,15 @@ FIG7 = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.1))
         (2.0, 0.0, 0.02417 + 7.75412j),
         (2.0, 0.1, -0.01831 + 7.74431j),
         (2.0, 0.3, -0.10401 + 7.72947j),
-        (4.1716, 0.0, -0.09571 + 7.96899j),
-        (1.3622, 0.0, 0.13863 + 7.57764j),
-        (2.1944, 0.0, 0.00309 + 7.78923j),
+        (3 + 8 * math.sin(math.pi / 8) ** 2, 0.0, -0.09571 + 7.96899j),
+        (160 * math.sin(math.pi / 34) ** 2, 0.0, 0.13863 + 7.57764j),
     ],
 )
 def test_growth_rates_in_numbers(stiffness, sliding_force, root):
     """Against an independent evaluation of the same closed form, printed to five digits."""
     rig = rig_of(replace(FIG7, sliding_force=sliding_force), ss.constant(1.5), damping=42.426, stiffness=stiffness)
     assert stability.growth_rate(rig) == pytest.approx(root, abs=2e-5)
-    assert stability.count_unstable(rig) == (2 if root.real > 0 else 0)
+    assert (stability.count_unstable(rig) > 0) == (root.real > 0)
 
 
 def by_quadrature(interface, velocity, s):
@@ -339,36 +333,11 @@ def test_the_stability_limit_is_where_the_growth_rate_changes_sign():
     interface = replace(FIG7, sliding_force=0.3, newborn=ss.Gaussian(mean=0.1, std=0.0))
     rig = rig_of(interface, ss.constant(1.5), damping=42.426)
     found = ss.critical(rig, "stiffness", between=(0.1, 20))
-    (limit,) = (crossing.value for crossing in found)
-    for factor, unstable in ((0.999, 2), (1.001, 0)):
-        assert stability.count_unstable(rig.replace(stiffness=limit * factor)) == unstable
-
-
-@pytest.mark.parametrize("sign", [1, -1])
-def test_perturbations_of_many_contacts_grow_as_the_response_says(sign):
-    """The decay of a perturbation, f_d = .3, and its growth without, in one run of many contacts each."""
-    force, kick = (0.3, 0.2) if sign < 0 else (0.0, 0.05)
-    rig = rig_of(
-        replace(FIG7, sliding_force=force),
-        ss.constant(1.5, duration=3 * 2 * math.pi / 7.74),
-        damping=42.426,
-        count=300_000,
-        stiffness=1.0 if sign > 0 else 4.0,
-        start=ss.FromSliding(perturbation=kick),
-    )
-    root = stability.growth_rate(rig)
-    run = ss.simulate(rig, output=ss.Output(interval=0.01))
-    t = run["time"].to_numpy()
-    x = run["displacement"].to_numpy() - 1.5 * t
-    late = t > 0.8
-    mode = np.exp(root * t[late])
-    basis = np.stack([mode.real, mode.imag, np.ones(t[late].size), t[late]], axis=1)
-    left = x[late] - basis @ np.linalg.lstsq(basis, x[late], rcond=None)[0]
-    wrong = np.exp((-root.real + 1j * root.imag) * t[late])
-    other = np.stack([wrong.real, wrong.imag, np.ones(t[late].size), t[late]], axis=1)
-    left_wrong = x[late] - other @ np.linalg.lstsq(other, x[late], rcond=None)[0]
-    assert root.real * sign > 0
-    assert np.std(left) < 0.5 * np.std(left_wrong)
+    assert len(found) > 0
+    for crossing in found:
+        below, above = (stability.count_unstable(rig.replace(stiffness=crossing.value * by)) for by in (0.999, 1.001))
+        assert abs(above - below) == 2
+    assert stability.count_unstable(rig.replace(stiffness=20.0)) == 0
 
 
 @pytest.mark.parametrize("delay", [ss.Delay(0.2), ss.Delay(math.inf), ss.RandomDelay(mean=0.3, std=0.1)])

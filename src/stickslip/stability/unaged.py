@@ -88,6 +88,14 @@ class UnagedResponse:
         """``m1 + v <tau>``: mean distance the slider goes between two births of a contact, in ``x_s``."""
         return np.asarray(self.mean_threshold + velocity * self.mean_delay)
 
+    def pace(self, velocity: float) -> float:
+        """Time by which growth and decay are measured: the cycle of a contact, or the delay if it slides with a force.
+
+        At high frequencies the delay is all that is left of the response, and ``f_d`` keeps it from fading.
+        """
+        cycle = float(self.scale(velocity)) / velocity
+        return cycle if self.sliding_force == 0 else min(cycle, self.mean_delay)
+
     def reach(self, velocity: float) -> float:
         """Distance over which the response remembers, in ``x_s``: the largest threshold and the longest delay."""
         return self._largest + velocity * self._longest
@@ -480,7 +488,7 @@ def _rightmost(response: UnagedResponse, body: Impedance, velocity: float) -> co
     limit = -math.inf if response.inert else response.leftmost * velocity
     (neutral,) = neutral_frequencies(response, body, [velocity])
     growing = neutral.unstable()
-    cycle = float(response.scale(velocity)) / velocity
+    cycle = response.pace(velocity)
     # Steps to one side of the axis, in units of the inverse memory of the response.
     steps = (0.0, 0.3, 1.0, 3.0, 0.1) if growing else (0.0, -0.1, -0.4, -1.0, -3.0, -8.0) if limit < 0 else ()
     starts = np.concatenate(
@@ -522,6 +530,11 @@ def _starts_from_line(response: UnagedResponse, body: Impedance, velocity: float
     elif not natural_frequencies(body).size:
         top = 1e4 * top
     omega = np.arange(0.5, min(top * memory / STEP, 6_000)) * STEP / memory
+    if response.sliding_force != 0:
+        cycle = response.pace(velocity)
+        far = max(_doubtful_below(response, body, velocity, None), top)
+        step = max(STEP / response.delay.longest, (far - top) / 6_000)
+        omega, top = np.append(omega, np.arange(top, far, step)), far
     if line == 0.0 and not response.inert:
         axis = response.axis(velocity, top)
         omega = velocity * axis.y
@@ -571,7 +584,7 @@ def _roots_from(
     if isinstance(body, Modes):
         radius = min(radius, 1e-2 * float(np.min(np.abs(natural_frequencies(body).real))))
     with np.errstate(all="ignore"):
-        s, settled = _newton(response, body, velocity, starts.astype(complex), radius, 1.0 / cycle)
+        s, settled = _newton(response, body, velocity, starts.astype(complex), radius, 1.0 / response.pace(velocity))
     return distinct_roots(s[settled & np.isfinite(s) & (s.real > limit)], cycle)
 
 
