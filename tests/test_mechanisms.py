@@ -12,8 +12,11 @@ import stickslip as ss
 from stickslip import stability
 from stickslip.errors import InputError
 from stickslip.io import rig_files
+from stickslip.kernels.drive import Quadratic, Stop
 from stickslip.model.newborn import mean_life
 from stickslip.model.units import Scales
+from stickslip.simulation.engines.base import Beginning, Leg
+from stickslip.simulation.engines.events import Events
 from stickslip.theory import attached_fraction
 
 TENTH = ss.Gaussian(mean=1.0, std=0.1)
@@ -138,6 +141,15 @@ def test_a_mechanism_that_is_absent_changes_no_bit():
         assert not plain[name].equals(ss.simulate(rig_of(unstretched))[name])
 
 
+def test_the_force_that_an_engine_tells_is_the_one_it_samples():
+    for sliding_force in (0.0, 0.3):
+        interface = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.2), sliding_force=sliding_force)
+        engine = Events(Beginning(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0), 1.0), ss.Contacts(300))
+        done = engine.advance(Leg(Quadratic(0.0, 0.0, 1.0, 0.0), 3.0, np.array([3.0]), Stop()))
+        assert 0.1 < done.rows[0, 3] < 0.95
+        assert engine.contact_force() == pytest.approx(done.rows[0, 2], abs=1e-13)
+
+
 def test_the_two_directions_are_mirror_images():
     interface = ss.Interface(
         thresholds=TENTH,
@@ -179,7 +191,7 @@ def test_contacts_stay_detached_until_the_slider_stops_and_then_all_re_attach():
     never = stick_slip(replace(RE_STUCK, delay=ss.Delay(math.inf)))
     assert float(never["attached"][-1]) == 0.0
     assert float(never["spring_force"][-1]) == pytest.approx(0.5, abs=1e-3)
-    first = int(np.argmax(attached < 1.0))
+    first = int(np.argmax(run["broken_energy"].to_numpy() != 0.0))
     assert force[first - 1] > 0.6
     assert np.allclose(force[:first], never["spring_force"][:first], atol=1e-12)
 
@@ -330,6 +342,12 @@ def test_unstable_modes_are_all_counted(sliding_force, velocity, stiffness, damp
     counted = stability.count_unstable(rig)
     assert counted == roots_counted_on_a_contour(rig)
     assert (stability.growth_rate(rig).real > 0) == (counted > 0)
+
+
+def test_without_delay_a_sliding_force_does_nothing():
+    rigs = [rig_of(ss.Interface(thresholds=TENTH, sliding_force=force), ss.constant(1.5)) for force in (0.0, 0.5)]
+    assert len({stability.growth_rate(rig) for rig in rigs}) == 1
+    assert all(stability.count_unstable(rig) == 0 for rig in rigs)
 
 
 def test_the_stability_limit_is_where_the_growth_rate_changes_sign():

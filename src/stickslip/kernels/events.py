@@ -212,8 +212,10 @@ def make_state(
 def contact_force(state: State) -> float:
     """Force of the contacts, per contact."""
     x, n = state.motion[POSITION] - state.motion[_REFERENCE], state.counts[ATTACHED]
-    detached = (state.contacts.size - n) * _element(state, state.motion[POSITION])
-    return float((n * x - state.motion[_SUM] + detached) / state.contacts.size)
+    total = n * x - state.motion[_SUM]
+    if state.motion[_YIELD] > 0.0:
+        total += (state.contacts.size - n) * _element(state, state.motion[POSITION])
+    return float(total / state.contacts.size)
 
 
 def stretchings(state: State, X: float) -> Floats:
@@ -230,7 +232,7 @@ def _power_of_two(wanted: float, most: int) -> int:
 def _element(state: State, X: float) -> float:
     """Stretching of the element that stands for the detached contacts, with the slider at `X`."""
     slides = state.counts[_SLIDES]
-    return slides * state.motion[_YIELD] if slides != 0 else X - state.motion[_ANCHOR]
+    return float(slides * state.motion[_YIELD] if slides != 0 else X - state.motion[_ANCHOR])
 
 
 @bare
@@ -476,7 +478,7 @@ def _next_event(state: State, leg: _Leg, ahead: float, most: float) -> tuple[flo
 @inlined
 def _rubbed(state: State, leg: _Leg, y: float, c: _Constants) -> float:
     """Energy that the detached contacts dissipate over a displacement."""
-    return (c.N - leg.n) * c.part * state.counts[_SLIDES] * state.motion[_YIELD] * y
+    return float((c.N - leg.n) * c.part * state.counts[_SLIDES] * state.motion[_YIELD] * y)
 
 
 @inlined

@@ -232,7 +232,7 @@ def first_turn(f: Flight, most: float, cuts: Floats) -> float:
     for i in range(count - 1):
         right = derivative(f, 1, cuts[i + 1])[0]
         if right == 0.0 and left != 0.0 and (i > 0 or f.v != 0.0):
-            return cuts[i + 1]
+            return float(cuts[i + 1])
         if left * right < 0.0:
             return _root(f, 1, 0.0, cuts[i], cuts[i + 1])
         left = right

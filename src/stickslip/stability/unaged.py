@@ -94,7 +94,7 @@ class UnagedResponse:
         At high frequencies the delay is all that is left of the response, and ``f_d`` keeps it from fading.
         """
         cycle = float(self.scale(velocity)) / velocity
-        return cycle if self.sliding_force == 0 else min(cycle, self.mean_delay)
+        return cycle if self.sliding_force == 0 or self.inert else min(cycle, self.mean_delay)
 
     def reach(self, velocity: float) -> float:
         """Distance over which the response remembers, in ``x_s``: the largest threshold and the longest delay."""
@@ -530,11 +530,11 @@ def _starts_from_line(response: UnagedResponse, body: Impedance, velocity: float
     elif not natural_frequencies(body).size:
         top = 1e4 * top
     omega = np.arange(0.5, min(top * memory / STEP, 6_000)) * STEP / memory
-    if response.sliding_force != 0:
+    if response.sliding_force != 0 and not response.inert:
         cycle = response.pace(velocity)
         far = max(_doubtful_below(response, body, velocity, None), top)
-        step = max(STEP / response.delay.longest, (far - top) / 6_000)
-        omega, top = np.append(omega, np.arange(top, far, step)), far
+        spacing = max(STEP / response.delay.longest, (far - top) / 6_000)
+        omega, top = np.append(omega, np.arange(top, far, spacing)), far
     if line == 0.0 and not response.inert:
         axis = response.axis(velocity, top)
         omega = velocity * axis.y
