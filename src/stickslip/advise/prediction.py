@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ from stickslip.advise.judging import Budget, at_speed, cost_of, cycle_of, length
 from stickslip.advise.linear import stable_ranges
 from stickslip.advise.mitigations import Attempt, Mitigation
 from stickslip.advise.speeds import Band
+from stickslip.answers import Answer, plain
 from stickslip.errors import InputError, UndecidedError, instance
 from stickslip.measure import Regime, regime
 from stickslip.model import Delay
@@ -23,8 +24,9 @@ from stickslip.model.drive import constant
 from stickslip.model.parameters import DELAY, PARAMETERS, Parameter, parameter_named
 from stickslip.model.rig import Rig
 from stickslip.model.units import Quantity, quantity
+from stickslip.progress import Progress, reporting
 from stickslip.rigid import critical_stiffness, static_friction
-from stickslip.simulation import Progress, simulate
+from stickslip.simulation import simulate
 from stickslip.theory import kinetic_friction
 
 if TYPE_CHECKING:
@@ -70,7 +72,7 @@ class Margin:
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Prediction:
+class Prediction(Answer):
     """What `predict` found; every number in the rig's own units. It prints as its short text.
 
     Attributes
@@ -366,8 +368,6 @@ class Prediction:
         lines += [f"- {line}" for line in (*self.mitigation_lines(), *self.attempt_lines())]
         return "\n".join(lines)
 
-    __repr__ = __str__
-
     def _repr_html_(self) -> str:
         rows = "".join(
             f"<tr><td>{html.escape(name)}</td><td>{html.escape(value)}</td></tr>" for name, value in self.numbers()
@@ -390,8 +390,8 @@ class Prediction:
         mine = {name: getattr(self if hasattr(self, name) else self.rig, name) for name in names}
         units = {p.name: self.rig.unit_name(p.unit) for p in PARAMETERS}
         units |= {"force": self.rig.unit_name("f_s"), "frequency": self._frequency_unit()}
-        plain = {"rig": self.rig.name, "verdict": self.verdict, "units": units, **mine, **kept}
-        found: dict[str, Any] = _plain(plain | {"assumed": {key: str(item) for key, item in self.rig.assumed.items()}})
+        own = {"rig": self.rig.name, "verdict": self.verdict, "units": units, **mine, **kept}
+        found: dict[str, Any] = plain(own | {"assumed": {key: str(item) for key, item in self.rig.assumed.items()}})
         return found
 
     def _said(self, value: float, kind: Quantity, digits: int = 4) -> str:
@@ -429,21 +429,6 @@ _NATURAL: dict[Quantity, str] = {
 }
 
 
-def _plain(value: Any) -> Any:
-    """What JSON can hold."""
-    if is_dataclass(value) and not isinstance(value, type):
-        return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if value is None or isinstance(value, (bool, int, str)):
-        return value
-    return _plain(value.tolist()) if hasattr(value, "tolist") else str(value)
-
-
 def amount(rig: Rig, parameter: str, value: float) -> str:
     """Say a parameter's value, in the rig's own units, in words; a standard deviation as a fraction of the mean."""
     if parameter == "std":
@@ -457,7 +442,7 @@ def amount(rig: Rig, parameter: str, value: float) -> str:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def predict(rig: Rig, *, fast: bool = False, progress: Progress | None = None) -> Prediction:
+def predict(rig: Rig, *, fast: bool = False, progress: Progress | bool | None = None) -> Prediction:
     """Say at which speeds a rig stick-slips, what it does at its own, how safely, and what would stop it.
 
     Parameters
@@ -465,8 +450,8 @@ def predict(rig: Rig, *, fast: bool = False, progress: Progress | None = None) -
     rig : Rig
     fast : bool
         Stop at the verdict: linear theory, and one run at the rig's speed.
-    progress : callable, optional
-        Called with the fraction of the work that is done.
+    progress : bool or callable, optional
+        True for a bar, or a function that is called with the fraction of the work that is done.
 
     Returns
     -------
@@ -485,9 +470,9 @@ def predict(rig: Rig, *, fast: bool = False, progress: Progress | None = None) -
     >>> answer.regime.kind, answer.unstable_modes
     ('stick-slip', 2)
     """
-    report = progress or (lambda _share: None)
-    found = _verdict(rig, lambda share: report(share if fast else 0.3 * share))
-    return found if fast else complete(found, progress=lambda share: report(0.3 + 0.7 * share))
+    with reporting(progress, "predict") as report:
+        found = _verdict(rig, lambda share: report(share if fast else 0.3 * share))
+        return found if fast else complete(found, progress=lambda share: report(0.3 + 0.7 * share))
 
 
 def _verdict(rig: Rig, report: Progress) -> Prediction:

@@ -48,7 +48,14 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
 def examples() -> tuple[str, ...]:
-    """Names of the rigs that come with the package."""
+    """Return the names of the rigs that come with the package.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> "brake_pad" in ss.examples()
+    True
+    """
     # A sweep is no rig: it names one.
     return tuple(sorted(f.stem for f in EXAMPLES.glob("*.toml") if "[slider]" in f.read_text(encoding="utf-8")))
 
@@ -79,8 +86,8 @@ def example(name: str) -> Rig:
     return read_rig(example_file(name))
 
 
-def read_rig(path: str | os.PathLike[str]) -> Rig:
-    """Read a rig from a TOML file.
+def read_rig(path: str | os.PathLike[str] | Mapping[str, Any]) -> Rig:
+    """Read a rig from a TOML file, or from a mapping of what a file would hold.
 
     The bare name of an example that comes with the package, such as ``"brake_pad"``, is read too where no file is
     called so.
@@ -90,7 +97,17 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
     InputError
         If the file is missing, empty, binary or no TOML, has an unknown key, or a value that cannot be; the message
         names file, key, value and remedy.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> rig = ss.read_rig("brake_pad")
+    >>> rig.value("velocity")
+    0.02
     """
+    if isinstance(path, Mapping):
+        return from_document(path)
+    instance("read_rig: path", path, (str, os.PathLike), "a file, the name of an example, or a mapping")
     source = Path(path)
     if not source.exists() and source.name == str(path) and source.name in examples():
         source = example_file(source.name)

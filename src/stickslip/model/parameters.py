@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from stickslip.errors import InputError, number, sequence, shown
+from stickslip.errors import InputError, shown
 from stickslip.model.drive import constant
 
 if TYPE_CHECKING:
@@ -144,12 +144,3 @@ def parameter_named(parameter: Parameter | str, place: str = "parameter") -> Par
         if name == parameter:
             return known
     raise InputError(f"{place} = {shown(parameter)}: must be one of {', '.join(BY_NAME)}, or a Parameter")
-
-
-def check_range(parameter: Parameter, between: tuple[float, float]) -> tuple[float, float]:
-    """Return the range of a parameter, in its natural unit, or raise `InputError`."""
-    ends = sequence("between", between, "two values, such as (0.1, 10)")
-    if len(ends) != 2:
-        raise InputError(f"between = {shown(between)}: must be two values, such as (0.1, 10)")
-    low = number("between[0]", ends[0], above=0, hint=parameter.unit)
-    return low, number("between[1]", ends[1], above=low, hint=parameter.unit)
