@@ -11,6 +11,7 @@ from stickslip.errors import InputError, instance, number, sequence, shown
 from stickslip.model.drive import Drive
 from stickslip.model.interface import Interface
 from stickslip.model.methods import Contacts, FromRest, FromSliding, MasterEquation, Method, Output, PaperClosure, Start
+from stickslip.model.operation import Operation
 from stickslip.model.parameters import PARAMETERS, Parameter, parameter_named
 from stickslip.model.quantities import read_quantity
 from stickslip.model.records import Record, rescaled
@@ -75,6 +76,8 @@ class Rig(Answer):
         What a run records.
     scales : Scales, optional
         The rig's force, length and time in SI units; none for a rig in natural units.
+    operation : Operation
+        The speeds it works at, and what of it could be built otherwise, in natural units; for `predict`.
     name : str
         What to call it.
     assumed : mapping of str to Assumption
@@ -104,6 +107,7 @@ class Rig(Answer):
     start: Start = FromRest()
     output: Output = Output()
     scales: Scales | None = None
+    operation: Operation = Operation()
     name: str = "rig"
     assumed: Mapping[str, Assumption] = field(default_factory=dict, compare=False)
     source: str = field(default="", compare=False)
@@ -117,6 +121,7 @@ class Rig(Answer):
         instance("Rig.method", self.method, methods, "Contacts(...) or MasterEquation(...)")
         instance("Rig.start", self.start, (FromRest, FromSliding), "FromRest() or FromSliding()")
         instance("Rig.output", self.output, Output, "an Output")
+        instance("Rig.operation", self.operation, Operation, "an Operation(...)")
         if self.scales is not None:
             instance("Rig.scales", self.scales, Scales, "Scales(...), or None for natural units")
 
@@ -231,9 +236,9 @@ class Rig(Answer):
             except InputError:  # what it has not
                 continue
             said = f"{value:.4g}" if parameter.unit == "1" else self.in_units(value, quantity(parameter.unit))
-            lines.append(f"{parameter.title or parameter.name:<36}{said}")
-        lines.append(f"{'thresholds':<36}{self.interface.thresholds}")
-        lines.append(f"{'method':<36}{self.method}")
+            lines.append(f"{parameter.title or parameter.name:<48}{said}")
+        lines.append(f"{'thresholds':<48}{self.interface.thresholds}")
+        lines.append(f"{'method':<48}{self.method}")
         return "\n".join(lines)
 
     def in_its_units(self, result: xr.Dataset) -> xr.Dataset:

@@ -218,6 +218,11 @@ def _provenance(call: str, parameters: Sequence[Parameter], rig: Rig, **more: ob
 
 def _two_parameters(over: tuple[Parameter | str, Parameter | str]) -> tuple[Parameter, Parameter]:
     first, second = parameter_named(over[0]), parameter_named(over[1])
+    for parameter in (first, second):
+        if parameter.rescales:
+            raise InputError(
+                f"over: {parameter.name!r} is a unit of the rig, and is varied alone, as in critical(); choose another"
+            )
     if first.name == second.name:
         raise InputError(f"over = ({first.name!r}, {second.name!r}): must be two different parameters")
     return first, second
