@@ -146,11 +146,11 @@ def _unit_of_the_rig(name: str, unit: str, title: str, force: int, length: int) 
     return Parameter(name=name, unit=unit, title=title, rescales=True, get=lambda _rig: 1.0, set=set_)
 
 
-LOAD = _unit_of_the_rig("load", "f_s", "contact strength, in proportion to the normal load", 1, 0)
+LOAD = _unit_of_the_rig("load", "f_s", "contact strength (normal load)", 1, 0)
 """Number of contacts, as it goes with the normal load."""
-FRICTION = _unit_of_the_rig("friction", "f_s", "contact strength at the same load, by the level of friction", 1, 1)
+FRICTION = _unit_of_the_rig("friction", "f_s", "level of friction", 1, 1)
 """Strength of each contact at constant stiffness: it breaks at a displacement as much larger."""
-CONTACT_STIFFNESS = _unit_of_the_rig("contact_stiffness", "k", "stiffness of the contacts, as of a lining", 0, -1)
+CONTACT_STIFFNESS = _unit_of_the_rig("contact_stiffness", "k", "stiffness of the contacts (lining)", 0, -1)
 """Stiffness of each contact at constant strength: it breaks at a displacement as much smaller."""
 
 PARAMETERS: tuple[Parameter, ...] = (STIFFNESS, VELOCITY, MASS, DAMPING, DELAY, STD, AGEING)
