@@ -78,7 +78,10 @@ RANDOM = {"mean": "2 ms", "std": "1 ms", "negative": "fold"}
     ("key", "value"),
     [
         (None, None),
-        *(("interface.delay", delay) for delay in (RANDOM, "never", "0 s", "1.2345678901234 ms")),
+        *(("interface.delay", delay) for delay in (RANDOM, "never", "on arrest", "0 s", "1.2345678901234 ms")),
+        ("interface.sliding_force", "123.4 N"),
+        ("interface.newborn", {"distribution": "gaussian", "mean": 0.3, "std": 0.0}),
+        ("interface.track_scatter", 0.123456789),
         ("interface.ageing", {"model": "langevin", "time": "3 s", "newborn": 0.1}),
         ("interface.ageing", {"model": "exponential", "time": "70 ms"}),
         ("interface.ageing", {"model": "logarithmic", "time": "7 ms", "slope": 0.02}),

@@ -29,9 +29,10 @@ from stickslip.io.rig_writer import RigWriter
 from stickslip.io.validation import parse_toml, read_toml
 from stickslip.model import Contacts, Delay, FromRest, FromSliding, Interface, MasterEquation, Output, Slider
 from stickslip.model.ageing import AGEING_MODELS, Strengthening
-from stickslip.model.delays import DelayModel, RandomDelay
+from stickslip.model.delays import DelayModel, OnArrest, RandomDelay
 from stickslip.model.distributions import DISTRIBUTIONS, Distribution, Empirical
 from stickslip.model.drive import USUAL_DISTANCE, Drive, constant, ramp
+from stickslip.model.newborn import half_distance
 from stickslip.model.operation import Operation
 from stickslip.model.parameters import Parameter, parameter_named
 from stickslip.model.rig import Assumption, Rig
@@ -297,10 +298,15 @@ class _Reader:
         elif not coefficients:
             example = rig_keys.INTERFACE["thresholds"].example
             self.mistakes.append(_MissingError("interface.thresholds", example))
+        if coefficients and "newborn" in interface:
+            self.wrong(
+                "interface.newborn", "leave it out beside mu_s and mu_k, or give contact_strength in their place"
+            )
         given = document.get("interface", {})
         if isinstance(given, Mapping) and "delay" in given and "v_half" in given:
             self.wrong("interface", "give delay or v_half, not both")
         delay = self._part(self.delay, interface.get("delay", 0.0), "interface.delay")
+        newborn = self._part(self.distribution, interface.get("newborn"), "interface.newborn")
         ageing = self._part(self.ageing, interface.get("ageing"), "interface.ageing")
         pieces = self._part(self.pieces, drive.get("pieces"), "drive.pieces")
         assumed = self._assumed(top.get("assumed", {}), document)
@@ -319,10 +325,7 @@ class _Reader:
         def natural(value: float, unit: str) -> float:
             return value if scales is None else value / scales.size(unit)
 
-        if "v_half" in interface:
-            time = thresholds.positive().moment(1) / natural(interface["v_half"], "x_s/time")
-            delay = self.make("interface.v_half", lambda: Delay(time))
-        elif scales is not None:
+        if scales is not None:
             delay = _in(delay, natural)
         operation = self.make(
             "drive",
@@ -332,19 +335,26 @@ class _Reader:
                 feasible=tuple((p.name, natural(a, p.unit), natural(b, p.unit)) for p, a, b in feasible),
             ),
         )
+        made = self.make(
+            "interface",
+            lambda: Interface(
+                thresholds=thresholds,
+                initial=initial,
+                delay=delay,
+                ageing=None if ageing is None else ageing(natural),
+                sliding_force=natural(interface["sliding_force"], "f_s"),
+                newborn=newborn,
+                track_scatter=interface["track_scatter"],
+            ),
+        )
+        if "v_half" in interface:
+            half_speed = natural(interface["v_half"], "x_s/time")
+            made = replace(made, delay=self.make("interface.v_half", lambda: Delay(half_distance(made) / half_speed)))
         return Rig(
             operation=operation,
             name=top["name"],
             source=top["source"],
-            interface=self.make(
-                "interface",
-                lambda: Interface(
-                    thresholds=thresholds,
-                    initial=initial,
-                    delay=delay,
-                    ageing=None if ageing is None else ageing(natural),
-                ),
-            ),
+            interface=made,
             slider=self._slider(slider, natural),
             drive=self._drive(drive, pieces, natural),
             method=self.make(
@@ -508,6 +518,8 @@ class _Reader:
         """A delay whose times are in the units of the file."""
         if content == "never":
             return Delay(math.inf)
+        if content == "on arrest":
+            return OnArrest()
         if isinstance(content, Mapping):
             before = len(self.mistakes)
             values = self.table(content, rig_keys.RANDOM_DELAY, place)
@@ -625,6 +637,8 @@ def _in(delay: DelayModel, natural: Callable[[float, str], float]) -> DelayModel
     """A delay in natural units."""
     if isinstance(delay, RandomDelay):
         return replace(delay, mean=natural(delay.mean, "time"), std=natural(delay.std, "time"))
+    if isinstance(delay, OnArrest):
+        return delay
     return Delay(natural(delay.moment(1), "time"))
 
 

@@ -240,11 +240,12 @@ INTERFACE: Mapping[str, Key] = {
         measure="repeat a slow pull after unloading and reloading: a rounder first peak means a wider distribution",
     ),
     "delay": Key(
-        'Time until a broken contact is attached again: a time, a table for a random one, or `"never"`.',
+        "Time until a broken contact is attached again: a time, a table for a random one, "
+        '`"on arrest"` for contacts that wait until the slider stops, or `"never"`.',
         "2 ms",
         unit="time",
         sign="at least 0",
-        words=("never",),
+        words=("never", "on arrest"),
         or_table=True,
         default=0.0,
         measure=NO_DELAY,
@@ -256,6 +257,27 @@ INTERFACE: Mapping[str, Key] = {
         unit="x_s/time",
         sign="above 0",
         otherwise="`delay`",
+    ),
+    "sliding_force": Key(
+        "Force of all contacts together, were they all detached and sliding; `contact_strength` is their strength "
+        "attached.",
+        "150 N",
+        unit="f_s",
+        sign="at least 0",
+        default=0.0,
+    ),
+    "newborn": Key(
+        "Distribution of the stretchings with which contacts re-attach, along the motion, in units of "
+        "`breaking_displacement`.",
+        {"distribution": "uniform", "low": 0.0, "high": 0.2},
+        otherwise="they are unstretched",
+    ),
+    "track_scatter": Key(
+        "Scatter from slip to slip of all thresholds alike: standard deviation of the factor, of mean 1, that those "
+        "drawn between two arrests of the slider have in common.",
+        0.1,
+        sign="at least 0",
+        default=0.0,
     ),
     "ageing": Key(
         "How the thresholds of contacts grow with their age.",

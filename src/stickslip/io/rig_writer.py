@@ -11,7 +11,7 @@ from stickslip.io import rig_keys
 from stickslip.io.rig_keys import keys_of
 from stickslip.model import Contacts, Delay, FromSliding, Gaussian, MasterEquation, Slider
 from stickslip.model.ageing import AGEING_MODELS
-from stickslip.model.delays import RandomDelay
+from stickslip.model.delays import OnArrest, RandomDelay
 from stickslip.model.distributions import DISTRIBUTIONS, Distribution
 from stickslip.model.parameters import parameter_named
 from stickslip.model.quantities import read_quantity
@@ -67,7 +67,7 @@ class RigWriter:
 
     def _interface(self) -> Document:
         interface, found = self.rig.interface, {}
-        interface.allow((), "a rig file")
+        interface.allow(("sliding_force", "newborn", "track_scatter", "on_arrest"), "a rig file")
         if self.scales is not None:
             found["contact_strength"] = self._quantity(1.0, "f_s", lambda si: si == self._scale("force"))
             found["breaking_displacement"] = self._quantity(1.0, "x_s", lambda si: si == self._scale("stretching"))
@@ -77,6 +77,12 @@ class RigWriter:
             found["initial"] = self._record("distribution", interface.initial, DISTRIBUTIONS)
         if self.digits is not None or interface.delay != Delay(0.0):
             found["delay"] = self._delay()
+        if interface.sliding_force:
+            found["sliding_force"] = self._quantity(interface.sliding_force, "f_s")
+        if interface.newborn is not None:
+            found["newborn"] = self._record("distribution", interface.newborn, DISTRIBUTIONS)
+        if interface.track_scatter:
+            found["track_scatter"] = self._number(interface.track_scatter)
         if interface.ageing is not None:
             found["ageing"] = self._record("model", interface.ageing, AGEING_MODELS)
         return found
@@ -114,6 +120,8 @@ class RigWriter:
         delay = self.rig.interface.delay
         if isinstance(delay, Delay):
             return "never" if math.isinf(delay.time) else self._quantity(delay.time, "time")
+        if isinstance(delay, OnArrest):
+            return "on arrest"
         if not isinstance(delay, RandomDelay):
             raise self._refuse(f"the delay {shown(delay)}")
         times = {name: self._quantity(getattr(delay, name), "time") for name in ("mean", "std")}

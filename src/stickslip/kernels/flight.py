@@ -185,6 +185,57 @@ def _root(f: Flight, order: int, value: float, low: float, high: float) -> float
 
 
 @bare
+def _cut(f: Flight, order: int, cuts: Floats, count: int) -> int:
+    """Cut parts on which a derivative is monotone where it vanishes; their number then."""
+    i = 0
+    left = _start(f, order)
+    while i + 1 < count:
+        right = derivative(f, order, cuts[i + 1])[0]
+        if left * right < 0.0:
+            root = _root(f, order, 0.0, cuts[i], cuts[i + 1])
+            if cuts[i] < root < cuts[i + 1]:
+                for j in range(count, i + 1, -1):
+                    cuts[j] = cuts[j - 1]
+                cuts[i + 1] = root
+                count += 1
+                i += 1
+        left = right
+        i += 1
+    return count
+
+
+@bare
+def heading(f: Flight) -> float:
+    """Whither the slider moves just after the start: a number of that sign, 0 if it stays."""
+    return _start(f, 1)
+
+
+@bare
+def first_turn(f: Flight, most: float, cuts: Floats) -> float:
+    """First time up to `most`, within what `first_crossing` has searched, at which the slider stops, or infinity."""
+    if f.w2 == 0.0:  # rigid motion
+        return math.inf
+    g2 = f.w2 - 0.25 * f.eta * f.eta
+    decay = 0.5 * f.eta if g2 > 0.0 else f.w2 / (0.5 * f.eta + math.sqrt(-g2))
+    cuts[0], cuts[1] = 0.0, most
+    count = 2
+    if decay * most > _DIED_OUT:
+        cuts[1], cuts[2] = _DIED_OUT / decay, most
+        count = 3
+    for order in (3, 2):
+        count = _cut(f, order, cuts, count)
+    left = _start(f, 1)
+    for i in range(count - 1):
+        right = derivative(f, 1, cuts[i + 1])[0]
+        if right == 0.0 and left != 0.0 and (i > 0 or f.v != 0.0):
+            return cuts[i + 1]
+        if left * right < 0.0:
+            return _root(f, 1, 0.0, cuts[i], cuts[i + 1])
+        left = right
+    return math.inf
+
+
+@bare
 def first_crossing(f: Flight, to_ahead: float, to_behind: float, most: float, cuts: Floats) -> tuple[float, int]:
     """First time up to `most` at which the displacement reaches `to_ahead` or `-to_behind`, and which: 1 or -1.
 
@@ -213,20 +264,7 @@ def first_crossing(f: Flight, to_ahead: float, to_behind: float, most: float, cu
         cuts[1], cuts[2] = _DIED_OUT / decay, most
         count = 3
     for order in (3, 2, 1):
-        i = 0
-        left = _start(f, order)
-        while i + 1 < count:
-            right = derivative(f, order, cuts[i + 1])[0]
-            if left * right < 0.0:
-                root = _root(f, order, 0.0, cuts[i], cuts[i + 1])
-                if cuts[i] < root < cuts[i + 1]:
-                    for j in range(count, i + 1, -1):
-                        cuts[j] = cuts[j - 1]
-                    cuts[i + 1] = root
-                    count += 1
-                    i += 1
-            left = right
-            i += 1
+        count = _cut(f, order, cuts, count)
     for i in range(count - 1):
         y = derivative(f, 0, cuts[i + 1])[0]
         if y >= to_ahead:
