@@ -270,13 +270,15 @@ def test_growth_rates_in_numbers(stiffness, sliding_force, root):
     assert (stability.count_unstable(rig) > 0) == (root.real > 0)
 
 
+NODE, WEIGHT = np.polynomial.legendre.leggauss(150)
+
+
 def by_quadrature(interface, velocity, s):
     """``kappa(s)`` from lives of contacts, one by one: nothing in common with transforms."""
-    node, weight = np.polynomial.legendre.leggauss(400)
     c = 0.0 if interface.newborn is None else interface.newborn.moment(1)
     low, high = max(abs(c), 0.2), 1.8
-    threshold = low + 0.5 * (high - low) * (1 + node)
-    share = weight * np.exp(-0.5 * ((threshold - 1) / 0.1) ** 2)
+    threshold = low + 0.5 * (high - low) * (1 + NODE)
+    share = WEIGHT * np.exp(-0.5 * ((threshold - 1) / 0.1) ** 2)
     share /= share.sum()
     life, q = threshold - c, s / velocity
     ended = share @ np.exp(-q * life)

@@ -99,7 +99,9 @@ class State(NamedTuple):
 
     ``contacts`` holds birth position and threshold, shape (N,); a threshold of 0 marks a detached contact. ``ahead`` is
     keyed by ``birth + threshold``, ``behind`` by ``threshold - birth``, ``waiting``, of detached contacts, by time.
-    Entries of ``ahead`` and ``behind`` outlive their contact and are recognised as stale when they come up.
+    Entries of ``ahead`` and ``behind`` outlive their contact and are recognised as stale when they come up. A slider
+    that moves on, or back by less than a threshold, breaks none behind: until one comes near, a bound stands for the
+    queue ``behind``, which is then filled and kept for a while.
     """
 
     contacts: Records
@@ -125,6 +127,7 @@ LOOKED = 9  # position of the slider at the time of a look
 _HALF = 10  # 1/(2 N)
 _YIELD = 11  # force at which the element of the detached contacts yields
 _ANCHOR = 12  # position of the slider at which that element, while elastic, is unstretched
+_LEAST = 13  # no attached contact has a smaller key in ``behind``
 # state.counts
 ATTACHED = 0
 SAMPLE = 1  # next sample
@@ -136,6 +139,8 @@ _SLIDES = 6  # 1 or -1 while the element of the detached contacts yields ahead o
 _LEFT = 7  # the side at which it yielded just now, until the slider turns round: 1, -1, or 0 for none
 _DIRECTION = 8  # in which the slider moved last: 1 or -1
 _AT_ARREST = 9  # breaks up to the last arrest
+_KEPT = 10  # whether ``behind`` is kept
+_SUMMED = 11  # attachments since the last summing up
 
 # columns of the samples
 COLUMNS = ("displacement", "velocity", "friction_force", "attached", "stored", "work", "damped", "broken")
@@ -185,8 +190,8 @@ def make_state(
         ahead=make_queue(2 * N + 64, bins, width),
         behind=make_queue(3 * N + 64, bins, width),
         waiting=make_queue(N + 64, _power_of_two(N / 8, N), time_width),
-        motion=np.zeros(13),
-        counts=np.zeros(10, np.int64),
+        motion=np.zeros(14),
+        counts=np.zeros(12, np.int64),
         cuts=np.zeros(16),
     )
     state.motion[POSITION] = state.motion[_ANCHOR] = X
@@ -200,7 +205,6 @@ def make_state(
     for i in np.flatnonzero(np.isfinite(pending)):
         push(state.waiting, float(pending[i]), first_detached + int(i))
     _rebuild(state, state.ahead, 1.0)
-    _rebuild(state, state.behind, -1.0)
     _sum_again(state)
     return state
 
@@ -240,14 +244,17 @@ def _rebuild(state: State, queue: Queue, side: float) -> None:
 
 @bare
 def _sum_again(state: State) -> None:
-    """Sum the birth positions afresh, about the present position: rounding cannot pile up."""
+    """Sum the birth positions afresh, about the present position: rounding cannot pile up; and the bound behind."""
     reference = state.motion[POSITION]
-    total, squares = 0.0, 0.0
+    total, squares, least = 0.0, 0.0, np.inf
     for i in range(state.contacts.size):
         if state.contacts[i]["threshold"] > 0:
             y = state.contacts[i]["birth"] - reference
             total += y
             squares += y * y
+            least = min(least, state.contacts[i]["threshold"] - state.contacts[i]["birth"])
+    state.motion[_LEAST] = least
+    state.counts[_SUMMED] = 0
     state.motion[_SUM] = total
     state.motion[_SQUARES] = squares
     state.motion[_REFERENCE] = reference
@@ -272,12 +279,13 @@ def _attach(state: State, slot: int, threshold: float, stretching: float) -> Non
         _rebuild(state, state.ahead, 1.0)
     else:
         push(state.ahead, threshold + X, slot)
-    if is_full(state.behind):
-        # Happens once in about 2 N attachments: a good moment to sum again, too.
-        _rebuild(state, state.behind, -1.0)
-        _sum_again(state)
-    else:
+    state.motion[_LEAST] = min(state.motion[_LEAST], threshold - X)
+    state.counts[_SUMMED] += 1
+    if state.counts[_KEPT] and not is_full(state.behind):
         push(state.behind, threshold - X, slot)
+    elif state.counts[_KEPT] or state.counts[_SUMMED] > 2 * state.contacts.size + 64:
+        _sum_again(state)
+        state.counts[_KEPT] = 0
 
 
 @inlined
@@ -447,8 +455,8 @@ def _next_event(state: State, leg: _Leg, ahead: float, most: float) -> tuple[flo
     if not applies and v > 0.0:
         h, y, u, side, applies = soon(leg.flight, to_ahead, most)
     if not applies:
-        # Only now the queue behind is asked: while the slider moves on, none of its contacts can break.
-        behind = _next_break(state, state.behind, -1.0)
+        # Only now those behind are looked at: while the slider moves on, none of them can break.
+        behind = _next_break(state, state.behind, -1.0) if state.counts[_KEPT] else state.motion[_LEAST]
         to_behind = max(min(behind, -leg.behind) + leg.X, 0.0)
         h, y, u, side, applies = 0.0, 0.0, v, 1, to_behind == 0.0
         if not applies and v < 0.0:
@@ -643,6 +651,10 @@ def advance(state: State, slider: Slider, piece: Piece, sampling: Sampling, draw
         limit = min(attachment, piece.end)
         most = max(limit - leg.t, 0.0)
         h, y, u, side = _next_event(state, leg, ahead, most)
+        if side == -1 and not counts[_KEPT]:
+            _rebuild(state, state.behind, -1.0)
+            counts[_KEPT] = 1
+            continue
         ends_at = limit if side == 0 and h == most else leg.t + h
 
         if ends_at > piece.look and leg.t <= piece.look:
