@@ -145,6 +145,12 @@ TOP: Mapping[str, Key] = {
     "interface": Key("The contacts between slider and base.", {"contact_strength": "768 N"}, required=True),
     "drive": Key("How the far end of the driving spring moves.", {"velocity": "0.4 mm/s"}, required=True),
     "simulation": Key("How the rig is simulated.", {"contacts": 2000}, otherwise="all its defaults"),
+    "feasible": Key(
+        "What could be built or set otherwise: for parameters by name, the lowest and the highest value. Mitigations "
+        "are looked for inside.",
+        {"stiffness": ["1 MN/m", "10 MN/m"]},
+        otherwise="a factor 30 either way",
+    ),
     "assumed": Key(
         "What was not measured: the path of a key, and how to measure it.",
         {"interface.delay": "measure the steady force at several speeds"},
@@ -281,7 +287,14 @@ INTERFACE: Mapping[str, Key] = {
 }
 
 DRIVE: Mapping[str, Key] = {
-    "velocity": Key("Constant velocity of the drive.", "0.4 mm/s", unit="x_s/time", sign="", otherwise="`pieces`"),
+    "velocity": Key(
+        "Constant velocity of the drive; a list of all speeds at which the rig works, the one to simulate first; or a "
+        'table `{ from = "1 mm/s", to = "50 mm/s" }` of their range, of which the middle is simulated.',
+        "0.4 mm/s",
+        unit="x_s/time",
+        sign="",
+        otherwise="`pieces`",
+    ),
     "distance": Key(
         "How far the drive goes at this velocity.",
         "4 mm",

@@ -13,6 +13,7 @@ from stickslip.model import Contacts, Delay, FromSliding, Gaussian, MasterEquati
 from stickslip.model.ageing import AGEING_MODELS
 from stickslip.model.delays import OnArrest, RandomDelay
 from stickslip.model.distributions import DISTRIBUTIONS, Distribution
+from stickslip.model.parameters import parameter_named
 from stickslip.model.quantities import read_quantity
 from stickslip.model.rig import Rig
 from stickslip.model.units import SI_NAMES, engineering
@@ -39,6 +40,10 @@ class RigWriter:
         found["interface"] = self._interface()
         found["drive"] = self._drive()
         found["simulation"] = self._simulation()
+        if feasible := self.rig.operation.feasible:
+            found["feasible"] = {
+                name: [self._quantity(end, parameter_named(name).unit) for end in ends] for name, *ends in feasible
+            }
         assumed = {key: item.how for key, item in rig.assumed.items() if not item.default}
         return found | ({"assumed": assumed} if assumed else {})
 
@@ -138,7 +143,7 @@ class RigWriter:
                 ]
             }
         velocity, duration = pieces[0].start, pieces[0].duration
-        found = {"velocity": self._velocity(velocity)}
+        found = {"velocity": self._speeds(velocity)}
         if velocity:
             size = 1.0 if self.scales is None else self.scales.size("x_s")
             distance = self._quantity(
@@ -147,6 +152,12 @@ class RigWriter:
             if distance is not None:
                 return found | {"distance": distance}
         return found | {"duration": self._quantity(duration, "time")}
+
+    def _speeds(self, velocity: float) -> Any:
+        operation = self.rig.operation
+        if operation.between is not None:
+            return {name: self._velocity(end) for name, end in zip(("from", "to"), operation.between, strict=True)}
+        return [self._velocity(speed) for speed in operation.speeds] or self._velocity(velocity)
 
     def _velocity(self, value: float) -> Any:
         """A velocity; the fastest one of a drive is also what the unit of time comes from."""
@@ -196,7 +207,7 @@ class RigWriter:
             Return None if no text reads back as the same; by default the nearest that there is.
         """
         size = 1.0 if self.scales is None else self.scales.size(unit)
-        if self.scales is None:
+        if self.scales is None or unit == "1":
             if self.digits is not None:
                 return self._number(value)
             return next((at for at in _roundings(value) if (same or value.__eq__)(at)), None if or_none else value)
