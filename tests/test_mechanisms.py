@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 import stickslip as ss
 from stickslip import stability
 from stickslip.errors import InputError
+from stickslip.explorer import documents
 from stickslip.io import rig_files
 from stickslip.kernels.drive import Quadratic, Stop
 from stickslip.model.newborn import mean_life
@@ -439,3 +440,10 @@ def test_at_the_speed_v_half_the_friction_has_halved_with_a_sliding_force_too():
     document["interface"]["sliding_force"] = "300 N"
     with pytest.raises(InputError, match=r"interface\.v_half: the friction never halves"):
         rig_files.from_document(document)
+
+
+def test_the_page_of_the_browser_app_keeps_every_mechanism():
+    interface = ss.Interface(
+        thresholds=TENTH, delay=ss.OnArrest(), sliding_force=0.25, newborn=STRETCHED, track_scatter=0.125
+    )
+    assert documents.rig_of(documents.of(rig_of(interface))).interface == interface
