@@ -1,0 +1,38 @@
+"""From a measured force trace to the interface behind it, with honest intervals.
+
+`fit` compares the slips of a trace with simulated ones, sampled and picked in the same way. `quick_fit` makes a rig of a
+few readings by closed forms, without error bars. `over_draws` gives the verdict on a fitted rig with its uncertainty.
+"""
+
+from stickslip.fit.arrest import UNKNOWNS, Prior
+from stickslip.fit.events import Events, check, pick_events
+from stickslip.fit.fitting import Fit, Interval, fit
+from stickslip.fit.observation import Observation
+from stickslip.fit.rates import Delays, Strengthening
+from stickslip.fit.recipe import quick_fit
+from stickslip.fit.rigs import Uncertain, over_draws
+from stickslip.fit.statistics import FITTED, HELD_OUT, covariance, statistics
+from stickslip.fit.table import Table, table
+
+__all__ = [
+    "FITTED",
+    "HELD_OUT",
+    "UNKNOWNS",
+    "Delays",
+    "Events",
+    "Fit",
+    "Interval",
+    "Observation",
+    "Prior",
+    "Strengthening",
+    "Table",
+    "Uncertain",
+    "check",
+    "covariance",
+    "fit",
+    "over_draws",
+    "pick_events",
+    "quick_fit",
+    "statistics",
+    "table",
+]
