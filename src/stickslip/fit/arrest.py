@@ -14,7 +14,7 @@ import numpy as np
 from stickslip.errors import InputError, number
 from stickslip.measure.arrays import Array
 
-VERSION = 1
+VERSION = 2
 """Of what `simulate` makes of parameters and a seed: a table made by another version is not used."""
 
 FLOOR = 0.01

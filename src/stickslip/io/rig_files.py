@@ -32,7 +32,7 @@ from stickslip.model.ageing import AGEING_MODELS, Strengthening
 from stickslip.model.delays import DelayModel, RandomDelay
 from stickslip.model.distributions import DISTRIBUTIONS, Distribution, Empirical
 from stickslip.model.drive import USUAL_DISTANCE, Drive, constant, ramp
-from stickslip.model.rig import Assumption, Rig
+from stickslip.model.rig import Assumption, Fitted, Rig
 from stickslip.model.units import Scales
 
 Made = TypeVar("Made")
@@ -284,6 +284,7 @@ class _Reader:
         ageing = self._part(self.ageing, interface.get("ageing"), "interface.ageing")
         pieces = self._part(self.pieces, drive.get("pieces"), "drive.pieces")
         assumed = self._assumed(top.get("assumed", {}), document)
+        fitted = self._fitted(top.get("fitted", {}), document)
         self.stop()
 
         if coefficients:
@@ -333,6 +334,7 @@ class _Reader:
             ),
             scales=scales,
             assumed=assumed,
+            fitted=fitted,
         )
 
     def _part(self, read: Callable[[Any, str], Made], content: Any, place: str) -> Any:
@@ -487,6 +489,26 @@ class _Reader:
             if key.measure and not here and f"interface.{name}" not in found:
                 value = "0 s" if key.unit and not self.natural else _plainly(key.default)
                 found[f"interface.{name}"] = Assumption(value, key.measure, default=True)
+        return found
+
+    def _fitted(self, content: object, document: Mapping[str, Any]) -> dict[str, Fitted]:
+        """What the file marks as fitted, each with its value, interval and draws."""
+        found: dict[str, Fitted] = {}
+        if not isinstance(content, Mapping):
+            self.mistakes.append(InputError(f"fitted = {shown(content)}: must be a table, as in [fitted]", "fitted"))
+            return found
+        for path, entry in content.items():
+            try:
+                rig_keys.check_path(path, "fitted")
+            except InputError as error:
+                self.mistakes.append(error)
+                continue
+            values = self.table(entry, rig_keys.FITTED, f"fitted.{path}")
+            if len(values) == len(rig_keys.FITTED):
+                found[path] = Fitted(_value_at(document, path), **values)
+        if len({len(one.draws) for one in found.values() if one.draws}) > 1:
+            counts = ", ".join(f"{len(one.draws)} of {path}" for path, one in found.items())
+            self.wrong("fitted", f"draws belong together, but there are {counts}; give as many of each")
         return found
 
     def _scales(

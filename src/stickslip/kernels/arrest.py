@@ -20,6 +20,7 @@ from .turning_points import PEAK, START, TROUGH, turn
 
 _WARM = 5  # each contact breaks so often before the first slip that counts
 _STEPS = 60
+_TRIES = 100
 
 
 class Arrest(NamedTuple):
@@ -38,11 +39,13 @@ class Arrest(NamedTuple):
 
 
 @jit
-def _threshold(rng: np.random.Generator, std: float) -> float:
-    while True:
-        value: float = 1.0 + std * rng.normal()
-        if value > 0.0:
+def _threshold(rng: np.random.Generator, std: float, factor: float, least: float) -> float:
+    """Draw a threshold beyond the stretching at birth; on a track so weak that none is, one that holds nothing."""
+    for _ in range(_TRIES):
+        value: float = factor * (1.0 + std * rng.normal())
+        if value > least:
             return value
+    return least
 
 
 @jit
@@ -121,9 +124,10 @@ def slips(
     attached_at, breaks_at = np.empty(count), np.empty(count)  # positions of the slider
     broken = np.empty(count, np.int64)
     for i in range(count):
-        threshold = _threshold(rng, model.std)
+        threshold = _threshold(rng, model.std, 1.0, 0.0)
         attached_at[i] = -rng.random() * threshold
         breaks_at[i] = attached_at[i] + threshold
+    track = math.sqrt(math.log1p(model.track_scatter**2))  # of the logarithm of the factor, whose mean is 1
     X = 0.0
     found = done = 0
     begun = False
@@ -165,11 +169,10 @@ def slips(
                 break
             X = breaks_at[nearest]
 
-        factor = max(1.0 + model.track_scatter * rng.normal(), 0.0) if model.track_scatter > 0.0 else 1.0
+        factor = math.exp(track * (rng.normal() - 0.5 * track)) if track > 0.0 else 1.0
         for i in broken[:loose]:
             attached_at[i] = X - residual
-            # A threshold below the residual holds nothing: that contact slides on as soon as the slider does.
-            breaks_at[i] = max(attached_at[i] + factor * _threshold(rng, model.std), X)
+            breaks_at[i] = attached_at[i] + _threshold(rng, model.std, factor, residual)
         done += loose
         X = (kappa * drive + attached_at.sum() / count) / (kappa + 1.0)  # the ring-down, contacts attached
         force = kappa * (drive - X)
