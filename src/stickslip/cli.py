@@ -133,7 +133,7 @@ def predict(
         drawing.save(found.plot(), plot)
     uncertain = None
     if described.fitted:
-        from stickslip.fit import over_draws
+        from stickslip.fitting import over_draws
 
         with console.bar("over the draws") as progress:
             uncertain = over_draws(described, progress=progress)
@@ -386,7 +386,7 @@ def fit(
     trace
         A table in plain text with a column of force, or a run (NetCDF).
     """
-    from stickslip.fit.command import fit_file
+    from stickslip.fitting.command import fit_file
 
     _check_outputs(output, plot, read=trace)
     data = _read_data(trace, force, time, step, flip=flip)

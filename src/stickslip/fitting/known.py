@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stickslip.errors import InputError, instance, number
-from stickslip.fit.events import Events
+from stickslip.fitting.events import Events
 from stickslip.measure.arrays import Array
 from stickslip.measure.headings import ratio
 from stickslip.model.quantities import read_quantity

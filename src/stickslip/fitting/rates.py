@@ -15,7 +15,7 @@ from stickslip.model.quantities import read_quantity
 from stickslip.model.units import engineering
 
 if TYPE_CHECKING:
-    from stickslip.fit.fitting import Fit
+    from stickslip.fitting.fits import Fit
 
 _FEWEST_SPEEDS, _FEWEST_HOLDS = 3, 3
 

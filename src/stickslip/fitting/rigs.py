@@ -18,15 +18,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stickslip.errors import InputError, UndecidedError, instance, whole
-from stickslip.fit.events import RESOLVED
-from stickslip.fit.known import Known
+from stickslip.fitting.events import RESOLVED
+from stickslip.fitting.known import Known
 from stickslip.io.rig_files import from_document, to_document
 from stickslip.measure.arrays import Array
 from stickslip.model.rig import Rig
 from stickslip.model.units import engineering
 
 if TYPE_CHECKING:
-    from stickslip.fit.fitting import Fit
+    from stickslip.fitting.fits import Fit
 
 DRAWS_KEPT = 100
 _LIGHTEST = 0.01

@@ -10,8 +10,8 @@ import numpy as np
 import xarray as xr
 
 from stickslip.errors import InputError, instance, number
-from stickslip.fit.arrest import FLOOR
-from stickslip.fit.statistics import FITTED, resampled, statistics
+from stickslip.fitting.arrest import FLOOR
+from stickslip.fitting.summary import FITTED, resampled, statistics
 from stickslip.measure.arrays import Array, Trace
 from stickslip.measure.slips import white_noise
 
@@ -149,7 +149,7 @@ class Events:
 
     @property
     def statistics(self) -> Array:
-        """The numbers that summarise the slips, in the order of `stickslip.fit.statistics.NAMES`."""
+        """The numbers that summarise the slips, in the order of `stickslip.fitting.summary.NAMES`."""
         return statistics(self.peaks, self.troughs)
 
     def part(self, begin: int, end: int) -> Events:
@@ -231,7 +231,7 @@ def pick_events(trace: xr.Dataset, *, smallest: float | None = None, after: floa
     Examples
     --------
     >>> import numpy as np, xarray as xr
-    >>> from stickslip.fit import pick_events
+    >>> from stickslip.fitting import pick_events
     >>> saw = 10.0 + np.tile(np.linspace(-2.0, 2.0, 50), 40)
     >>> trace = xr.Dataset({"spring_force": ("time", saw)}, coords={"time": 0.1 * np.arange(saw.size)})
     >>> found = pick_events(trace)

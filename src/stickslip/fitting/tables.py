@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError, whole
-from stickslip.fit.arrest import FLOOR, KEYS, VERSION, Prior, simulate
+from stickslip.fitting.arrest import FLOOR, KEYS, VERSION, Prior, simulate
 from stickslip.io import files
 from stickslip.measure.arrays import Array
 
@@ -103,7 +103,7 @@ def table(
 
     Examples
     --------
-    >>> from stickslip.fit import Prior, table
+    >>> from stickslip.fitting import Prior, table
     >>> small = table(prior=Prior(contacts=(5, 20)), draws=250, slips=40)
     >>> len(small), small.peaks.shape
     (250, (250, 40))

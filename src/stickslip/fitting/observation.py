@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.fit.events import Events
-from stickslip.fit.statistics import NAMES, statistics
+from stickslip.fitting.events import Events
+from stickslip.fitting.summary import NAMES, statistics
 from stickslip.measure.arrays import Array
 
 _AT_A_TIME = 500

@@ -4,15 +4,15 @@
 few readings by closed forms, without error bars. `over_draws` gives the verdict on a fitted rig with its uncertainty.
 """
 
-from stickslip.fit.arrest import UNKNOWNS, Prior
-from stickslip.fit.events import Events, check, pick_events
-from stickslip.fit.fitting import Fit, Interval, fit
-from stickslip.fit.observation import Observation
-from stickslip.fit.rates import Delays, Strengthening
-from stickslip.fit.recipe import quick_fit
-from stickslip.fit.rigs import Uncertain, over_draws
-from stickslip.fit.statistics import FITTED, HELD_OUT, covariance, statistics
-from stickslip.fit.table import Table, table
+from stickslip.fitting.arrest import UNKNOWNS, Prior
+from stickslip.fitting.events import Events, check, pick_events
+from stickslip.fitting.fits import Fit, Interval, fit
+from stickslip.fitting.observation import Observation
+from stickslip.fitting.rates import Delays, Strengthening
+from stickslip.fitting.recipe import quick_fit
+from stickslip.fitting.rigs import Uncertain, over_draws
+from stickslip.fitting.summary import FITTED, HELD_OUT, covariance, statistics
+from stickslip.fitting.tables import Table, table
 
 __all__ = [
     "FITTED",

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from stickslip.errors import InputError
-from stickslip.fit.arrest import KEYS, Prior
-from stickslip.fit.observation import Observation, Seen
-from stickslip.fit.statistics import comparable
-from stickslip.fit.table import Table, simulated
+from stickslip.fitting.arrest import KEYS, Prior
+from stickslip.fitting.observation import Observation, Seen
+from stickslip.fitting.summary import comparable
+from stickslip.fitting.tables import Table, simulated
 from stickslip.measure.arrays import Array
 
 NEAREST = 300

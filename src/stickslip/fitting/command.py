@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from stickslip.fit.fitting import Fit
+    from stickslip.fitting.fits import Fit
 
 
 def fit_file(
@@ -32,7 +32,7 @@ def fit_file(
     progress: Callable[[float], None],
 ) -> tuple[Fit, list[tuple[str, Path]]]:
     """Fit a trace as the command line asks; return the fit, and what was written where."""
-    from stickslip.fit.fitting import fit
+    from stickslip.fitting.fits import fit
     from stickslip.io import files
     from stickslip.io.rig_files import to_toml
 

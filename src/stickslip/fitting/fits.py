@@ -13,20 +13,20 @@ import numpy as np
 import xarray as xr
 
 from stickslip.errors import InputError, instance, whole
-from stickslip.fit.arrest import KEYS, UNKNOWNS, Prior
-from stickslip.fit.events import Events, check, pick_events
-from stickslip.fit.inference import EDGE, infer, see
-from stickslip.fit.known import QUANTITIES, Known, likelihood_of, quantity_of
-from stickslip.fit.observation import Observation
-from stickslip.fit.statistics import FITTED, NAMES
-from stickslip.fit.table import DRAWS, SLIPS, Table, table
+from stickslip.fitting.arrest import KEYS, UNKNOWNS, Prior
+from stickslip.fitting.events import Events, check, pick_events
+from stickslip.fitting.inference import EDGE, infer, see
+from stickslip.fitting.known import QUANTITIES, Known, likelihood_of, quantity_of
+from stickslip.fitting.observation import Observation
+from stickslip.fitting.summary import FITTED, NAMES
+from stickslip.fitting.tables import DRAWS, SLIPS, Table, table
 from stickslip.measure.arrays import Array
 from stickslip.model.units import engineering
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from stickslip.fit.rates import Delays, Strengthening
+    from stickslip.fitting.rates import Delays, Strengthening
     from stickslip.model.rig import Rig
 
 POSTERIOR = 300
@@ -80,7 +80,7 @@ class Fit:
         The slips that were fitted.
     prior : Prior
     values : (draws, 6) array
-        Equally likely parameters, in the order of `stickslip.fit.UNKNOWNS`; each was simulated again.
+        Equally likely parameters, in the order of `stickslip.fitting.UNKNOWNS`; each was simulated again.
     strength : (draws,) array
         Total contact strength of each draw, in the unit of the force.
     predicted : (draws, 20) array
@@ -211,7 +211,7 @@ class Fit:
         InputError
             If the stiffness is not known: then no length is.
         """
-        from stickslip.fit.rigs import rig_of
+        from stickslip.fitting.rigs import rig_of
 
         return rig_of(self, name=name, mass=mass, speed=speed)
 
@@ -385,7 +385,7 @@ def _completed(
     """Add what other speeds and holds say, and notes on what was found."""
     from dataclasses import replace
 
-    from stickslip.fit.rates import delays_of, strengthening_of
+    from stickslip.fitting.rates import delays_of, strengthening_of
 
     for one in found.parameters:
         if one.verdict == "at a bound":
