@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _NOISES, _STEPS = 6.0, 3.0
 """The smallest drop is so many standard deviations of the noise, and so many steps of the recording."""
-_RINGING, _REBOUND = 4.0, 0.5
+_RINGING, _REBOUND = 2.0, 0.5
 """A rise so many times as fast as the loading, and below this part of the drop before, belongs to the slip: it rings."""
 
 FEWEST, FEWEST_SAMPLES, LONGEST_GAP = 30, 20.0, 4
@@ -299,12 +299,12 @@ def check(events: Events) -> tuple[str, ...]:
     if events.noise > LARGEST_NOISE * peak:
         raise InputError(
             f"fit: the noise is {100 * events.noise / peak:.2g} % of the peak force: at most "
-            f"{100 * LARGEST_NOISE:g} %; smooth the trace, or measure with less noise"
+            f"{100 * LARGEST_NOISE:g} %; smooth the trace, or record it with less noise"
         )
     if smallest > LARGEST_DROP * peak:
         raise InputError(
             f"fit: drops below {smallest:.3g}{f}, {100 * smallest / peak:.2g} % of the peak force, cannot be told from "
-            f"noise: at most {100 * LARGEST_DROP:g} %; smooth the trace, or measure with less noise"
+            f"noise: at most {100 * LARGEST_DROP:g} %; record faster, or with less noise"
         )
     if events.sawtooth < LEAST_SAWTOOTH:
         raise InputError(

@@ -74,7 +74,7 @@ class Observation:
     @property
     def slips_needed(self) -> int:
         """How many slips to simulate, as some are too small to be seen."""
-        return int(1.25 * self.slips) + 10
+        return 2 * self.slips + 10
 
     def see(
         self, count: NDArray[np.int64], peaks: NDArray[np.floating], troughs: NDArray[np.floating], *, seed: int = 0

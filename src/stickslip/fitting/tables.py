@@ -24,7 +24,7 @@ from stickslip.fitting.arrest import FLOOR, KEYS, VERSION, Prior, simulate
 from stickslip.io import files
 from stickslip.measure.arrays import Array
 
-DRAWS, SLIPS = 20_000, 256
+DRAWS, SLIPS = 20_000, 384
 """Usual size: draws from the prior, and slips of each. More slips are simulated for traces that have more."""
 
 _BLOCK = 250
