@@ -12,7 +12,7 @@ import stickslip as ss
 from stickslip import fitting
 from stickslip.cli import main
 from stickslip.errors import InputError
-from stickslip.fitting.arrest import FLOOR, KEYS, Prior, simulate
+from stickslip.fitting.arrest import KEYS, Prior, simulate
 from stickslip.fitting.observation import Observation
 from stickslip.fitting.rates import half_speed_of
 from stickslip.fitting.summary import FITTED, NAMES, resampled, statistics
@@ -35,17 +35,17 @@ def bench(truth=TRUTH, count=120, seed=1, **how):
     return saw(*simulate(np.array(truth), count, np.random.default_rng(seed)), **how)
 
 
-@pytest.fixture(scope="module")
-def cache(tmp_path_factory):
+@pytest.fixture(scope="module", autouse=True)
+def _cache(tmp_path_factory):
     place = tmp_path_factory.mktemp("cache")
     patch = pytest.MonkeyPatch()
     patch.setenv("STICKSLIP_CACHE", str(place))
-    yield place
+    yield
     patch.undo()
 
 
 @pytest.fixture(scope="module")
-def found(cache):
+def found():
     """A fit with a small table, over a narrow prior."""
     return ss.fit(
         bench(noise=0.002), prior=NARROW, draws=1500, known={"stiffness": "100 N/m", "mass": "0.4 kg", "load": "20 N"}
@@ -178,7 +178,7 @@ NOT_STICK_SLIP = {
 
 
 @pytest.mark.parametrize("name", NOT_STICK_SLIP)
-def test_what_is_refused(name, cache):
+def test_what_is_refused(name):
     trace, why = NOT_STICK_SLIP[name]
     with pytest.raises(InputError) as error:
         ss.fit(trace, draws=100)
@@ -230,7 +230,7 @@ def test_residual_force_sets_the_drop():
     assert drops[2] < 0.4
 
 
-def test_a_table_is_kept_resumed_and_the_same_on_any_number_of_cores(cache):
+def test_a_table_is_kept_resumed_and_the_same_on_any_number_of_cores():
     prior = Prior(contacts=(5.0, 12.0))
     steps = []
     first = table(prior=prior, draws=700, slips=40, progress=steps.append)
@@ -312,7 +312,7 @@ def test_quantities_go_as_far_as_what_is_known(found):
         bare.rig()
 
 
-def test_speed_and_stiffness_tell_how_stiff_the_interface_is(cache):
+def test_speed_and_stiffness_tell_how_stiff_the_interface_is():
     trace = bench(noise=0.002, seed=4)
     rate = fitting.pick_events(trace).loading_rate
     K = 100.0
@@ -365,7 +365,7 @@ def test_fitted_entries_that_cannot_be(tmp_path):
             ss.read_rig(path)
 
 
-def test_speeds_add_the_delay_and_holds_ageing(cache):
+def test_speeds_add_the_delay_and_holds_ageing():
     half, speeds = 0.01, np.geomspace(1e-4, 1.0, 9)
     forces = 4.0 + 6.0 / (1.0 + speeds / half)
     assert half_speed_of(speeds, forces)[0] == pytest.approx(half, rel=0.01)
@@ -427,7 +427,7 @@ def test_the_quick_recipe_inverts_the_closed_forms():
         )
 
 
-def test_the_command_refuses_in_one_line(tmp_path, capsys, cache):
+def test_the_command_refuses_in_one_line(tmp_path, capsys):
     path = tmp_path / "sine.csv"
     path.write_text("time [s],force [N]\n" + "\n".join(f"{0.01 * i},{f}" for i, f in enumerate(SINE)))
     assert main(["fit", str(path)]) == 2

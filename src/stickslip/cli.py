@@ -371,9 +371,7 @@ def fit(
     time: Annotated[str | None, Parameter(help="Column of the time, by name or number from 1.")] = None,
     step: Step = None,
     flip: Annotated[bool, Parameter(help="Change the sign of the force.", negative="")] = False,
-    smallest: Annotated[
-        float | None, Parameter(help="Smallest drop that counts as a slip.", converter=_number)
-    ] = None,
+    smallest: Annotated[float | None, Parameter(help="Smallest drop that counts as a slip.", converter=_number)] = None,
     after: Annotated[float | None, Parameter(help="Leave out slips before this time.", converter=_number)] = None,
     output: Annotated[Path | None, Parameter(alias="-o", help="Write the rig; needs --stiffness.")] = None,
     json: Json = False,

@@ -1,7 +1,7 @@
 """From a measured force trace to the interface behind it, with honest intervals.
 
-`fit` compares the slips of a trace with simulated ones, sampled and picked in the same way. `quick_fit` makes a rig of a
-few readings by closed forms, without error bars. `over_draws` gives the verdict on a fitted rig with its uncertainty.
+`fit` compares the slips of a trace with simulated ones, sampled and picked in the same way. `quick_fit` makes a rig of
+a few readings by closed forms, without error bars. `over_draws` gives the verdict on a fitted rig with its uncertainty.
 """
 
 from stickslip.fitting.arrest import UNKNOWNS, Prior

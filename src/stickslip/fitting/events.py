@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _NOISES, _STEPS = 6.0, 3.0
 """The smallest drop is so many standard deviations of the noise, and so many steps of the recording."""
 _RINGING, _REBOUND = 2.0, 0.5
-"""A rise so many times as fast as the loading, and below this part of the drop before, belongs to the slip: it rings."""
+"""A rise so many times as fast as the loading, and below this part of the drop before, is ringing of that slip."""
 
 FEWEST, FEWEST_SAMPLES, LONGEST_GAP = 30, 20.0, 4
 LARGEST_DROP, LARGEST_NOISE = 0.10, 0.03

@@ -135,7 +135,11 @@ class Fit:
             verdict: Verdict = (
                 "at a bound"
                 if bound
-                else "identified" if width < _IDENTIFIED else "weak" if width < _WEAK else "not identified"
+                else "identified"
+                if width < _IDENTIFIED
+                else "weak"
+                if width < _WEAK
+                else "not identified"
             )
             found.append(
                 Interval(
@@ -394,7 +398,7 @@ def _completed(
         notes.append(f"the model does not make these of the trace's statistics (p < {_LOW:g}): {', '.join(surprises)}")
     if found["contacts"].high < 100:
         notes.append(
-            "the contacts are counted by the scatter of the slips: they are independent units of strength, not asperities"
+            "the contacts are counted by the scatter of the slips: independent units of strength, not asperities"
         )
     return replace(
         found,

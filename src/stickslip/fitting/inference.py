@@ -24,7 +24,7 @@ from stickslip.measure.arrays import Array
 
 NEAREST = 300
 EDGE, BEYOND = 95.0, 99.9
-"""Percentiles of the distance: above the first nothing is moved and a warning given, above the second nothing fitted."""
+"""Percentiles of the distance: above the first nothing is moved and a warning given, above the second none fitted."""
 _NEIGHBOUR, _COMPARED = 10, 1000
 _ROUND = 4_000
 _ROUND_COST, _PER_CONTACT = 15.0, 4e-7

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,12 @@ from stickslip.measure.arrays import Array
 from stickslip.measure.headings import ratio
 from stickslip.model.quantities import read_quantity
 
-_UNITS = {"stiffness": ("N/m", "350 N/m"), "speed": ("m/s", "0.1 mm/s"), "mass": ("kg", "75.6 g"), "load": ("N", "20 N")}
+_UNITS = {
+    "stiffness": ("N/m", "350 N/m"),
+    "speed": ("m/s", "0.1 mm/s"),
+    "mass": ("kg", "75.6 g"),
+    "load": ("N", "20 N"),
+}
 _USUAL_ERROR = 0.02
 """Relative error of a value that is given without one."""
 
@@ -92,7 +97,7 @@ class Scale:
         return events.loading_rate * self.of_force() / (self.time or 1.0)
 
 
-def likelihood_of(events: Events, known: Known):  # type: ignore[no-untyped-def]
+def likelihood_of(events: Events, known: Known) -> Callable[[Array], Array] | None:
     """What stiffness and speed say of the stiffness ratio, ``K v = R (1 + K/(N k))``; None if they say nothing.
 
     Raises
@@ -102,7 +107,8 @@ def likelihood_of(events: Events, known: Known):  # type: ignore[no-untyped-def]
     """
     if not known.has(("stiffness", "speed")):
         return None
-    assert known.stiffness is not None and known.speed is not None
+    assert known.stiffness is not None
+    assert known.speed is not None
     loading = Scale(events, known).rate(events)
     product = known.stiffness[0] * known.speed[0]
     third = max(len(events.slopes) // 3, 1)
@@ -146,7 +152,11 @@ def quantity_of(name: str, values: Array, strength: Array, events: Events, known
     kappa = values[:, 3]
     if name == "friction_coefficient":
         assert known.load is not None
-        size = events.mean_peak if events.force_unit == "1" else events.mean_peak * Scale(events, known).of_force() / known.load[0]
+        size = (
+            events.mean_peak
+            if events.force_unit == "1"
+            else events.mean_peak * Scale(events, known).of_force() / known.load[0]
+        )
         return np.full(len(values), size)
     scale = Scale(events, known)
     force = strength * scale.of_force()

@@ -154,9 +154,7 @@ def strengthening_of(holds: tuple[tuple[object, object], ...]) -> Strengthening:
     return Strengthening(per_decade=slope / size, error=error / size)
 
 
-def _pairs(
-    place: str, given: object, first: tuple[str, str], second: tuple[str, str]
-) -> tuple[Array, Array]:
+def _pairs(place: str, given: object, first: tuple[str, str], second: tuple[str, str]) -> tuple[Array, Array]:
     """Pairs of numbers in SI units, or texts with units."""
     found = []
     for i, pair in enumerate(sequence(place, given, f"pairs, such as [({first[1]!r}, {second[1]!r})]")):

@@ -221,8 +221,9 @@ class Uncertain:
         ]
         most = max(self.undecided)
         return (
-            f"Over {self.draws} draws of what was fitted, smooth sliding is linearly unstable in {100 * self.here:.0f} % "
-            f"at this speed; {', '.join(odd)}" + (f" (up to {100 * most:.0f} % not told)" if most > 0 else "")
+            f"Over {self.draws} draws of what was fitted, smooth sliding is linearly unstable in "
+            f"{100 * self.here:.0f} % at this speed; {', '.join(odd)}"
+            + (f" (up to {100 * most:.0f} % not told)" if most > 0 else "")
         )
 
     __repr__ = __str__
@@ -285,5 +286,3 @@ def over_draws(rig: Rig, *, most: int = 40, progress: Callable[[float], None] | 
         unstable=tuple((unstable / count).tolist()),
         undecided=tuple((undecided / count).tolist()),
     )
-
-

@@ -68,7 +68,9 @@ def synthetic_trace(
     rng = np.random.default_rng(seed)
     peaks, troughs = simulate(truth, slips, rng)
     if peaks.size < slips:
-        raise InputError(f"only {peaks.size} of {slips} slips: these parameters hardly stick-slip; take a softer spring")
+        raise InputError(
+            f"only {peaks.size} of {slips} slips: these parameters hardly stick-slip; take a softer spring"
+        )
     rate = number("loading_rate", loading_rate, above=0, hint="in N/s")
     step = strength * float((peaks[1:] - troughs[:-1]).mean()) / rate / number("samples", samples, above=2)
     return sampled(strength * peaks, strength * troughs, rate, step, noise * strength * float(peaks.mean()), rng)

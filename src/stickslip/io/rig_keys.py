@@ -151,7 +151,7 @@ TOP: Mapping[str, Key] = {
         otherwise="defaults that were taken are still listed",
     ),
     "fitted": Key(
-        "What was fitted to a trace: the path of a key; its interval, what the trace says of it, and draws in SI units.",
+        "What was fitted to a trace: the path of a key; its interval, what the trace says of it, and draws in SI.",
         {"interface.thresholds.std": {"interval": "0.1 to 0.4", "how": "weak", "draws": [0.1, 0.2, 0.4]}},
         otherwise="nothing was fitted",
     ),

@@ -161,9 +161,7 @@ def slips(
             if gap <= 0.0:
                 continue
             unbalanced = drive - X - (left * X - total + residual * loose) / (count * kappa)
-            way, velocity, stops = _arc(
-                velocity, unbalanced, 1.0 + left / (count * kappa), model.damping_ratio, gap
-            )
+            way, velocity, stops = _arc(velocity, unbalanced, 1.0 + left / (count * kappa), model.damping_ratio, gap)
             X += way
             if stops:
                 break

@@ -14,7 +14,7 @@ NOTHING, PEAK, TROUGH = 0, 1, 2
 
 
 class Zigzag(NamedTuple):
-    """Where the search stands: the highest value since the last trough, or the lowest since the last peak, and where."""
+    """Where the search stands: the highest value since the last trough, or the lowest since the last peak."""
 
     falling: bool
     high: float
@@ -45,9 +45,7 @@ def turn(state: Zigzag, at: int, value: float, drop: float, rise: float) -> Zigz
 
 
 @jit
-def pick(
-    force: NDArray[np.float64], drop: float, rise: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def pick(force: NDArray[np.float64], drop: float, rise: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Indices of the peaks and of the troughs after them; a drop that the trace cuts off is left out."""
     peaks = np.empty(force.size // 2 + 1, np.int64)
     troughs = np.empty(force.size // 2 + 1, np.int64)

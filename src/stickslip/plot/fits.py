@@ -76,9 +76,7 @@ def fitted(found: Fit) -> Figure:
         test.plot(ends, [at, at], color=SKY, linewidth=4)
         test.plot(np.clip(here, -_WIDEST, _WIDEST), at, "o", color=colour, markersize=4)
         test.annotate(name, (-_WIDEST - 0.2, at), ha="right", va="center", fontsize=7, annotation_clip=False)
-        test.annotate(
-            f"{p:.2g}", (_WIDEST + 0.2, at), va="center", fontsize=7, color=colour, annotation_clip=False
-        )
+        test.annotate(f"{p:.2g}", (_WIDEST + 0.2, at), va="center", fontsize=7, color=colour, annotation_clip=False)
     test.set(xlim=(-_WIDEST, _WIDEST), yticks=[], xlabel="less the median, over a quarter of the 95 % range")
     test.set_title("trace (dot), draws (bar), p", loc="left")
     test.spines["left"].set_visible(False)
