@@ -176,8 +176,8 @@ def _edge(found: Array, target: Array, rng: np.random.Generator) -> float:
 
     tree = cKDTree(found)
     some = rng.choice(len(found), size=min(_COMPARED, len(found)), replace=False)
-    usual = tree.query(found[some], k=_NEIGHBOUR + 1)[0][:, -1]
-    here = tree.query(target, k=_NEIGHBOUR)[0][-1]
+    usual = np.asarray(tree.query(found[some], k=_NEIGHBOUR + 1)[0])[:, -1]
+    here = float(np.asarray(tree.query(target, k=_NEIGHBOUR)[0])[-1])
     return float(100.0 * (usual < here).mean())
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from stickslip.errors import InputError, number, sequence
 from stickslip.measure.arrays import Array
@@ -78,7 +78,7 @@ class Strengthening:
         )
 
 
-def half_speed_of(speeds: Sequence[float], forces: Sequence[float]) -> tuple[float, float, float, float]:
+def half_speed_of(speeds: ArrayLike, forces: ArrayLike) -> tuple[float, float, float, float]:
     """Half-speed, force that falls, force that stays, and root mean square misfit of ``F = stays + falls/(1 + v/v_h)``.
 
     Raises

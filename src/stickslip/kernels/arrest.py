@@ -30,7 +30,7 @@ class Arrest(NamedTuple):
     factor that the thresholds drawn in one slip have in common.
     """
 
-    count: int
+    contacts: int
     std: float
     residual: float
     stiffness: float
@@ -99,6 +99,38 @@ def _arc(velocity: float, force: float, stiffness: float, ratio: float, gap: flo
 
 
 @jit
+def _push(keys: NDArray[np.float64], slots: NDArray[np.int64], size: int, key: float, slot: int) -> None:
+    """Add to a binary heap, the smallest key on top, of so many entries."""
+    i = size
+    while i > 0:
+        parent = (i - 1) >> 1
+        if keys[parent] <= key:
+            break
+        keys[i], slots[i] = keys[parent], slots[parent]
+        i = parent
+    keys[i], slots[i] = key, slot
+
+
+@jit
+def _pop(keys: NDArray[np.float64], slots: NDArray[np.int64], size: int) -> None:
+    """Take the smallest key off a heap of so many entries."""
+    last = size - 1
+    key, slot = keys[last], slots[last]
+    i = 0
+    while True:
+        child = 2 * i + 1
+        if child >= last:
+            break
+        if child + 1 < last and keys[child + 1] < keys[child]:
+            child += 1
+        if keys[child] >= key:
+            break
+        keys[i], slots[i] = keys[child], slots[child]
+        i = child
+    keys[i], slots[i] = key, slot
+
+
+@jit
 def slips(
     model: Arrest,
     floor: float,
@@ -120,22 +152,22 @@ def slips(
     peaks, troughs : array
         Are filled as far as it goes.
     """
-    count, kappa, residual = model.count, model.stiffness, model.residual
+    count, kappa, residual = model.contacts, model.stiffness, model.residual
     attached_at, breaks_at = np.empty(count), np.empty(count)  # positions of the slider
+    queue = np.empty(count, np.int64)  # the contacts attached, a heap by where they break
     broken = np.empty(count, np.int64)
     for i in range(count):
         threshold = _threshold(rng, model.std, 1.0, 0.0)
         attached_at[i] = -rng.random() * threshold
-        breaks_at[i] = attached_at[i] + threshold
+        _push(breaks_at, queue, i, attached_at[i] + threshold, i)
+    total = attached_at.sum()
     track = math.sqrt(math.log1p(model.track_scatter**2))  # of the logarithm of the factor, whose mean is 1
     X = 0.0
     found = done = 0
     begun = False
     state = START
     while found < peaks.size and done < most:
-        total = attached_at.sum()
-        first = int(np.argmin(breaks_at))
-        X = max(X, breaks_at[first])
+        X = max(X, breaks_at[0])
         force = X - total / count
         drive = X + force / kappa
         low = floor * state.high if state.falling else floor * max(state.high, force)
@@ -147,32 +179,33 @@ def slips(
             begun = False
 
         left, loose, velocity = count, 0, 0.0
-        nearest = first
         while True:
-            broken[loose] = nearest
+            contact = queue[0]
+            _pop(breaks_at, queue, left)
+            broken[loose] = contact
             loose += 1
             left -= 1
-            total -= attached_at[nearest]
-            breaks_at[nearest] = np.inf
-            gap = np.inf
-            if left > 0:
-                nearest = int(np.argmin(breaks_at))
-                gap = breaks_at[nearest] - X
+            total -= attached_at[contact]
+            gap = breaks_at[0] - X if left > 0 else np.inf
             if gap <= 0.0:
                 continue
             unbalanced = drive - X - (left * X - total + residual * loose) / (count * kappa)
             way, velocity, stops = _arc(velocity, unbalanced, 1.0 + left / (count * kappa), model.damping_ratio, gap)
-            X += way
             if stops:
+                X += way
                 break
-            X = breaks_at[nearest]
+            X = breaks_at[0]
 
         factor = math.exp(track * (rng.normal() - 0.5 * track)) if track > 0.0 else 1.0
-        for i in broken[:loose]:
-            attached_at[i] = X - residual
-            breaks_at[i] = attached_at[i] + _threshold(rng, model.std, factor, residual)
+        for contact in broken[:loose]:
+            attached_at[contact] = X - residual
+            threshold = _threshold(rng, model.std, factor, residual)
+            _push(breaks_at, queue, left, attached_at[contact] + threshold, contact)
+            left += 1
+        # Summed anew now and then, so that no rounding adds up.
+        total = attached_at.sum() if done // count != (done + loose) // count else total + loose * (X - residual)
         done += loose
-        X = (kappa * drive + attached_at.sum() / count) / (kappa + 1.0)  # the ring-down, contacts attached
+        X = (kappa * drive + total / count) / (kappa + 1.0)  # the ring-down, contacts attached
         force = kappa * (drive - X)
         low = floor * state.high
         state = turn(state, 0, force, low, low)
