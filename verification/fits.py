@@ -75,7 +75,7 @@ class Coverage:
 
 
 def coverage_test(
-    truths: int = 100, *, seed: int = 1, slips: int = 200, report: Callable[[str], None] | None = None
+    truths: int = 100, *, seed: int = 1, slips: int = 170, report: Callable[[str], None] | None = None
 ) -> Coverage:
     """Fit traces of fresh truths from the prior, at random samplings and noise, until so many were not refused."""
     prior = Prior()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ import xarray as xr
 
 from stickslip.errors import InputError, instance, number
 from stickslip.fitting.arrest import FLOOR
-from stickslip.fitting.summary import FITTED, resampled, statistics
+from stickslip.fitting.summary import FITTED, comparable, resampled, statistics
 from stickslip.measure.arrays import Array, Trace
 from stickslip.measure.slips import white_noise
 
@@ -29,7 +30,9 @@ LEAST_SAWTOOTH, CLEAR_SAWTOOTH = 1.5, 4.0
 MOST_DRIFT, STEP = 0.2, 2.0
 PLATEAU, LOST = 2.0, 0.1
 """The count of slips may change by a tenth while the smallest drop is doubled."""
+_FINER = 2.0**0.25
 DIFFERENT = 3.0
+_LEAST_ERROR = 0.02
 RESOLVED = 5.0
 
 
@@ -211,8 +214,9 @@ def pick_events(trace: xr.Dataset, *, smallest: float | None = None, after: floa
     """Pick the slips of a trace: peaks and troughs by hysteresis, above noise and the steps of the recording.
 
     A drop counts from six standard deviations of the noise, three steps of the recording, and a hundredth of the peak
-    on. The first slip, before which the force rises from rest, is left out, and so is one that the end cuts off. A rise
-    much faster than the loading belongs to the slip before: the slider rings.
+    on, or from where on the count of slips hardly changes while that is doubled. The first slip, before which the force
+    rises from rest, is left out, and so is one that the end cuts off. A rise much faster than the loading belongs to the
+    slip before: the slider rings.
 
     Parameters
     ----------
@@ -248,15 +252,17 @@ def pick_events(trace: xr.Dataset, *, smallest: float | None = None, after: floa
     height = float(np.quantile(force, 0.9))
     if not height > 0:
         raise InputError(f"fit: nine tenths of the force lie below {height:.3g}: must pull one way, counted from 0")
-    if smallest is None:
-        smallest = max(_NOISES * noise, _STEPS * resolution, FLOOR * height)
-    else:
-        smallest = number("smallest", smallest, above=0, hint="drop that counts as a slip")
 
     def picked(drop: float) -> tuple[Any, Any]:
         peaks, troughs = _without_ringing(read.t, force, *pick(force, drop, _rise(drop, noise)))
         first = 0 if after is not None else 1  # its peak follows the loading from rest
         return peaks[first:], troughs[first:]
+
+    if smallest is None:
+        smallest = max(_NOISES * noise, _STEPS * resolution, FLOOR * height)
+        smallest = _on_a_plateau(lambda drop: len(picked(drop)[0]), smallest, LARGEST_DROP * height)
+    else:
+        smallest = number("smallest", smallest, above=0, hint="drop that counts as a slip")
 
     peaks, troughs = picked(smallest)
     if len(peaks) < 2:
@@ -361,14 +367,27 @@ def _notes(events: Events) -> list[str]:
 
 
 def halves(events: Events) -> tuple[str, float]:
-    """The statistic by which the halves of a trace differ most, and by how many standard errors."""
+    """The statistic by which the halves of a trace differ most, and by how many standard errors.
+
+    The errors are those of the whole trace, doubled: of the half as many slips in a half, and of a difference.
+    """
     middle = len(events) // 2
-    both = [(part.peaks, part.troughs) for part in (events.part(0, middle), events.part(middle, 2 * middle))]
-    found = [statistics(*one) for one in both]
-    error = np.sqrt(sum(resampled(*one).var(axis=0) for one in both))
-    z = np.abs(found[0] - found[1])[: len(FITTED)] / np.maximum(error[: len(FITTED)], 1e-12)
+    parts = events.part(0, middle), events.part(middle, 2 * middle)
+    one, other = (comparable(statistics(part.peaks, part.troughs)) for part in parts)
+    error = 2.0 * comparable(resampled(events.peaks, events.troughs)).std(axis=0)
+    z = np.abs(one - other) / np.maximum(error, _LEAST_ERROR)
     worst = int(np.argmax(z))
     return FITTED[worst], float(z[worst])
+
+
+def _on_a_plateau(count: Callable[[float], int], least: float, most: float) -> float:
+    """The smallest drop that may be doubled at hardly any change of the count of slips; `least` if there is none."""
+    drop = least
+    while drop <= most:
+        if count(PLATEAU * drop) >= (1.0 - LOST) * count(drop) > 0:
+            return drop
+        drop *= _FINER
+    return least
 
 
 def _rise(drop: float, noise: float) -> float:

@@ -34,6 +34,8 @@ MOST_SLIPS = 2_000
 Verdict = Literal["identified", "weak", "not identified", "at a bound"]
 _IDENTIFIED, _WEAK = 0.5, 0.7
 _AT_BOUND, _NEAR = 0.1, 0.02
+_LOST = 1.25
+"""Slips in the table over those of the trace, at least: some are too small to be seen."""
 _LOW = 0.02
 """p-values below this are told of."""
 
@@ -349,7 +351,7 @@ def fit(
     made: Table = table(
         prior=prior,
         draws=draws,
-        slips=SLIPS * max(1, math.ceil(observation.slips_needed / SLIPS)),
+        slips=SLIPS * math.ceil(_LOST * len(events) / SLIPS),
         executor=executor,
         progress=progress,
     )
