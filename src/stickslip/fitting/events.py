@@ -215,8 +215,8 @@ def pick_events(trace: xr.Dataset, *, smallest: float | None = None, after: floa
 
     A drop counts from six standard deviations of the noise, three steps of the recording, and a hundredth of the peak
     on, or from where on the count of slips hardly changes while that is doubled. The first slip, before which the force
-    rises from rest, is left out, and so is one that the end cuts off. A rise much faster than the loading belongs to the
-    slip before: the slider rings.
+    rises from rest, is left out, and so is one that the end cuts off. A rise much faster than the loading belongs to
+    the slip before: the slider rings.
 
     Parameters
     ----------

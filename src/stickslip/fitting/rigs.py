@@ -72,7 +72,7 @@ def rig_of(found: Fit, *, name: str, mass: object = None, speed: object = None) 
         "slider": {},
         "interface": {"thresholds": {"distribution": "gaussian"}},
         "drive": {},
-        "simulation": {},
+        "simulation": {"contacts": max(round(float(found.values[middle, 0])), 1)},
         "fitted": {},
         "assumed": {},
     }

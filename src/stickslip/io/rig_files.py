@@ -16,6 +16,8 @@ from __future__ import annotations
 import difflib
 import math
 import os
+import re
+import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial, reduce
@@ -135,7 +137,19 @@ def to_toml(rig: Rig) -> str:
     """
     import tomli_w
 
-    return tomli_w.dumps(to_document(rig))
+    return _LIST.sub(_wrapped, tomli_w.dumps(to_document(rig)))
+
+
+_LIST = re.compile(r"\[\n((?: {4}[-+.\de]+,\n)+)\]")
+"""A list of numbers, each in a line of its own."""
+
+
+def _wrapped(found: re.Match[str]) -> str:
+    numbers = " ".join(found[1].split()).removesuffix(",")
+    if len(numbers) < 100:
+        return f"[{numbers}]"
+    lines = textwrap.fill(numbers, 110, initial_indent="    ", subsequent_indent="    ")
+    return f"[\n{lines},\n]"
 
 
 def to_document(rig: Rig, *, digits: int | None = None, damping_ratio: bool | None = None) -> Document:

@@ -8,7 +8,19 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from stickslip.plot.style import BLACK, BLUE, GREY, PAGE, SKY, VERMILLION, dress, envelope, house_style, new_figure
+from stickslip.plot.style import (
+    BLACK,
+    BLUE,
+    GREY,
+    PAGE,
+    SKY,
+    VERMILLION,
+    dress,
+    envelope,
+    house_style,
+    legend_above,
+    new_figure,
+)
 
 Fit = Any  # `stickslip.fitting.Fit`: fits stand above pictures, which take them by their attributes alone
 
@@ -27,7 +39,7 @@ def slips(data: xr.Dataset) -> Figure:
     trace.plot(*envelope(data["time"].values, data["spring_force"].values), color=GREY, linewidth=0.6)
     trace.plot(data["peak_time"], data["peak"], ".", color=VERMILLION, markersize=3, label="before a slip")
     trace.plot(data["trough_time"], data["trough"], ".", color=BLUE, markersize=3, label="after it")
-    trace.legend(loc="lower right")
+    legend_above(trace)
     dress(trace.xaxis, data["time"])
     dress(trace.yaxis, data["spring_force"])
 
@@ -65,7 +77,7 @@ def fitted(found: Fit) -> Figure:
         What `stickslip.fit` returns.
     """
     figure = new_figure(PAGE, 4.8)
-    test, parameters = figure.subplots(1, 2, width_ratios=(3, 2))
+    test, parameters = figure.subplots(1, 2, width_ratios=(1, 1))
     low, middle, high = np.quantile(found.predicted, (0.025, 0.5, 0.975), axis=0)
     scale = np.maximum(high - low, 1e-12) / 4.0
     for row, (name, p) in enumerate(found.p_values.items()):
@@ -88,7 +100,7 @@ def fitted(found: Fit) -> Figure:
         parameters.plot([low_part, high_part], [-row, -row], color=BLUE, linewidth=7, solid_capstyle="butt")
         parameters.plot(middle_part, -row, "|", color="white", markersize=7)
         parameters.annotate(
-            f"{one.key.replace('_', ' ')}: {one}, {one.verdict}", (0, -row + 0.28), fontsize=7, annotation_clip=False
+            f"{one.key.replace('_', ' ')}: {one}, {one.verdict}", (0, -row + 0.22), fontsize=7, annotation_clip=False
         )
     parameters.set(xlim=(0, 1), ylim=(-len(found.parameters) + 0.4, 0.7), xticks=[], yticks=[])
     parameters.set_title("90 % intervals within the prior", loc="left")
