@@ -22,6 +22,7 @@ from stickslip.fitting.summary import FITTED, NAMES
 from stickslip.fitting.tables import DRAWS, SLIPS, Table, table
 from stickslip.measure.arrays import Array
 from stickslip.model.units import engineering
+from stickslip.progress import reporting
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -291,7 +292,7 @@ def fit(
     rounds: int | None = None,
     seed: int = 0,
     executor: Executor | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Callable[[float], None] | bool | None = None,
 ) -> Fit:
     """Fit the interface behind a measured stick-slip trace.
 
@@ -323,8 +324,8 @@ def fit(
     seed : int
     executor : Executor, optional
         Where the table is made; by default threads.
-    progress : callable, optional
-        Is told what part of the table is there.
+    progress : callable or bool, optional
+        Is told what part of the table is there; a bar for True.
 
     Raises
     ------
@@ -348,13 +349,14 @@ def fit(
         events = events.part(0, MOST_SLIPS)
     likelihood = likelihood_of(events, given)
     observation = Observation.of(events)
-    made: Table = table(
-        prior=prior,
-        draws=draws,
-        slips=SLIPS * math.ceil(_LOST * len(events) / SLIPS),
-        executor=executor,
-        progress=progress,
-    )
+    with reporting(progress, "simulating") as report:
+        made: Table = table(
+            prior=prior,
+            draws=draws,
+            slips=SLIPS * math.ceil(_LOST * len(events) / SLIPS),
+            executor=executor,
+            progress=report,
+        )
     sample = infer(made, observation, events.statistics, likelihood=likelihood, rounds=rounds, seed=seed)
     parts = sample.resample(POSTERIOR, np.random.default_rng([seed, 4]))
     again = see(prior, parts, observation, seed=seed + 1000)
