@@ -396,7 +396,7 @@ def fit(
             smallest=smallest, after=after, output=output, plot=plot, name=trace.stem, progress=progress,
         )  # fmt: skip
     if json:
-        console.print_json(console.plain(found.to_dict()) | {what: str(where) for what, where in written})
+        console.print_json(found.to_dict() | {what: str(where) for what, where in written})
         return
     print(found)
     for what, where in written:
