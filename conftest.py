@@ -38,6 +38,7 @@ RIGS = ROOT / "src" / "stickslip" / "examples"
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 os.environ["MPLBACKEND"] = "Agg"
+os.environ.setdefault("STICKSLIP_CACHE", tempfile.mkdtemp(prefix="stickslip-cache-"))  # not the user's
 
 
 def _begin(namespace):

@@ -1,4 +1,5 @@
 from . import cycles as cycles
+from . import fitting as fitting
 from . import measure as measure
 from . import plot as plot
 from . import stability as stability
@@ -11,6 +12,8 @@ from .cycles import is_sustained as is_sustained
 from .cycles import sustained as sustained
 from .errors import InputError as InputError
 from .errors import UndecidedError as UndecidedError
+from .fitting import fit as fit
+from .fitting import quick_fit as quick_fit
 from .io.datasets import load as load
 from .io.datasets import save as save
 from .io.rig_files import example as example

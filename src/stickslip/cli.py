@@ -133,10 +133,18 @@ def predict(
         from stickslip import plot as drawing
 
         drawing.save(found.plot(), plot)
+    uncertain = None
+    if described.fitted:
+        from stickslip.fitting import over_draws
+
+        with bar("over the draws") as progress:
+            uncertain = over_draws(described, progress=progress)
     if json:
-        console.print_json(found.to_dict())
+        console.print_json(found.to_dict() | ({"over_draws": uncertain.to_dict()} if uncertain else {}))
     else:
         console.print_prediction(found, plot)
+        if uncertain is not None:
+            print(f"\n{uncertain}")
 
 
 @app.command
@@ -349,6 +357,50 @@ def plot(
         figure = draw(trace).get_figure(root=True)
     drawing.save(figure, output)
     print(f"picture: {output}")
+
+
+@app.command
+def fit(
+    trace: Path,
+    *,
+    stiffness: Annotated[str | None, Parameter(help="Stiffness of the driving spring: '350 N/m'.")] = None,
+    speed: Annotated[str | None, Parameter(help="Speed of the drive: '0.1 mm/s'.")] = None,
+    mass: Annotated[str | None, Parameter(help="Mass of the slider: '0.4 kg'.")] = None,
+    load: Annotated[str | None, Parameter(help="Normal load: '20 N'.")] = None,
+    speeds: Annotated[Path | None, Parameter(help="Table of speeds (m/s) and mean forces (N): the delay.")] = None,
+    holds: Annotated[Path | None, Parameter(help="Table of holds (s) and static friction (N): ageing.")] = None,
+    force: Annotated[str | None, Parameter(help="Column of the force, by name or number from 1.")] = None,
+    time: Annotated[str | None, Parameter(help="Column of the time, by name or number from 1.")] = None,
+    step: Step = None,
+    flip: Annotated[bool, Parameter(help="Change the sign of the force.", negative="")] = False,
+    smallest: Annotated[float | None, Parameter(help="Smallest drop that counts as a slip.", converter=_number)] = None,
+    after: Annotated[float | None, Parameter(help="Leave out slips before this time.", converter=_number)] = None,
+    output: Annotated[Path | None, Parameter(alias="-o", help="Write the rig; needs --stiffness.")] = None,
+    json: Json = False,
+    plot: Plot = None,
+) -> None:
+    """Fit the rig behind a measured stick-slip trace, with intervals; the first time, simulations take minutes.
+
+    Parameters
+    ----------
+    trace
+        A table in plain text with a column of force, or a run (NetCDF).
+    """
+    from stickslip.fitting.command import fit_file
+
+    _check_outputs(output, plot, read=trace)
+    data = _read_data(trace, force, time, step, flip=flip)
+    with bar("simulating") as progress:
+        found, written = fit_file(
+            data, stiffness=stiffness, speed=speed, mass=mass, load=load, speeds=speeds, holds=holds,
+            smallest=smallest, after=after, output=output, plot=plot, name=trace.stem, progress=progress,
+        )  # fmt: skip
+    if json:
+        console.print_json(found.to_dict() | {what: str(where) for what, where in written})
+        return
+    print(found)
+    for what, where in written:
+        print(f"{what}: {where}")
 
 
 @app.command

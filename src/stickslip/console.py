@@ -192,6 +192,7 @@ def print_prediction(found: Prediction, picture: Path | None) -> None:
         for key, item in rig.assumed.items():
             table.add_row(Text(key), Text(item.said), Text(item.how))
         console.print(table)
+    bullets("Fitted", " to a trace, with 90 % intervals", (f"{key}: {item}" for key, item in rig.fitted.items()))
     if picture is not None:
         console.print(f"\npicture: {picture}", soft_wrap=True)
 

@@ -16,6 +16,8 @@ from __future__ import annotations
 import difflib
 import math
 import os
+import re
+import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial, reduce
@@ -35,7 +37,7 @@ from stickslip.model.drive import USUAL_DISTANCE, Drive, constant, ramp
 from stickslip.model.newborn import half_distance
 from stickslip.model.operation import Operation
 from stickslip.model.parameters import Parameter, parameter_named
-from stickslip.model.rig import Assumption, Rig
+from stickslip.model.rig import Assumption, Fitted, Rig
 from stickslip.model.units import SI_NAMES, Scales
 
 Made = TypeVar("Made")
@@ -155,7 +157,19 @@ def to_toml(rig: Rig) -> str:
     """
     import tomli_w
 
-    return tomli_w.dumps(to_document(rig))
+    return _LIST.sub(_wrapped, tomli_w.dumps(to_document(rig)))
+
+
+_LIST = re.compile(r"\[\n((?: {4}[-+.\de]+,\n)+)\]")
+"""A list of numbers, each in a line of its own."""
+
+
+def _wrapped(found: re.Match[str]) -> str:
+    numbers = " ".join(found[1].split()).removesuffix(",")
+    if len(numbers) < 100:
+        return f"[{numbers}]"
+    lines = textwrap.fill(numbers, 110, initial_indent="    ", subsequent_indent="    ")
+    return f"[\n{lines},\n]"
 
 
 def to_document(rig: Rig, *, digits: int | None = None, damping_ratio: bool | None = None) -> Document:
@@ -310,6 +324,7 @@ class _Reader:
         ageing = self._part(self.ageing, interface.get("ageing"), "interface.ageing")
         pieces = self._part(self.pieces, drive.get("pieces"), "drive.pieces")
         assumed = self._assumed(top.get("assumed", {}), document)
+        fitted = self._fitted(top.get("fitted", {}), document)
         feasible = self._feasible(top.get("feasible", {}))
         self.stop()
 
@@ -373,6 +388,7 @@ class _Reader:
             ),
             scales=scales,
             assumed=assumed,
+            fitted=fitted,
         )
 
     def _part(self, read: Callable[[Any, str], Made], content: Any, place: str) -> Any:
@@ -580,6 +596,26 @@ class _Reader:
             if key.measure and not here and f"interface.{name}" not in found:
                 value = "0 s" if key.unit and not self.natural else _plainly(key.default)
                 found[f"interface.{name}"] = Assumption(value, key.measure, default=True)
+        return found
+
+    def _fitted(self, content: object, document: Mapping[str, Any]) -> dict[str, Fitted]:
+        """What the file marks as fitted, each with its value, interval and draws."""
+        found: dict[str, Fitted] = {}
+        if not isinstance(content, Mapping):
+            self.mistakes.append(InputError(f"fitted = {shown(content)}: must be a table, as in [fitted]", "fitted"))
+            return found
+        for path, entry in content.items():
+            try:
+                rig_keys.check_path(path, "fitted")
+            except InputError as error:
+                self.mistakes.append(error)
+                continue
+            values = self.table(entry, rig_keys.FITTED, f"fitted.{path}")
+            if len(values) == len(rig_keys.FITTED):
+                found[path] = Fitted(_value_at(document, path), **values)
+        if len({len(one.draws) for one in found.values() if one.draws}) > 1:
+            counts = ", ".join(f"{len(one.draws)} of {path}" for path, one in found.items())
+            self.wrong("fitted", f"draws belong together, but there are {counts}; give as many of each")
         return found
 
     def _scales(

@@ -156,6 +156,11 @@ TOP: Mapping[str, Key] = {
         {"interface.delay": "measure the steady force at several speeds"},
         otherwise="defaults that were taken are still listed",
     ),
+    "fitted": Key(
+        "What was fitted to a trace: the path of a key; its interval, what the trace says of it, and draws in SI.",
+        {"interface.thresholds.std": {"interval": "0.1 to 0.4", "how": "weak", "draws": [0.1, 0.2, 0.4]}},
+        otherwise="nothing was fitted",
+    ),
     "source": Key("Where the numbers come from.", "Tromborg et al. 2014, Table S1", default=""),
 }
 """Keys at the top of the file."""
@@ -474,12 +479,20 @@ def _bare(key: str) -> str:
     return key if re.fullmatch(r"[\w-]+", key) else f'"{key}"'
 
 
-def check_path(path: str) -> None:
+FITTED: Mapping[str, Key] = {
+    "interval": Key("The 90 % interval.", "1 N to 2 N", required=True),
+    "how": Key("What the trace says of it.", "identified", required=True, longest=400),
+    "draws": Key("Equally likely values in SI units.", [1.0, 2.0], required=True),
+}
+"""Keys of each entry of `fitted`."""
+
+
+def check_path(path: str, table_of: str = "assumed") -> None:
     """Raise `InputError` unless a path such as ``"interface.delay"`` names a key of a rig file."""
     table, _, rest = path.partition(".")
     key = rest.partition(".")[0]
     if path in ("name", "units") or key in TABLES.get(table, {}):
         return
     raise InputError(
-        f"assumed.{shown(path)}: names no key of a rig file; write it as 'interface.delay'", f"assumed.{path}"
+        f"{table_of}.{shown(path)}: names no key of a rig file; write it as 'interface.delay'", f"{table_of}.{path}"
     )

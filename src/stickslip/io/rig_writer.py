@@ -45,7 +45,14 @@ class RigWriter:
                 name: [self._quantity(end, parameter_named(name).unit) for end in ends] for name, *ends in feasible
             }
         assumed = {key: item.how for key, item in rig.assumed.items() if not item.default}
-        return found | ({"assumed": assumed} if assumed else {})
+        if assumed:
+            found["assumed"] = assumed
+        if rig.fitted:
+            found["fitted"] = {
+                key: {"interval": one.interval, "how": one.how, "draws": list(one.draws)}
+                for key, one in rig.fitted.items()
+            }
+        return found
 
     def _refuse(self, what: str) -> InputError:
         return InputError(f"rig {self.rig.name!r}: {what} cannot be written into a rig file")

@@ -51,6 +51,31 @@ class Assumption:
         return f"{self.said}; {self.how}" if self.said else self.how
 
 
+@dataclass(frozen=True)
+class Fitted:
+    """A value of a rig that was fitted to a measured trace.
+
+    Parameters
+    ----------
+    value : str
+        As it stands in the rig's file.
+    interval : str
+        Its 90 % interval, in words.
+    how : str
+        What the trace says of it: identified, weak, not identified, at a bound, or assumed, and why.
+    draws : tuple of float
+        Equally likely values in SI units; those of all keys belong together, in their order.
+    """
+
+    value: str
+    interval: str
+    how: str
+    draws: tuple[float, ...] = ()
+
+    def __str__(self) -> str:
+        return f"{self.value} ({self.interval}); {self.how}"
+
+
 @dataclass(frozen=True, repr=False)
 class Rig(Answer):
     """A slider on an interface, pulled by a drive through a spring: the noun of this package, which verbs take first.
@@ -82,6 +107,8 @@ class Rig(Answer):
         What to call it.
     assumed : mapping of str to Assumption
         Keys of the rig's file that were not measured, and the defaults that were taken.
+    fitted : mapping of str to Fitted
+        Keys of the rig's file that were fitted to a trace, with intervals and draws.
     source : str
         Where the numbers come from.
 
@@ -110,6 +137,7 @@ class Rig(Answer):
     operation: Operation = Operation()
     name: str = "rig"
     assumed: Mapping[str, Assumption] = field(default_factory=dict, compare=False)
+    fitted: Mapping[str, Fitted] = field(default_factory=dict, compare=False)
     source: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:

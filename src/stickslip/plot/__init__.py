@@ -15,6 +15,7 @@ Figures are plain `matplotlib.figure.Figure` objects, unknown to pyplot: nothing
 """
 
 from stickslip.plot.answers import chart, prediction
+from stickslip.plot.fits import fitted, slips
 from stickslip.plot.runs import (
     attached,
     energy,
@@ -68,6 +69,7 @@ __all__ = [
     "chart",
     "dress",
     "energy",
+    "fitted",
     "force_trace",
     "house_style",
     "label",
@@ -81,6 +83,7 @@ __all__ = [
     "rigid_curve",
     "save",
     "side_by_side",
+    "slips",
     "stretchings",
     "sweep_picture",
     "unit_text",

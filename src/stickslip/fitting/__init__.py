@@ -1,0 +1,41 @@
+"""From a measured force trace to the interface behind it, with honest intervals.
+
+`fit` compares the slips of a trace with simulated ones, sampled and picked in the same way. `quick_fit` makes a rig of
+a few readings by closed forms, without error bars. `over_draws` gives the verdict on a fitted rig with its uncertainty.
+"""
+
+from stickslip.fitting.arrest import UNKNOWNS, Prior
+from stickslip.fitting.events import Events, check, pick_events
+from stickslip.fitting.fits import Fit, Interval, fit
+from stickslip.fitting.observation import Observation
+from stickslip.fitting.rates import Delays, Strengthening
+from stickslip.fitting.recipe import quick_fit
+from stickslip.fitting.rigs import Uncertain, over_draws
+from stickslip.fitting.summary import FITTED, HELD_OUT, covariance, statistics
+from stickslip.fitting.synthetic import random_truth, synthetic_trace
+from stickslip.fitting.tables import Table, table
+
+__all__ = [
+    "FITTED",
+    "HELD_OUT",
+    "UNKNOWNS",
+    "Delays",
+    "Events",
+    "Fit",
+    "Interval",
+    "Observation",
+    "Prior",
+    "Strengthening",
+    "Table",
+    "Uncertain",
+    "check",
+    "covariance",
+    "fit",
+    "over_draws",
+    "pick_events",
+    "quick_fit",
+    "random_truth",
+    "statistics",
+    "synthetic_trace",
+    "table",
+]

@@ -1,0 +1,456 @@
+"""The slips of a measured trace as a fit needs them: picked by hysteresis, with what was found on the way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from stickslip.errors import InputError, instance, number
+from stickslip.fitting.arrest import FLOOR
+from stickslip.fitting.summary import FITTED, comparable, resampled, statistics
+from stickslip.measure.arrays import Array, Trace
+from stickslip.measure.slips import white_noise
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_NOISES, _STEPS = 6.0, 3.0
+"""The smallest drop is so many standard deviations of the noise, and so many steps of the recording."""
+_RINGING, _REBOUND = 2.0, 0.5
+"""A rise so many times as fast as the loading, and below this part of the drop before, is ringing of that slip."""
+
+FEWEST, FEWEST_SAMPLES, LONGEST_GAP = 30, 20.0, 4
+LARGEST_DROP, LARGEST_NOISE = 0.10, 0.03
+LEAST_SAWTOOTH, CLEAR_SAWTOOTH = 1.5, 4.0
+MOST_DRIFT, STEP = 0.2, 2.0
+PLATEAU, LOST = 2.0, 0.1
+"""The count of slips may change by a tenth while the smallest drop is doubled."""
+_FINER = 2.0**0.25
+DIFFERENT = 3.0
+_LEAST_ERROR = 0.02
+RESOLVED = 5.0
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Events:
+    """The slips of a trace. It prints as its short text.
+
+    Attributes
+    ----------
+    time, force : array
+        The trace that was searched; the force along its direction.
+    peak_at, trough_at : array of int
+        Indices of the force before and after each slip.
+    smallest : float
+        Drops of at least this count.
+    noise, resolution : float
+        Standard deviation of the noise from sample to sample, and the step of the recording; 0 if there is none.
+    counts : tuple of (float, int)
+        How many slips there would be for other smallest drops.
+    gap : int
+        Longest run of samples that were interpolated.
+    force_unit, time_unit, source : str
+        Empty where the trace does not say.
+    load_change : float
+        Largest change of the normal load over its mean; 0 where it is not known.
+    """
+
+    time: Array
+    force: Array
+    peak_at: Any
+    trough_at: Any
+    smallest: float
+    noise: float
+    resolution: float
+    counts: tuple[tuple[float, int], ...]
+    gap: int = 0
+    force_unit: str = ""
+    time_unit: str = ""
+    source: str = ""
+    load_change: float = 0.0
+
+    # ------------------------------------------------------------------------------------------------ one of each slip
+
+    def __len__(self) -> int:
+        return len(self.peak_at)
+
+    @property
+    def peaks(self) -> Array:
+        """Force before each slip."""
+        return np.asarray(self.force[self.peak_at])
+
+    @property
+    def troughs(self) -> Array:
+        """Force after each slip."""
+        return np.asarray(self.force[self.trough_at])
+
+    @property
+    def drops(self) -> Array:
+        """Drop of the force in each slip."""
+        return self.peaks - self.troughs
+
+    @property
+    def slopes(self) -> Array:
+        """Rise of the force per time from each trough to the peak after it."""
+        took = self.time[self.peak_at[1:]] - self.time[self.trough_at[:-1]]
+        return np.asarray((self.peaks[1:] - self.troughs[:-1]) / took)
+
+    # ------------------------------------------------------------------------------------------------ one of all slips
+
+    @property
+    def mean_peak(self) -> float:
+        """Mean force before a slip: the scale of all others."""
+        return float(self.peaks.mean())
+
+    @property
+    def step(self) -> float:
+        """Median time from sample to sample."""
+        return float(np.median(np.diff(self.time)))
+
+    @property
+    def recurrence(self) -> float:
+        """Mean time from slip to slip."""
+        return float(np.diff(self.time[self.peak_at]).mean())
+
+    @property
+    def samples_per_period(self) -> float:
+        """Mean recurrence in samples."""
+        return self.recurrence / self.step
+
+    @property
+    def loading_rate(self) -> float:
+        """Median rise of the force per time between slips."""
+        return float(np.median(self.slopes))
+
+    @property
+    def rise(self) -> float:
+        """Smallest rise between two slips."""
+        return _rise(self.smallest, self.noise)
+
+    @property
+    def drift(self) -> float:
+        """Median loading rate in the last third of the slips over that in the first."""
+        third = max(len(self.slopes) // 3, 1)
+        return float(np.median(self.slopes[-third:]) / np.median(self.slopes[:third]))
+
+    @property
+    def sawtooth(self) -> float:
+        """Mean time of a rise over that of a drop: 1 for a sine, 10 for stick-slip."""
+        falls = (self.time[self.trough_at] - self.time[self.peak_at]).mean()
+        rises = (self.time[self.peak_at[1:]] - self.time[self.trough_at[:-1]]).mean()
+        return float(rises / falls)
+
+    @property
+    def slip_samples(self) -> float:
+        """Median time of a drop, in samples; below 5 the slip itself is not resolved."""
+        return float(np.median(self.trough_at - self.peak_at))
+
+    @property
+    def statistics(self) -> Array:
+        """The numbers that summarise the slips, in the order of `stickslip.fitting.summary.NAMES`."""
+        return statistics(self.peaks, self.troughs)
+
+    def part(self, begin: int, end: int) -> Events:
+        """Some of the slips, by number."""
+        return replace(self, peak_at=self.peak_at[begin:end], trough_at=self.trough_at[begin:end])
+
+    # ------------------------------------------------------------------------------------------------------- in words
+
+    def __str__(self) -> str:
+        f, t = self.force_unit and f" {self.force_unit}", self.time_unit and f" {self.time_unit}"
+        per = f"{f}/{self.time_unit}" if self.time_unit else f"{f} per time unit"
+        low, high = self.smallest, PLATEAU * self.smallest
+        return "\n".join(
+            (
+                f"{len(self)} slips of at least {low:.3g}{f} ({self.count_at(high)} of at least {high:.3g}{f})",
+                f"peak {self.mean_peak:.4g} ± {self.peaks.std():.3g}{f}, trough {self.troughs.mean():.4g} ± "
+                f"{self.troughs.std():.3g}{f}, drop {self.drops.mean():.3g}{f} (CV "
+                f"{self.drops.std() / self.drops.mean():.2f}), every {self.recurrence:.3g}{t}",
+                f"loading rate {self.loading_rate:.3g}{per}, last third over first {self.drift:.2f}; noise "
+                f"{self.noise:.2g}{f}, resolution {self.resolution:.2g}{f}",
+                f"{self.samples_per_period:.3g} samples from slip to slip, {self.slip_samples:.2g} in a slip; rises "
+                f"last {self.sawtooth:.3g} times as long as drops",
+            )
+        )
+
+    __repr__ = __str__
+
+    def count_at(self, smallest: float) -> int:
+        """How many slips have at least a certain drop, by the counts at hand."""
+        return min(self.counts, key=lambda pair: abs(math.log(pair[0] / smallest)))[1]
+
+    def to_dataset(self) -> xr.Dataset:
+        """The slips as a Dataset along `slip`, and the trace along `time`."""
+        f, t = self.force_unit, self.time_unit
+        of_force, rate = {"units": f}, f"{f}/{t}" if t else f
+        slopes = np.concatenate([[np.nan], self.slopes])
+        return xr.Dataset(
+            {
+                "spring_force": ("time", self.force, {"units": f, "long_name": "force"}),
+                "peak": ("slip", self.peaks, of_force | {"long_name": "force before the slip"}),
+                "trough": ("slip", self.troughs, of_force | {"long_name": "force after the slip"}),
+                "drop": ("slip", self.drops, of_force | {"long_name": "force drop"}),
+                "peak_time": ("slip", self.time[self.peak_at], {"units": t, "long_name": "time of the slip"}),
+                "trough_time": ("slip", self.time[self.trough_at], {"units": t, "long_name": "end of the slip"}),
+                "loading_rate": ("slip", slopes, {"units": rate, "long_name": "loading rate before the slip"}),
+            },
+            coords={"time": ("time", self.time, {"units": t, "long_name": "time"})},
+            attrs={"source": self.source, "smallest": self.smallest, "noise": self.noise},
+        )
+
+    def plot(self) -> Figure:
+        """Draw the trace, the distribution of drops, peaks against troughs, and the loading rate along the run."""
+        from stickslip import plot
+
+        return plot.slips(self.to_dataset())
+
+
+def pick_events(trace: xr.Dataset, *, smallest: float | None = None, after: float | None = None) -> Events:
+    """Pick the slips of a trace: peaks and troughs by hysteresis, above noise and the steps of the recording.
+
+    A drop counts from six standard deviations of the noise, three steps of the recording, and a hundredth of the peak
+    on, or from where on the count of slips hardly changes while that is doubled. The first slip, before which the force
+    rises from rest, is left out, and so is one that the end cuts off. A rise much faster than the loading belongs to
+    the slip before: the slider rings.
+
+    Parameters
+    ----------
+    trace : Dataset
+        With `spring_force` along `time`, as `stickslip.read_trace` and `stickslip.simulate` return.
+    smallest : float, optional
+        Smallest drop that counts, in the unit of the force.
+    after : float, optional
+        Look at slips after this time only.
+
+    Raises
+    ------
+    InputError
+        If there are no slips.
+
+    Examples
+    --------
+    >>> import numpy as np, xarray as xr
+    >>> from stickslip.fitting import pick_events
+    >>> saw = 10.0 + np.tile(np.linspace(-2.0, 2.0, 50), 40)
+    >>> trace = xr.Dataset({"spring_force": ("time", saw)}, coords={"time": 0.1 * np.arange(saw.size)})
+    >>> found = pick_events(trace)
+    >>> len(found), float(found.drops.mean()), round(found.recurrence, 3)
+    (38, 4.0, 5.0)
+    """
+    from stickslip.kernels.turning_points import pick
+
+    instance("fit: trace", trace, xr.Dataset, "a Dataset, such as read_trace() returns")
+    kept = trace if after is None else trace.sel(time=slice(number("after", after), None))
+    read = Trace.of(kept)
+    force = np.ascontiguousarray(read.force)
+    noise, resolution = white_noise(force), _resolution(force)
+    height = float(np.quantile(force, 0.9))
+    if not height > 0:
+        raise InputError(f"fit: nine tenths of the force lie below {height:.3g}: must pull one way, counted from 0")
+
+    def picked(drop: float) -> tuple[Any, Any]:
+        peaks, troughs = _without_ringing(read.t, force, *pick(force, drop, _rise(drop, noise)))
+        first = 0 if after is not None else 1  # its peak follows the loading from rest
+        return peaks[first:], troughs[first:]
+
+    if smallest is None:
+        smallest = max(_NOISES * noise, _STEPS * resolution, FLOOR * height)
+        smallest = _on_a_plateau(lambda drop: len(picked(drop)[0]), smallest, LARGEST_DROP * height)
+    else:
+        smallest = number("smallest", smallest, above=0, hint="drop that counts as a slip")
+
+    peaks, troughs = picked(smallest)
+    if len(peaks) < 2:
+        raise InputError(
+            f"fit: {len(peaks)} drops of at least {smallest:.3g} (noise {noise:.2g}, resolution {resolution:.2g}): "
+            f"at least {FEWEST} slips are needed; stick-slip shows more, or --smallest is too large"
+        )
+    counts = tuple((float(h), len(picked(float(h))[0])) for h in smallest * np.geomspace(0.5, 16.0, 21))
+    filled = np.asarray(kept["filled"].values) if "filled" in kept else np.zeros(force.size, dtype=bool)
+    load = np.asarray(kept["load"].values, dtype=float) if "load" in kept else np.ones(1)
+    return Events(
+        time=read.t,
+        force=force,
+        peak_at=peaks,
+        trough_at=troughs,
+        smallest=float(smallest),
+        noise=noise,
+        resolution=resolution,
+        counts=counts,
+        gap=max(_longest(filled), _longest_jump(read.t)),
+        force_unit=_unit(kept["spring_force"]),
+        time_unit=_unit(kept["time"]),
+        source=str(trace.attrs.get("source", "")),
+        load_change=float(np.ptp(np.quantile(load, (0.05, 0.95))) / abs(load.mean())) if load.mean() else 0.0,
+    )
+
+
+def check(events: Events) -> tuple[str, ...]:
+    """Raise `InputError` where a fit would mislead, with the figure that decided; return what a reader should know."""
+    f = events.force_unit and f" {events.force_unit}"
+    peak, smallest = events.mean_peak, events.smallest
+    if events.gap > LONGEST_GAP:
+        raise InputError(
+            f"fit: {events.gap} samples in a row are missing: at most {LONGEST_GAP} are filled in; cut the trace there"
+        )
+    if events.load_change > 0.05:
+        raise InputError(
+            f"fit: the normal load changes by {100 * events.load_change:.0f} %: must be constant; cut the trace"
+        )
+    if events.noise > LARGEST_NOISE * peak:
+        raise InputError(
+            f"fit: the noise is {100 * events.noise / peak:.2g} % of the peak force: at most "
+            f"{100 * LARGEST_NOISE:g} %; smooth the trace, or record it with less noise"
+        )
+    if smallest > LARGEST_DROP * peak:
+        raise InputError(
+            f"fit: drops below {smallest:.3g}{f}, {100 * smallest / peak:.2g} % of the peak force, cannot be told from "
+            f"noise: at most {100 * LARGEST_DROP:g} %; record faster, or with less noise"
+        )
+    if events.sawtooth < LEAST_SAWTOOTH:
+        raise InputError(
+            f"fit: the force rises for {events.sawtooth:.2g} times as long as it drops: this is an oscillation or "
+            f"noise, not stick-slip, where it is at least {LEAST_SAWTOOTH:g}"
+        )
+    if events.samples_per_period < FEWEST_SAMPLES:
+        raise InputError(
+            f"fit: {events.samples_per_period:.3g} samples from slip to slip: at least {FEWEST_SAMPLES:g} are needed; "
+            "record faster, or pull slower"
+        )
+    if len(events) < FEWEST:
+        raise InputError(f"fit: {len(events)} slips: at least {FEWEST} are needed; record for longer")
+    doubled = events.count_at(PLATEAU * smallest)
+    if doubled < (1.0 - LOST) * len(events):
+        raise InputError(
+            f"fit: {len(events)} drops of at least {smallest:.3g}{f}, but {doubled} of at least twice that: how many "
+            "slips there are depends on what is called one; give the smallest drop (--smallest), on a plateau of n(h)"
+        )
+    _check_steady(events)
+    return tuple(_notes(events))
+
+
+def _check_steady(events: Events) -> None:
+    ratio, at = _largest_step(events.slopes)
+    if ratio > STEP:
+        when = events.time[events.peak_at[at]]
+        raise InputError(
+            f"fit: the loading rate changes {ratio:.2g} times at t = {when:.4g}{events.time_unit and ' '}"
+            f"{events.time_unit}: the speed or the load was changed; fit one part of the trace"
+        )
+    name, z = halves(events)
+    if z > DIFFERENT:
+        raise InputError(
+            f"fit: the halves of the trace differ: {name} by {z:.2g} standard errors, at most {DIFFERENT:g}; fit one "
+            "part of the trace"
+        )
+
+
+def _notes(events: Events) -> list[str]:
+    notes = []
+    if abs(math.log(events.drift)) > math.log1p(MOST_DRIFT):
+        notes.append(
+            f"the loading rate in the last third is {events.drift:.2f} times that in the first: the drive or the rig "
+            "is not steady; what is fitted depends on the order of the slips, not on time"
+        )
+    if events.sawtooth < CLEAR_SAWTOOTH:
+        notes.append(f"rises last only {events.sawtooth:.2g} times as long as drops: hardly stick-slip")
+    if events.slip_samples < RESOLVED:
+        notes.append(
+            f"a slip lasts {events.slip_samples:.2g} samples: not resolved, so that mass and delay have bounds only"
+        )
+    return notes
+
+
+def halves(events: Events) -> tuple[str, float]:
+    """The statistic by which the halves of a trace differ most, and by how many standard errors.
+
+    The errors are those of the whole trace, doubled: of the half as many slips in a half, and of a difference.
+    """
+    middle = len(events) // 2
+    parts = events.part(0, middle), events.part(middle, 2 * middle)
+    one, other = (comparable(statistics(part.peaks, part.troughs)) for part in parts)
+    error = 2.0 * comparable(resampled(events.peaks, events.troughs)).std(axis=0)
+    z = np.abs(one - other) / np.maximum(error, _LEAST_ERROR)
+    worst = int(np.argmax(z))
+    return FITTED[worst], float(z[worst])
+
+
+def _on_a_plateau(count: Callable[[float], int], least: float, most: float) -> float:
+    """The smallest drop that may be doubled at hardly any change of the count of slips; `least` if there is none."""
+    drop = least
+    while drop <= most:
+        if count(PLATEAU * drop) >= (1.0 - LOST) * count(drop) > 0:
+            return drop
+        drop *= _FINER
+    return least
+
+
+def _rise(drop: float, noise: float) -> float:
+    return min(drop, max(_NOISES * noise, 0.5 * drop))
+
+
+def _largest_step(slopes: Array) -> tuple[float, int]:
+    """Largest ratio of the median slopes on both sides of a slip, and where."""
+    many = max(8, slopes.size // 8)
+    best, where = 1.0, 0
+    for i in range(many, slopes.size - many + 1):
+        before, behind = np.median(slopes[i - many : i]), np.median(slopes[i : i + many])
+        ratio = float(max(before / behind, behind / before))
+        if ratio > best:
+            best, where = ratio, i
+    return best, where
+
+
+def _without_ringing(t: Array, force: Array, peaks: Any, troughs: Any) -> tuple[Any, Any]:
+    """Join what a slip is followed by while the slider rings: rises much faster than the loading, and smaller."""
+    if len(peaks) < 3:
+        return peaks, troughs
+    rise = force[peaks[1:]] - force[troughs[:-1]]
+    took = t[peaks[1:]] - t[troughs[:-1]]
+    order = np.argsort(rise / took)
+    weight = np.cumsum(took[order])
+    usual = (rise / took)[order][np.searchsorted(weight, 0.5 * weight[-1])]
+    kept: list[list[int]] = [[int(peaks[0]), int(troughs[0])]]
+    for n in range(1, len(peaks)):
+        first, last = kept[-1]
+        fast = rise[n - 1] > _RINGING * usual * took[n - 1]
+        if fast and force[peaks[n]] - force[last] < _REBOUND * (force[first] - force[last]):
+            if force[troughs[n]] < force[last]:
+                kept[-1][1] = int(troughs[n])
+        else:
+            kept.append([int(peaks[n]), int(troughs[n])])
+    joined = np.array(kept, dtype=np.int64)
+    return joined[:, 0], joined[:, 1]
+
+
+def _resolution(force: Array) -> float:
+    """Step in which a trace was recorded; 0 if its values lie on no grid."""
+    values = np.unique(force)
+    if values.size < 2 or values.size > force.size // 2:
+        return 0.0
+    # Interpolated samples lie off the grid: the step is that which most differences are multiples of.
+    steps = np.diff(values)
+    step = float(np.median(steps[steps <= 1.5 * np.median(steps)]))
+    off = np.abs((force - values[0]) / step - np.round((force - values[0]) / step))
+    return step if float(np.mean(off < 0.1)) > 0.99 else 0.0
+
+
+def _longest(flags: Array) -> int:
+    """Longest run of true flags."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    return int((edges[1::2] - edges[::2]).max(initial=0))
+
+
+def _longest_jump(t: Array) -> int:
+    """Samples missing in the longest jump of the time."""
+    steps = np.diff(t)
+    return round(float(steps.max() / np.median(steps))) - 1
+
+
+def _unit(variable: xr.DataArray) -> str:
+    return str(variable.attrs.get("units", ""))

@@ -1,0 +1,412 @@
+"""`fit`: the interface behind a measured force trace, with honest intervals."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import xarray as xr
+
+from stickslip.errors import InputError, instance, whole
+from stickslip.fitting.arrest import KEYS, UNKNOWNS, Prior
+from stickslip.fitting.events import Events, check, pick_events
+from stickslip.fitting.inference import EDGE, infer, see
+from stickslip.fitting.known import QUANTITIES, Known, likelihood_of, quantity_of
+from stickslip.fitting.observation import Observation
+from stickslip.fitting.summary import FITTED, NAMES
+from stickslip.fitting.tables import DRAWS, SLIPS, Table, table
+from stickslip.measure.arrays import Array
+from stickslip.model.units import engineering
+from stickslip.progress import reporting
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from stickslip.fitting.rates import Delays, Strengthening
+    from stickslip.model.rig import Rig
+
+POSTERIOR = 300
+MOST_SLIPS = 2_000
+Verdict = Literal["identified", "weak", "not identified", "at a bound"]
+_IDENTIFIED, _WEAK = 0.5, 0.7
+_AT_BOUND, _NEAR = 0.1, 0.02
+_LOST = 1.25
+"""Slips in the table over those of the trace, at least: some are too small to be seen."""
+_LOW = 0.02
+"""p-values below this are told of."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Interval:
+    """A quantity: its median, its 90 % interval, and what the trace says of it.
+
+    Attributes
+    ----------
+    key, title, unit : str
+    low, median, high : float
+        Quantiles of 5, 50 and 95 %.
+    verdict : {"identified", "weak", "not identified", "at a bound"} or None
+        By the width of the interval over that of the prior: below .5 identified, below .7 weak. At a bound: a tenth of
+        the draws lie within 2 % of an end of the prior. None for what is no parameter of the model.
+    width : float or None
+        Width of the interval over that of the prior, in decades where the prior is.
+    """
+
+    key: str
+    title: str
+    unit: str
+    low: float
+    median: float
+    high: float
+    verdict: Verdict | None = None
+    width: float | None = None
+
+    def __str__(self) -> str:
+        if self.unit in ("", "1"):
+            return f"{self.median:.2g} ({self.low:.2g} to {self.high:.2g})"
+        low, median, high = (engineering(value, self.unit, 2) for value in (self.low, self.median, self.high))
+        return f"{median} ({low} to {high})"
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Fit:
+    """The interface behind a trace: draws of its parameters. It prints as its short text.
+
+    Attributes
+    ----------
+    events : Events
+        The slips that were fitted.
+    prior : Prior
+    values : (draws, 6) array
+        Equally likely parameters, in the order of `stickslip.fitting.UNKNOWNS`; each was simulated again.
+    strength : (draws,) array
+        Total contact strength of each draw, in the unit of the force.
+    predicted : (draws, 20) array
+        Statistics of one series of slips of each draw.
+    known : Known
+        What was known besides.
+    edge : float
+        Percentile of the trace's distance from the simulations among those of series drawn from the prior.
+    adjusted : bool
+        Whether the draws were moved by a regression; not at the edge.
+    effective : float
+        Effective number of draws before they were made equally likely.
+    invalid : float
+        Fraction of the prior that does not stick-slip as the trace does.
+    simulations : int
+    notes : tuple of str
+        What a reader should know.
+    delays, strengthening : optional
+        What other speeds, and holds, say of the delay and of ageing.
+    """
+
+    events: Events
+    prior: Prior
+    values: Array
+    strength: Array
+    predicted: Array
+    known: Known
+    edge: float
+    adjusted: bool
+    effective: float
+    invalid: float
+    simulations: int
+    notes: tuple[str, ...]
+    delays: Delays | None = None
+    strengthening: Strengthening | None = None
+    _kept: dict[str, Any] = field(default_factory=dict, compare=False)
+
+    # ----------------------------------------------------------------------------------------------------- parameters
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    @property
+    def parameters(self) -> tuple[Interval, ...]:
+        """The six parameters of the model, each with what the trace says of it."""
+        parts = self.prior.parts(self.values)
+        found = []
+        for i, unknown in enumerate(UNKNOWNS):
+            low, median, high = np.quantile(self.values[:, i], (0.05, 0.5, 0.95))
+            width = float(np.subtract(*np.quantile(parts[:, i], (0.95, 0.05)))) / 0.9
+            bound = max(float((parts[:, i] < _NEAR).mean()), float((parts[:, i] > 1 - _NEAR).mean())) > _AT_BOUND
+            verdict: Verdict = (
+                "at a bound"
+                if bound
+                else "identified"
+                if width < _IDENTIFIED
+                else "weak"
+                if width < _WEAK
+                else "not identified"
+            )
+            found.append(
+                Interval(
+                    key=unknown.key,
+                    title=unknown.title,
+                    unit="1",
+                    low=float(low),
+                    median=float(median),
+                    high=float(high),
+                    verdict=verdict,
+                    width=width,
+                )
+            )
+        return tuple(found)
+
+    def __getitem__(self, key: str) -> Interval:
+        """A parameter of the model, or a quantity in SI units."""
+        for interval in self.parameters:
+            if interval.key == key:
+                return interval
+        draws = self.draws(key)
+        low, median, high = (float(value) for value in np.quantile(draws, (0.05, 0.5, 0.95)))
+        unit, title = ("s", "delay of re-attachment") if key == "delay" else QUANTITIES[key][:2]
+        return Interval(key=key, title=title, unit=unit, low=low, median=median, high=high)
+
+    def draws(self, key: str) -> Array:
+        """Equally likely values of a parameter, or of a quantity in SI units.
+
+        Raises
+        ------
+        InputError
+            If there is none of that name, or if what is known does not allow to tell it.
+        """
+        if key in KEYS:
+            return np.asarray(self.values[:, KEYS.index(key)])
+        if key == "delay" and self.delays is not None:
+            return self.delays.draws
+        return quantity_of(key, self.values, self.strength, self.events, self.known)
+
+    @property
+    def quantities(self) -> tuple[Interval, ...]:
+        """All that what is known allows to tell in SI units."""
+        names = [name for name, (_, _, needs) in QUANTITIES.items() if self.known.has(needs)]
+        if self.delays is not None:
+            names.append("delay")
+        if self.events.force_unit == "1" and self.known.load is None:
+            return ()
+        return tuple(self[name] for name in names)
+
+    # ------------------------------------------------------------------------------------------------------- the test
+
+    @property
+    def p_values(self) -> dict[str, float]:
+        """How likely each statistic is to lie further out than that of the trace, by series of the draws; two-sided."""
+        observed = self.events.statistics
+        above = (self.predicted >= observed).mean(axis=0)
+        below = (self.predicted <= observed).mean(axis=0)
+        least = 1.0 / len(self.predicted)
+        p = np.clip(2.0 * np.minimum(above, below), least, 1.0)
+        return dict(zip(NAMES, p.tolist(), strict=True))
+
+    def surprises(self) -> tuple[str, ...]:
+        """Statistics that the draws do not make: p below .02."""
+        return tuple(name for name, p in self.p_values.items() if p < _LOW)
+
+    # --------------------------------------------------------------------------------------------------- what to do
+
+    def rig(self, *, name: str = "fitted rig", mass: object = None, speed: object = None) -> Rig:
+        """The rig: medians, its fitted values marked with their intervals and draws.
+
+        Raises
+        ------
+        InputError
+            If the stiffness is not known: then no length is.
+        """
+        from stickslip.fitting.rigs import rig_of
+
+        return rig_of(self, name=name, mass=mass, speed=speed)
+
+    def plot(self) -> Figure:
+        """Draw the trace beside simulated ones, distributions, the test, and the parameters within their prior."""
+        from stickslip import plot
+
+        return plot.fitted(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fit as plain numbers, texts and lists."""
+
+        def plain(interval: Interval) -> dict[str, Any]:
+            kept = {name: getattr(interval, name) for name in ("low", "median", "high", "unit", "verdict", "width")}
+            return {name: value for name, value in kept.items() if value is not None}
+
+        return {
+            "slips": len(self.events),
+            "force_unit": self.events.force_unit,
+            "parameters": {one.key: plain(one) for one in self.parameters},
+            "quantities": {one.key: plain(one) for one in self.quantities},
+            "known": {name: list(pair) for name, pair in self.known.to_dict().items()},
+            "edge": self.edge,
+            "adjusted": self.adjusted,
+            "effective_draws": self.effective,
+            "invalid": self.invalid,
+            "simulations": self.simulations,
+            "statistics": dict(zip(NAMES, self.events.statistics.tolist(), strict=True)),
+            "p_values": self.p_values,
+            "notes": list(self.notes),
+            "delay": None if self.delays is None else self.delays.to_dict(),
+            "ageing": None if self.strengthening is None else self.strengthening.to_dict(),
+        }
+
+    def __str__(self) -> str:
+        width = max(len(one.title) for one in (*self.parameters, *self.quantities))
+        lines = [str(self.events), "", "Parameters of the model, medians and 90 % intervals:"]
+        lines += [f"  {one.title:{width}}  {one!s:26}  {one.verdict}" for one in self.parameters]
+        if self.quantities:
+            lines += ["In SI units:"]
+            lines += [f"  {one.title:{width}}  {one!s}" for one in self.quantities]
+        p = self.p_values
+        fitted = min(p[name] for name in FITTED)
+        rest = min(p[name] for name in NAMES[len(FITTED) :])
+        lines.append(
+            f"Series of these draws against the trace: smallest p of {len(FITTED)} fitted statistics {fitted:.2g}, of "
+            f"{len(NAMES) - len(FITTED)} others {rest:.2g}"
+        )
+        for more in (self.delays, self.strengthening):
+            if more is not None:
+                lines.append(str(more))
+        lines += [f"note: {note}" for note in self.notes]
+        return "\n".join(lines)
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(str(self))}</pre>"
+
+
+def fit(
+    trace: xr.Dataset | Events,
+    *,
+    known: Mapping[str, object] | None = None,
+    prior: Prior = Prior(),
+    smallest: float | None = None,
+    after: float | None = None,
+    speeds: tuple[tuple[object, object], ...] = (),
+    holds: tuple[tuple[object, object], ...] = (),
+    draws: int = DRAWS,
+    rounds: int | None = None,
+    seed: int = 0,
+    executor: Executor | None = None,
+    progress: Callable[[float], None] | bool | None = None,
+) -> Fit:
+    """Fit the interface behind a measured stick-slip trace.
+
+    The model is the limit of slow driving with re-attachment on arrest: six numbers without a unit. Series of slips are
+    simulated over the whole prior, sampled and picked as the trace was, and those like the trace are kept. The
+    simulations are made once and kept in the user's cache; that takes minutes, a fit then some seconds.
+
+    A trace alone tells little of some parameters, and nothing of others; what it does not tell is said, not guessed.
+
+    Parameters
+    ----------
+    trace : Dataset or Events
+        A measured force, as `stickslip.read_trace` returns, or its slips.
+    known : mapping, optional
+        Of ``stiffness``, ``speed``, ``mass``, ``load``, what is known: a number in SI units, a text such as
+        ``"350 N/m"``, or either with its standard error, ``("350 N/m", "10 N/m")``; 2 % where none is given.
+    prior : Prior
+        What is held possible.
+    smallest, after : float, optional
+        Smallest drop that counts as a slip, and a time before which slips are left out.
+    speeds : sequence of (speed, force), optional
+        Mean friction at other speeds: they tell the delay.
+    holds : sequence of (time, force), optional
+        Static friction after holds: they tell ageing.
+    draws : int
+        Size of the table.
+    rounds : int, optional
+        Rounds of simulations near the trace; by default two at the edge of what the model makes, else none.
+    seed : int
+    executor : Executor, optional
+        Where the table is made; by default threads.
+    progress : callable or bool, optional
+        Is told what part of the table is there; a bar for True.
+
+    Raises
+    ------
+    InputError
+        If the trace is none of stick-slip, or says too little: the message has the figure that decided.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> trace = ss.read_trace("force7.txt", step=0.25)  # doctest: +SKIP
+    >>> found = ss.fit(trace, known={"stiffness": "100 N/m"})  # doctest: +SKIP
+    >>> found["contact_strength"]  # doctest: +SKIP
+    """
+    instance("fit: trace", trace, (xr.Dataset, Events), "a Dataset, such as read_trace() returns, or its Events")
+    seed = whole("seed", seed, at_least=0)
+    events = trace if isinstance(trace, Events) else pick_events(trace, smallest=smallest, after=after)
+    given = Known.read(known)
+    notes = list(check(events))
+    if len(events) > MOST_SLIPS:
+        notes.append(f"only the first {MOST_SLIPS} of {len(events)} slips are fitted")
+        events = events.part(0, MOST_SLIPS)
+    likelihood = likelihood_of(events, given)
+    observation = Observation.of(events)
+    with reporting(progress, "simulating") as report:
+        made: Table = table(
+            prior=prior,
+            draws=draws,
+            slips=SLIPS * math.ceil(_LOST * len(events) / SLIPS),
+            executor=executor,
+            progress=report,
+        )
+    sample = infer(made, observation, events.statistics, likelihood=likelihood, rounds=rounds, seed=seed)
+    parts = sample.resample(POSTERIOR, np.random.default_rng([seed, 4]))
+    again = see(prior, parts, observation, seed=seed + 1000)
+    valid = again.valid
+    if valid.sum() < POSTERIOR // 10:
+        raise InputError(
+            f"fit: only {valid.sum()} of {POSTERIOR} draws stick-slip as the trace does: it is made by something else"
+        )
+    if not sample.adjusted:
+        notes.append(
+            f"the trace lies at the edge of what the model makes ({sample.edge:.3g} percentile, above {EDGE:g}): the "
+            "draws were not moved by a regression, and the intervals are wider than need be"
+        )
+    found = Fit(
+        events=events,
+        prior=prior,
+        values=prior.values(parts[valid]),
+        strength=events.mean_peak / again.mean_peak[valid],
+        predicted=again.statistics[valid],
+        known=given,
+        edge=sample.edge,
+        adjusted=sample.adjusted,
+        effective=sample.effective,
+        invalid=sample.invalid,
+        simulations=sample.simulations,
+        notes=(),
+    )
+    return _completed(found, notes, speeds, holds)
+
+
+def _completed(
+    found: Fit, notes: list[str], speeds: tuple[tuple[object, object], ...], holds: tuple[tuple[object, object], ...]
+) -> Fit:
+    """Add what other speeds and holds say, and notes on what was found."""
+    from dataclasses import replace
+
+    from stickslip.fitting.rates import delays_of, strengthening_of
+
+    for one in found.parameters:
+        if one.verdict == "at a bound":
+            notes.append(f"{one.title}: at a bound of its prior")
+    if surprises := found.surprises():
+        notes.append(f"the model does not make these of the trace's statistics (p < {_LOW:g}): {', '.join(surprises)}")
+    if found["contacts"].high < 100:
+        notes.append(
+            "the contacts are counted by the scatter of the slips: independent units of strength, not asperities"
+        )
+    return replace(
+        found,
+        notes=tuple(notes),
+        delays=delays_of(found, speeds) if speeds else None,
+        strengthening=strengthening_of(holds) if holds else None,
+    )

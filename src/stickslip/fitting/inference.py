@@ -1,0 +1,233 @@
+"""From statistics of a trace to draws of the parameters, by comparison with simulations.
+
+Approximate Bayesian computation: of all simulated series those nearest to the trace are kept, and their parameters are
+moved by a local linear regression on what still parts their statistics from those of the trace. Of the ways that were
+tried, this one had intervals that hold the truth as often as they say. Where the trace lies at the edge of what the
+model makes, a regression would extrapolate: then simulations are added near it, and nothing is moved.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from stickslip.errors import InputError
+from stickslip.fitting.arrest import KEYS, Prior
+from stickslip.fitting.observation import Observation, Seen
+from stickslip.fitting.summary import comparable
+from stickslip.fitting.tables import Table, simulated
+from stickslip.measure.arrays import Array
+
+NEAREST = 300
+EDGE, BEYOND = 95.0, 99.9
+"""Percentiles of the distance: above the first nothing is moved and a warning given, above the second none fitted."""
+_NEIGHBOUR, _COMPARED = 10, 1000
+_ROUND = 4_000
+_ROUND_COST, _PER_CONTACT = 15.0, 4e-7
+"""Seconds that a round may take on one core, by estimate, and what a slip costs per contact."""
+_FEWEST_IN_A_ROUND = 1_000
+_SMALL = 1e-4
+Likelihood = Callable[[Array], Array]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sample:
+    """Weighted draws of the parameters.
+
+    Attributes
+    ----------
+    parts : (draws, 6) array
+        Where they lie in the ranges of the prior, 0 to 1.
+    weights : (draws,) array
+        Their sum is 1.
+    edge : float
+        Percentile of the trace's distance from its neighbours among those of series drawn from the prior.
+    adjusted : bool
+        Whether they were moved by the regression.
+    invalid : float
+        Fraction of the prior that does not stick-slip as the trace does.
+    simulations : int
+        Series compared.
+    """
+
+    parts: Array
+    weights: Array
+    edge: float
+    adjusted: bool
+    invalid: float
+    simulations: int
+
+    @property
+    def effective(self) -> float:
+        """Effective number of draws."""
+        return float(1.0 / (self.weights**2).sum())
+
+    def resample(self, count: int, rng: np.random.Generator) -> Array:
+        """Even draws from the weighted ones."""
+        return np.asarray(self.parts[rng.choice(len(self.parts), size=count, p=self.weights)])
+
+
+def infer(
+    table: Table,
+    observation: Observation,
+    observed: Array,
+    *,
+    likelihood: Likelihood | None = None,
+    rounds: int | None = None,
+    nearest: int = NEAREST,
+    seed: int = 0,
+) -> Sample:
+    """Draw parameters that make what was observed.
+
+    Parameters
+    ----------
+    table : Table
+        Simulations from the prior.
+    observation : Observation
+        How the trace was recorded.
+    observed : array
+        Its statistics.
+    likelihood : callable, optional
+        Of parameters, along the last axis, by what is known of them besides; at most 1.
+    rounds : int, optional
+        Rounds of simulations near the trace; by default two where it lies at the edge, else none.
+    nearest : int
+        Draws kept.
+    seed : int
+
+    Raises
+    ------
+    InputError
+        If no draw is anywhere near.
+    """
+    seen = observation.see(table.count, table.peaks, table.troughs, seed=seed)
+    valid = seen.valid
+    if valid.sum() < nearest:
+        raise InputError(
+            f"fit: {valid.sum()} of {len(table)} draws from the prior stick-slip as the trace does, with "
+            f"{observation.slips} slips above the smallest drop: at least {nearest} are needed; take more draws"
+        )
+    parts, found = table.parts[valid], comparable(seen.statistics[valid])
+    target = comparable(observed)
+    scale = 1.4826 * np.median(np.abs(found - np.median(found, axis=0)), axis=0)
+    edge = _edge(found / scale, target / scale, np.random.default_rng([seed, 1]))
+    if edge > BEYOND:
+        raise InputError(
+            f"fit: no simulation comes near this trace: its distance from them lies at the {edge:.4g} percentile of "
+            "what the model makes; it is made by something else"
+        )
+    weights = np.ones(len(parts)) if likelihood is None else likelihood(table.prior.values(parts))
+    if (weights > 1e-3).sum() < nearest:
+        raise InputError(
+            f"fit: {(weights > 1e-3).sum()} of {len(parts)} draws agree with what is known, at least {nearest} are "
+            "needed; check the known values, or give their errors as (value, error)"
+        )
+    sample = _kept(parts, found, weights, target, scale, nearest)
+    simulations = len(table)
+    far = edge > EDGE
+    for number in range((2 if far else 0) if rounds is None else rounds):
+        rng = np.random.default_rng([seed, 2, number])
+        more, density = _proposals(sample[0], sample[1], table.prior, observation, rng)
+        near = see(table.prior, more, observation, seed=seed + number + 1)
+        good = near.valid
+        fresh = 1.0 / density[good]
+        if likelihood is not None:
+            fresh = fresh * likelihood(table.prior.values(more[good]))
+        simulations += len(more)
+        if good.sum() < nearest:
+            break
+        # At most a few per cent of the weight to one draw: the rest would count for nothing.
+        fresh = np.minimum(fresh, np.quantile(fresh, 0.98))
+        sample = _kept(more[good], comparable(near.statistics[good]), fresh, target, scale, nearest)
+    parts, weights, found = sample
+    if not far:
+        parts = _adjusted(parts, found, weights, target)
+    return Sample(
+        parts=parts,
+        weights=weights / weights.sum(),
+        edge=edge,
+        adjusted=not far,
+        invalid=1.0 - float(valid.mean()),
+        simulations=simulations,
+    )
+
+
+def see(prior: Prior, parts: Array, observation: Observation, *, seed: int = 0) -> Seen:
+    """Simulate at given parts of the ranges of a prior, on all cores, and observe."""
+    slips = observation.slips_needed
+    blocks = np.array_split(np.arange(len(parts)), max(1, min(len(parts), 4 * (os.cpu_count() or 1))))
+
+    def one(block: int) -> dict[str, np.ndarray]:
+        return simulated(prior, parts[blocks[block]], slips, np.random.default_rng([seed, 3, block]))
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        made = list(pool.map(one, range(len(blocks))))
+    count, peaks, troughs = (np.concatenate([part[name] for part in made]) for name in ("count", "peaks", "troughs"))
+    return observation.see(count, peaks, troughs, seed=seed)
+
+
+def _edge(found: Array, target: Array, rng: np.random.Generator) -> float:
+    """Percentile of the distance to the tenth neighbour among the same of draws from the prior."""
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(found)
+    some = rng.choice(len(found), size=min(_COMPARED, len(found)), replace=False)
+    usual = np.asarray(tree.query(found[some], k=_NEIGHBOUR + 1)[0])[:, -1]
+    here = float(np.asarray(tree.query(target, k=_NEIGHBOUR)[0])[-1])
+    return float(100.0 * (usual < here).mean())
+
+
+def _kept(
+    parts: Array, found: Array, weights: Array, target: Array, scale: Array, nearest: int
+) -> tuple[Array, Array, Array]:
+    """The draws nearest to the target, weighted by how near they are."""
+    distance = np.sqrt((((found - target) / scale) ** 2).sum(axis=1))
+    distance[weights <= 1e-3 * weights.max()] = np.inf
+    kept = np.argsort(distance)[:nearest]
+    kernel = 1.0 - (distance[kept] / (distance[kept[-1]] * (1 + 1e-9))) ** 2
+    return parts[kept], weights[kept] * kernel, found[kept]
+
+
+def _logit(parts: Array) -> Array:
+    inside = np.clip(parts, _SMALL, 1.0 - _SMALL)
+    return np.asarray(np.log(inside / (1.0 - inside)))
+
+
+def _adjusted(parts: Array, found: Array, weights: Array, target: Array) -> Array:
+    """Parameters moved by a weighted linear regression, in logits, so that they stay within their ranges."""
+    away = found - target
+    away = away / np.maximum(away.std(axis=0), 1e-9)
+    design = np.column_stack([np.ones(len(away)), away])
+    root = np.sqrt(weights)[:, None]
+    ridge = np.diag([0.0, *[1e-3 * float(weights.sum())] * away.shape[1]])
+    left = (design * root).T @ (design * root) + ridge
+    slope = np.linalg.solve(left, (design * root).T @ (_logit(parts) * root))
+    moved = _logit(parts) - away @ slope[1:]
+    return np.asarray(1.0 / (1.0 + np.exp(-moved)))
+
+
+def _proposals(
+    parts: Array, weights: Array, prior: Prior, observation: Observation, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Draws around those kept, and their density over that of the prior."""
+    weights = weights / weights.sum()
+    centres = _logit(parts)
+    mean = weights @ centres
+    spread = 1.5 * np.einsum("i,ij,ik->jk", weights, centres - mean, centres - mean) + 1e-4 * np.eye(len(KEYS))
+    root = np.linalg.cholesky(spread)
+    contacts = float(np.mean(prior.values(parts)[:, 0]))
+    each = _PER_CONTACT * contacts * observation.slips_needed * (1.0 + contacts / 50.0)
+    count = int(np.clip(_ROUND_COST / each, _FEWEST_IN_A_ROUND, _ROUND))
+    chosen = centres[rng.choice(len(centres), size=count, p=weights)]
+    drawn = chosen + rng.standard_normal(chosen.shape) @ root.T
+    whitened = np.linalg.solve(root, drawn.T).T
+    centre = np.linalg.solve(root, centres.T).T
+    square = ((whitened[:, None, :] - centre[None, :, :]) ** 2).sum(axis=-1)
+    density = np.exp(-0.5 * square) @ weights
+    new = 1.0 / (1.0 + np.exp(-drawn))
+    inside = np.prod(np.maximum(new * (1.0 - new), 1e-12), axis=1)  # density of the prior in logits
+    return np.asarray(new), np.asarray(density / inside)

@@ -1,0 +1,98 @@
+"""Traces whose truth is known: what a bench would record of the model that is fitted."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from stickslip.errors import InputError, number, whole
+from stickslip.fitting.arrest import KEYS, Prior, simulate
+from stickslip.measure.arrays import Array
+
+_SLIP = 0.4
+"""Samples that a slip takes."""
+
+
+def synthetic_trace(
+    *,
+    contacts: float = 20.0,
+    threshold_std: float = 0.25,
+    sliding_force: float = 0.5,
+    stiffness_ratio: float = 0.05,
+    damping_ratio: float = 0.2,
+    track_scatter: float = 0.1,
+    slips: int = 150,
+    strength: float = 15.0,
+    loading_rate: float = 0.5,
+    samples: float = 50.0,
+    noise: float = 0.002,
+    seed: int = 0,
+) -> xr.Dataset:
+    """Return a trace of known parameters, as a bench would record it: from rest, sampled, with noise.
+
+    Parameters
+    ----------
+    contacts, threshold_std, sliding_force, stiffness_ratio, damping_ratio, track_scatter : float
+        The truth, as in `Prior`.
+    slips : int
+        How many there are.
+    strength, loading_rate : float
+        Total contact strength in N, and rise of the force between slips in N/s.
+    samples : float
+        From slip to slip, on average.
+    noise : float
+        Standard deviation of white noise, over the mean peak.
+    seed : int
+
+    Returns
+    -------
+    Dataset
+        `spring_force` in N along `time` in s.
+
+    Raises
+    ------
+    InputError
+        If there are hardly any slips with these parameters.
+
+    Examples
+    --------
+    >>> from stickslip.fitting import pick_events, synthetic_trace
+    >>> trace = synthetic_trace(slips=100)
+    >>> len(pick_events(trace)) > 80
+    True
+    """
+    truth = np.array([contacts, threshold_std, sliding_force, stiffness_ratio, damping_ratio, track_scatter])
+    for key, value in zip(KEYS, truth.tolist(), strict=True):
+        number(key, value, at_least=0)
+    slips = whole("slips", slips, at_least=2, at_most=100_000)
+    rng = np.random.default_rng(seed)
+    peaks, troughs = simulate(truth, slips, rng)
+    if peaks.size < slips:
+        raise InputError(
+            f"only {peaks.size} of {slips} slips: these parameters hardly stick-slip; take a softer spring"
+        )
+    rate = number("loading_rate", loading_rate, above=0, hint="in N/s")
+    step = strength * float((peaks[1:] - troughs[:-1]).mean()) / rate / number("samples", samples, above=2)
+    return sampled(strength * peaks, strength * troughs, rate, step, noise * strength * float(peaks.mean()), rng)
+
+
+def sampled(
+    peaks: Array, troughs: Array, rate: float, step: float, noise: float, rng: np.random.Generator
+) -> xr.Dataset:
+    """Sample a saw of these peaks and troughs, from rest on, in N and s."""
+    ends = np.concatenate([[0.0], troughs[:-1]])
+    rises, falls = (peaks - ends) / rate, np.full(peaks.size, _SLIP * step)
+    knots = np.concatenate([[0.0], np.cumsum(np.column_stack([rises, falls]).ravel())])
+    force = np.concatenate([[0.0], np.column_stack([peaks, troughs]).ravel()])
+    time = np.arange(0.0, knots[-1], step)
+    values = np.interp(time, knots, force) + noise * rng.standard_normal(time.size)
+    return xr.Dataset(
+        {"spring_force": ("time", values, {"units": "N", "long_name": "force"})},
+        coords={"time": ("time", time, {"units": "s", "long_name": "time"})},
+        attrs={"source": "synthetic trace"},
+    )
+
+
+def random_truth(prior: Prior, rng: np.random.Generator) -> dict[str, float]:
+    """Parameters drawn from a prior."""
+    return dict(zip(KEYS, prior.values(rng.random(len(KEYS))).tolist(), strict=True))

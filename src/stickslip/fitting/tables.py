@@ -1,0 +1,196 @@
+"""The table of simulated series of slips that every fit starts from: made once, kept, and gone on with when cut short.
+
+It holds the force before and after each slip, not statistics of them: how a trace was sampled and picked comes in when
+it is fitted, so that one table serves traces of every bench.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Callable
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip.errors import InputError, whole
+from stickslip.fitting.arrest import FLOOR, KEYS, VERSION, Prior, simulate
+from stickslip.io import files
+from stickslip.measure.arrays import Array
+
+DRAWS, SLIPS = 20_000, 384
+"""Usual size: draws from the prior, and slips of each. More slips are simulated for traces that have more."""
+
+_BLOCK = 250
+_LARGEST = 1 << 30
+Progress = Callable[[float], None]
+Series = NDArray[np.float32]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """Simulated series of slips, drawn from a prior.
+
+    Attributes
+    ----------
+    prior : Prior
+    parts : (draws, 6) array
+        Where the parameters of each draw lie in their ranges, 0 to 1.
+    count : (draws,) array
+        How many slips there are of each; the model hardly stick-slips where they are few.
+    peaks, troughs : (draws, slips) array
+        Force before and after each slip, in units of the total contact strength; 0 beyond `count`.
+    """
+
+    prior: Prior
+    parts: Array
+    count: NDArray[np.int64]
+    peaks: Series
+    troughs: Series
+
+    @property
+    def slips(self) -> int:
+        """Slips of each draw."""
+        return int(self.peaks.shape[1])
+
+    def __len__(self) -> int:
+        return len(self.count)
+
+
+def cache_folder() -> Path:
+    """The user's folder for what can be made again: that of ``STICKSLIP_CACHE``, of ``XDG_CACHE_HOME``, or ~/.cache."""
+    given = os.environ.get("STICKSLIP_CACHE")
+    if given:
+        return Path(given)
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "stickslip"
+
+
+def folder_of(prior: Prior, slips: int, seed: int) -> Path:
+    """Where the table of a prior is kept; its name is a key of all that decides what it holds, but for its length."""
+    key = json.dumps([VERSION, FLOOR, KEYS, asdict(prior), slips, seed, _BLOCK], sort_keys=True)
+    return cache_folder() / f"fit-{hashlib.sha256(key.encode()).hexdigest()[:16]}"
+
+
+def table(
+    *,
+    prior: Prior = Prior(),
+    draws: int = DRAWS,
+    slips: int = SLIPS,
+    seed: int = 0,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Table:
+    """Return the table of a prior: from the cache as far as it is there, the rest simulated and kept.
+
+    Cut short, it goes on from where it was. The same prior, seed and size give the same table, on any number of cores.
+
+    Parameters
+    ----------
+    prior : Prior
+    draws, slips : int
+        Its size. The usual one takes some minutes once.
+    seed : int
+    executor : Executor, optional
+        Where the blocks are simulated, such as ``Client.get_executor()`` of Dask; by default threads, one per core.
+    progress : callable, optional
+        Is told what part is there.
+
+    Examples
+    --------
+    >>> from stickslip.fitting import Prior, table
+    >>> small = table(prior=Prior(contacts=(5, 20)), draws=250, slips=40)
+    >>> len(small), small.peaks.shape
+    (250, (250, 40))
+    """
+    draws = whole("draws", draws, at_least=100, at_most=1_000_000, hint="of the table")
+    slips = whole("slips", slips, at_least=30, at_most=4_096, hint="of each draw")
+    seed = whole("seed", seed, at_least=0)
+    place = folder_of(prior, slips, seed)
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"{place}: cannot be made ({error.strerror}); name another folder in STICKSLIP_CACHE"
+        ) from None
+    blocks = -(-draws // _BLOCK)
+    missing = [block for block in range(blocks) if not _read(place / f"{block}.npz", slips)]
+    if missing:
+        _make(place, missing, blocks, prior, slips, seed, executor, progress)
+    read = [_read(place / f"{block}.npz", slips) for block in range(blocks)]
+    parts, count, peaks, troughs = (np.concatenate([one[name] for one in read])[:draws] for name in _FIELDS)
+    return Table(prior=prior, parts=parts, count=count, peaks=peaks, troughs=troughs)
+
+
+_FIELDS = ("parts", "count", "peaks", "troughs")
+
+
+def forget() -> int:
+    """Remove all tables from the cache; return how many there were."""
+    found = list(cache_folder().glob("fit-*"))
+    for place in found:
+        shutil.rmtree(place, ignore_errors=True)
+    return len(found)
+
+
+def _make(
+    place: Path,
+    missing: list[int],
+    blocks: int,
+    prior: Prior,
+    slips: int,
+    seed: int,
+    executor: Executor | None,
+    progress: Progress | None,
+) -> None:
+    simulate_block(prior, 0, 0, 30, seed)  # compiles, before threads ask for it all at once
+    own = ThreadPoolExecutor(os.cpu_count()) if executor is None else None
+    pool: Executor = executor if own is None else own  # type: ignore[assignment]
+    waiting: dict[Future[dict[str, NDArray[np.generic]]], int] = {}
+    try:
+        waiting = {pool.submit(simulate_block, prior, block, _BLOCK, slips, seed): block for block in missing}
+        for done, future in enumerate(as_completed(waiting), start=blocks - len(missing) + 1):
+            content = BytesIO()
+            np.savez(content, allow_pickle=False, **future.result())
+            files.write(place / f"{waiting[future]}.npz", content.getvalue())
+            if progress is not None:
+                progress(done / blocks)
+    finally:
+        for future in waiting:
+            future.cancel()
+        if own is not None:
+            own.shutdown(cancel_futures=True)
+
+
+def simulate_block(prior: Prior, block: int, draws: int, slips: int, seed: int) -> dict[str, NDArray[np.generic]]:
+    """Simulate one block of the table; what it holds depends on its number and on the seed alone."""
+    rng = np.random.default_rng([seed, block])
+    parts = rng.random((draws, len(KEYS)))
+    return {"parts": parts, **simulated(prior, parts, slips, rng)}
+
+
+def simulated(prior: Prior, parts: Array, slips: int, rng: np.random.Generator) -> dict[str, NDArray[np.generic]]:
+    """Series of slips at given parts of the ranges of a prior."""
+    draws = len(parts)
+    count = np.zeros(draws, dtype=np.int64)
+    peaks, troughs = np.zeros((draws, slips), np.float32), np.zeros((draws, slips), np.float32)
+    for i, values in enumerate(prior.values(parts)):
+        P, T = simulate(values, slips, rng)
+        count[i] = P.size
+        peaks[i, : P.size], troughs[i, : P.size] = P, T
+    return {"count": count, "peaks": peaks, "troughs": troughs}
+
+
+def _read(path: Path, slips: int) -> dict[str, NDArray[np.generic]]:
+    """A block as it was kept; nothing if it is not there, or damaged, so that it is made again."""
+    try:
+        with np.load(BytesIO(files.read(path, "table", largest=_LARGEST)), allow_pickle=False) as found:
+            block = {name: found[name] for name in _FIELDS}
+    except (InputError, OSError, ValueError, KeyError, EOFError, Exception):
+        return {}
+    return block if block["peaks"].shape == (_BLOCK, slips) else {}

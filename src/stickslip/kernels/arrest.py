@@ -1,0 +1,215 @@
+"""Slips of a slider that is driven infinitely slowly, one after the other, in closed form.
+
+The slow-drive limit with re-attachment on arrest. Between slips all contacts are attached and the force rises until the
+first of them reaches its threshold. While the slider slips the drive stands still; each broken contact slides with a
+constant residual stretching, and re-attaches with it, and with a new threshold, when the slider first stops. Between
+two breaks the slider is a damped oscillator on the driving spring and the contacts still attached, so that a slip is a
+short sequence of exact arcs, and nothing is ever stepped.
+
+Natural units, everything per contact: contact stiffness 1, mean threshold 1. The mass drops out with the speed.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._jit import jit
+from .turning_points import PEAK, START, TROUGH, turn
+
+_WARM = 5  # each contact breaks so often before the first slip that counts
+_STEPS = 60
+_TRIES = 100
+
+
+class Arrest(NamedTuple):
+    """Contacts, standard deviation of their thresholds, residual stretching, stiffness K/N of the driving spring.
+
+    `damping_ratio` is that of the free slider on the driving spring; `track_scatter` the standard deviation of the
+    factor that the thresholds drawn in one slip have in common.
+    """
+
+    contacts: int
+    std: float
+    residual: float
+    stiffness: float
+    damping_ratio: float
+    track_scatter: float
+
+
+@jit
+def _threshold(rng: np.random.Generator, std: float, factor: float, least: float) -> float:
+    """Draw a threshold beyond the stretching at birth; on a track so weak that none is, one that holds nothing."""
+    for _ in range(_TRIES):
+        value: float = factor * (1.0 + std * rng.normal())
+        if value > least:
+            return value
+    return least
+
+
+@jit
+def _arc(velocity: float, force: float, stiffness: float, ratio: float, gap: float) -> tuple[float, float, bool]:
+    """Distance and velocity where the slider has gone a distance `gap`, or where it first stops, and whether it does.
+
+    Time in units of ``sqrt(M/K)``.
+
+    Parameters
+    ----------
+    velocity : float
+        At least 0.
+    force, stiffness : float
+        Unbalanced force, and its loss per distance, both over the stiffness K of the driving spring.
+    ratio : float
+        Damping ratio on the driving spring alone.
+    gap : float
+        Above 0; infinite with no contact left.
+    """
+    rest = force / stiffness  # where the slider would settle
+    omega = math.sqrt(stiffness - ratio * ratio)
+    across = (velocity - ratio * rest) / omega
+    bend = ratio * across - rest * omega
+    stop = math.atan2(velocity, bend) / omega
+    if stop <= 0.0:
+        return 0.0, 0.0, True
+    swing = -rest * math.cos(omega * stop) + across * math.sin(omega * stop)
+    furthest = rest + math.exp(-ratio * stop) * swing
+    if furthest < gap:
+        return max(furthest, 0.0), 0.0, True
+    low, high = 0.0, stop
+    time = min(0.5 * stop, gap / velocity) if velocity > 0.0 else 0.5 * stop
+    speed = 0.0
+    for _ in range(_STEPS):
+        c, s, decay = math.cos(omega * time), math.sin(omega * time), math.exp(-ratio * time)
+        beyond = rest + decay * (across * s - rest * c) - gap
+        speed = decay * (velocity * c - bend * s)
+        if abs(beyond) <= 1e-13 * gap:
+            break
+        if beyond > 0.0:
+            high = time
+        else:
+            low = time
+        newer = time - beyond / speed if speed > 0.0 else -1.0
+        if not low < newer < high:
+            newer = 0.5 * (low + high)
+        if newer == time:
+            break
+        time = newer
+    return gap, max(speed, 0.0), False
+
+
+@jit
+def _push(keys: NDArray[np.float64], slots: NDArray[np.int64], size: int, key: float, slot: int) -> None:
+    """Add to a binary heap, the smallest key on top, of so many entries."""
+    i = size
+    while i > 0:
+        parent = (i - 1) >> 1
+        if keys[parent] <= key:
+            break
+        keys[i], slots[i] = keys[parent], slots[parent]
+        i = parent
+    keys[i], slots[i] = key, slot
+
+
+@jit
+def _pop(keys: NDArray[np.float64], slots: NDArray[np.int64], size: int) -> None:
+    """Take the smallest key off a heap of so many entries."""
+    last = size - 1
+    key, slot = keys[last], slots[last]
+    i = 0
+    while True:
+        child = 2 * i + 1
+        if child >= last:
+            break
+        if child + 1 < last and keys[child + 1] < keys[child]:
+            child += 1
+        if keys[child] >= key:
+            break
+        keys[i], slots[i] = keys[child], slots[child]
+        i = child
+    keys[i], slots[i] = key, slot
+
+
+@jit
+def slips(
+    model: Arrest,
+    floor: float,
+    most: int,
+    rng: np.random.Generator,
+    peaks: NDArray[np.float64],
+    troughs: NDArray[np.float64],
+) -> int:
+    """Fill in the force, per contact, before and after each slip; return how many there were.
+
+    Parameters
+    ----------
+    model : Arrest
+    floor : float
+        Drops and rises below this part of the peak before are no slips of their own.
+    most : int
+        Contacts that may break.
+    rng : Generator
+    peaks, troughs : array
+        Are filled as far as it goes.
+    """
+    count, kappa, residual = model.contacts, model.stiffness, model.residual
+    attached_at, breaks_at = np.empty(count), np.empty(count)  # positions of the slider
+    queue = np.empty(count, np.int64)  # the contacts attached, a heap by where they break
+    broken = np.empty(count, np.int64)
+    for i in range(count):
+        threshold = _threshold(rng, model.std, 1.0, 0.0)
+        attached_at[i] = -rng.random() * threshold
+        _push(breaks_at, queue, i, attached_at[i] + threshold, i)
+    total = attached_at.sum()
+    track = math.sqrt(math.log1p(model.track_scatter**2))  # of the logarithm of the factor, whose mean is 1
+    X = 0.0
+    found = done = 0
+    begun = False
+    state = START
+    while found < peaks.size and done < most:
+        X = max(X, breaks_at[0])
+        force = X - total / count
+        drive = X + force / kappa
+        low = floor * state.high if state.falling else floor * max(state.high, force)
+        state = turn(state, 0, force, low, low)
+        if state.found == TROUGH:
+            if begun:
+                troughs[found] = state.low
+                found += 1
+            begun = False
+
+        left, loose, velocity = count, 0, 0.0
+        while True:
+            contact = queue[0]
+            _pop(breaks_at, queue, left)
+            broken[loose] = contact
+            loose += 1
+            left -= 1
+            total -= attached_at[contact]
+            gap = breaks_at[0] - X if left > 0 else np.inf
+            if gap <= 0.0:
+                continue
+            unbalanced = drive - X - (left * X - total + residual * loose) / (count * kappa)
+            way, velocity, stops = _arc(velocity, unbalanced, 1.0 + left / (count * kappa), model.damping_ratio, gap)
+            if stops:
+                X += way
+                break
+            X = breaks_at[0]
+
+        factor = math.exp(track * (rng.normal() - 0.5 * track)) if track > 0.0 else 1.0
+        for contact in broken[:loose]:
+            attached_at[contact] = X - residual
+            threshold = _threshold(rng, model.std, factor, residual)
+            _push(breaks_at, queue, left, attached_at[contact] + threshold, contact)
+            left += 1
+        # Summed anew now and then, so that no rounding adds up.
+        total = attached_at.sum() if done // count != (done + loose) // count else total + loose * (X - residual)
+        done += loose
+        X = (kappa * drive + total / count) / (kappa + 1.0)  # the ring-down, contacts attached
+        force = kappa * (drive - X)
+        low = floor * state.high
+        state = turn(state, 0, force, low, low)
+        if state.found == PEAK and done >= _WARM * count and found < peaks.size:
+            peaks[found] = state.high
+            begun = True
+    return found

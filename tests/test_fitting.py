@@ -1,0 +1,436 @@
+"""From a trace to a rig: picking, statistics, the simulator, inference, rigs and refusals."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import stickslip as ss
+from stickslip import fitting
+from stickslip.cli import main
+from stickslip.errors import InputError
+from stickslip.fitting.arrest import KEYS, Prior, simulate
+from stickslip.fitting.observation import Observation
+from stickslip.fitting.rates import half_speed_of
+from stickslip.fitting.summary import FITTED, NAMES, resampled, statistics
+from stickslip.fitting.synthetic import sampled
+from stickslip.fitting.tables import folder_of, table
+
+BENCH = Path(__file__).parent / "data" / "guldstrand_force7.txt"
+TRUTH = (20.0, 0.25, 0.5, 0.05, 0.2, 0.1)
+NARROW = Prior(contacts=(8.0, 50.0), threshold_std=(0.05, 0.5), sliding_force=(0.2, 0.8), stiffness_ratio=(0.01, 0.3))
+
+
+def saw(peaks, troughs, *, samples=50.0, noise=0.0, seed=0):
+    """A trace of these slips of 10 N, sampled `samples` times from slip to slip on average."""
+    peaks, troughs = 10.0 * peaks / peaks.mean(), 10.0 * troughs / peaks.mean()
+    step = 2.0 * (peaks[1:] - troughs[:-1]).mean() / samples
+    return sampled(peaks, troughs, 0.5, step, 10.0 * noise, np.random.default_rng(seed))
+
+
+def bench(truth=TRUTH, count=120, seed=1, **how):
+    return saw(*simulate(np.array(truth), count, np.random.default_rng(seed)), **how)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _cache(tmp_path_factory):
+    place = tmp_path_factory.mktemp("cache")
+    patch = pytest.MonkeyPatch()
+    patch.setenv("STICKSLIP_CACHE", str(place))
+    yield
+    patch.undo()
+
+
+@pytest.fixture(scope="module")
+def found():
+    """A fit with a small table, over a narrow prior."""
+    return ss.fit(
+        bench(noise=0.002), prior=NARROW, draws=1500, known={"stiffness": "100 N/m", "mass": "0.4 kg", "load": "20 N"}
+    )
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Picking
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def force7(**how):
+    return fitting.pick_events(ss.read_trace(BENCH, step=0.25), **how)
+
+
+@pytest.mark.parametrize("smallest", [None, 0.15, 0.2, 0.3])
+def test_the_slips_of_a_measured_trace(smallest):
+    events = force7(after=45, smallest=smallest)
+    assert abs(len(events) - 167) <= 2
+    assert events.mean_peak == pytest.approx(11.82, abs=0.03)
+    assert events.troughs.mean() == pytest.approx(8.72, abs=0.03)
+    assert events.drops.mean() == pytest.approx(3.10, abs=0.04)
+    assert events.drops.std() / events.drops.mean() == pytest.approx(0.42, abs=0.015)
+    assert events.recurrence == pytest.approx(6.08, abs=0.05)
+    assert events.drift == pytest.approx(1.45, abs=0.08)
+    assert events.sawtooth == pytest.approx(10.7, abs=0.5)
+    assert events.resolution == pytest.approx(0.01)
+
+
+def test_too_large_a_drop_loses_slips():
+    assert len(force7(after=45, smallest=1.5)) < 160
+
+
+def test_statistics_of_a_measured_trace_without_its_drift():
+    events = force7(after=45)
+    found = dict(zip(NAMES, events.statistics, strict=True))
+    assert found["peak with its trough"] == pytest.approx(-0.60, abs=0.05)
+    assert found["trough with the next peak"] == pytest.approx(0.26, abs=0.04)
+    assert found["drop fraction"] == pytest.approx(0.263, abs=0.006)
+    assert found["scatter of peaks"] == pytest.approx(0.064, abs=0.005)
+    assert found["scatter of troughs"] == pytest.approx(0.060, abs=0.003)
+    raw = np.corrcoef(events.peaks, events.troughs)[0, 1]
+    assert raw > -0.3  # the drift hides it
+
+
+def test_the_text_of_what_was_picked():
+    text = str(force7())
+    assert "168 slips" in text
+    assert "last third over first 1.4" in text
+    assert "24.4 samples from slip to slip" in text
+    notes = fitting.check(force7())
+    assert any("1.44 times that in the first" in note for note in notes)
+    assert any("not resolved" in note for note in notes)
+
+
+@pytest.mark.parametrize("samples", [24, 50, 200])
+@pytest.mark.parametrize("noise", [0.0, 0.003, 0.01])
+def test_the_count_of_slips_at_other_samplings_and_noise(samples, noise):
+    peaks, troughs = simulate(np.array(TRUTH), 168, np.random.default_rng(3))
+    trace = saw(peaks, troughs, samples=samples, noise=noise)
+    large = peaks - troughs > 0.1 * peaks.mean()
+    events = fitting.pick_events(trace, smallest=1.0)
+    assert abs(len(events) - (large.sum() - 2)) <= 1  # the first is left out, and the trace ends with the last
+
+
+def test_ringing_belongs_to_its_slip():
+    clean = bench(samples=100)
+    force = clean["spring_force"].values.copy()
+    falls = np.flatnonzero(np.diff(force) < -1.0)
+    for at in falls:
+        t = np.arange(40)
+        end = min(at + 1 + t.size, force.size)
+        force[at + 1 : end] -= (0.8 * np.exp(-t / 8.0) * np.cos(2 * np.pi * t / 8.0))[: end - at - 1]
+    ringing = clean.assign(spring_force=("time", force, {"units": "N"}))
+    assert abs(len(fitting.pick_events(ringing)) - len(fitting.pick_events(clean))) <= 2
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What must be refused
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def trace_of(force, step=0.01):
+    return xr.Dataset({"spring_force": ("time", force)}, coords={"time": step * np.arange(len(force))})
+
+
+def velocity_step():
+    peaks, troughs = simulate(np.array(TRUTH), 120, np.random.default_rng(1))
+    slow, fast = saw(peaks[:60], troughs[:60], samples=120), saw(peaks[60:], troughs[60:], samples=30)
+    return trace_of(np.concatenate([part["spring_force"].values for part in (slow, fast)]))
+
+
+def two_halves():
+    one = simulate(np.array(TRUTH), 60, np.random.default_rng(1))
+    other = simulate(np.array([8.0, 0.05, 0.8, 0.05, 0.2, 0.1]), 60, np.random.default_rng(1))
+    return saw(*(np.concatenate(pair) for pair in zip(one, other, strict=True)))
+
+
+def with_a_gap():
+    trace = bench()
+    filled = np.zeros(trace.sizes["time"], dtype=bool)
+    filled[1000:1006] = True
+    return trace.assign(filled=("time", filled))
+
+
+def with_a_load():
+    trace = bench()
+    return trace.assign(load=("time", np.linspace(20.0, 24.0, trace.sizes["time"])))
+
+
+SINE = 10.0 + np.sin(0.06 * np.arange(20_000))
+NOT_STICK_SLIP = {
+    "oscillation": (trace_of(SINE), "rises for 1 times as long as it drops"),
+    "noise": (trace_of(10 + 0.2 * np.random.default_rng(0).normal(size=20_000)), "cannot be told from noise"),
+    "random walk": (
+        trace_of(100.0 + 0.1 * np.cumsum(np.random.default_rng(0).normal(size=20_000))),
+        "depends on what is called one",
+    ),
+    "velocity step": (velocity_step(), "loading rate changes 4"),
+    "halves that differ": (two_halves(), "halves of the trace differ"),
+    "few slips": (bench(count=25), "slips: at least 30"),
+    "few samples": (bench(samples=8), "samples from slip to slip"),
+    "fewer samples": (bench(samples=4), "record faster"),
+    "noisy": (bench(noise=0.05), "of the peak force: at most 3 %"),
+    "gap": (with_a_gap(), "6 samples in a row"),
+    "load": (with_a_load(), "normal load changes by"),
+    "constant": (trace_of(np.full(1000, 5.0)), "0 drops"),
+    "negative": (trace_of(np.sin(0.06 * np.arange(2000)) - 0.0), ""),
+}
+
+
+@pytest.mark.parametrize("name", NOT_STICK_SLIP)
+def test_what_is_refused(name):
+    trace, why = NOT_STICK_SLIP[name]
+    with pytest.raises(InputError) as error:
+        ss.fit(trace, draws=100)
+    assert why in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Simulator and table
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def test_contacts_all_alike_without_scatter_give_equal_slips():
+    """One contact alone, thresholds equal: the force drops from its threshold as the overshoot says."""
+    stiffness, ratio, residual = 0.5, 0.2, 0.4
+    peaks, troughs = simulate(np.array([1, 0.0, residual, stiffness, ratio, 0.0]), 30, np.random.default_rng(0))
+    overshoot = np.exp(-np.pi * ratio / np.sqrt(1 - ratio**2))
+    stopped = residual - overshoot * (1.0 - residual)  # force of the spring where the slider stops
+    settled = (stiffness * residual + stopped) / (1.0 + stiffness)  # re-attached, it rings down there
+    np.testing.assert_allclose(peaks, 1.0, rtol=1e-12)
+    np.testing.assert_allclose(troughs, settled, rtol=1e-9)
+
+
+def test_many_contacts_approach_the_slow_pull_without_inertia():
+    """Overdamped and stiff, the force stays at the kinetic friction of slow sliding, half the second moment."""
+    std = 0.2
+    values = np.array([2000, std, 0.0, 30.0, 0.9, 0.0])
+    from stickslip.kernels.arrest import Arrest, slips
+
+    peaks, troughs = np.empty(500), np.empty(500)
+    slips(Arrest(2000, *values[1:]), 1e-9, 10**8, np.random.default_rng(0), peaks, troughs)
+    kinetic = ss.kinetic_friction(ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=std)), velocity=1.0)
+    assert 0.5 * (peaks.mean() + troughs.mean()) == pytest.approx(kinetic, rel=0.05)
+
+
+def test_the_same_seed_gives_the_same_slips_and_thresholds_set_the_scale_alone():
+    one = simulate(np.array(TRUTH), 50, np.random.default_rng(7))
+    other = simulate(np.array(TRUTH), 50, np.random.default_rng(7))
+    np.testing.assert_array_equal(one, other)
+
+
+def test_residual_force_sets_the_drop():
+    drops = []
+    for residual in (0.0, 0.4, 0.8):
+        peaks, troughs = simulate(np.array([200, 0.2, residual, 0.05, 0.2, 0.0]), 60, np.random.default_rng(2))
+        drops.append(float((1.0 - troughs / peaks).mean()))
+    assert drops[0] > drops[1] > drops[2]
+    assert drops[0] > 0.8
+    assert drops[2] < 0.4
+
+
+def test_a_table_is_kept_resumed_and_the_same_on_any_number_of_cores():
+    prior = Prior(contacts=(5.0, 12.0))
+    steps = []
+    first = table(prior=prior, draws=700, slips=40, progress=steps.append)
+    assert steps[-1] == 1.0
+    place = folder_of(prior, 40, 0)
+    whole = (place / "1.npz").read_bytes()
+    (place / "1.npz").write_bytes(whole[:100])  # damaged
+    (place / "2.npz").unlink()
+    from concurrent.futures import ThreadPoolExecutor
+
+    with ThreadPoolExecutor(1) as pool:
+        steps.clear()
+        again = table(prior=prior, draws=700, slips=40, executor=pool, progress=steps.append)
+    assert len(steps) == 2
+    np.testing.assert_array_equal(first.peaks, again.peaks)
+    assert len(table(prior=prior, draws=500, slips=40)) == 500
+    assert folder_of(prior, 41, 0) != place
+
+
+def test_the_observation_biases_simulations_as_it_does_traces():
+    """Statistics of the trace, and of its own slips seen through the observation, agree; not so the bare ones."""
+    peaks, troughs = simulate(np.array([20, 0.2, 0.6, 0.3, 0.3, 0.15]), 400, np.random.default_rng(5))
+    events = fitting.pick_events(saw(peaks, troughs, samples=24, noise=0.004))
+    seen = Observation.of(events).see(np.array([400]), peaks[None], troughs[None])
+    error = resampled(events.peaks, events.troughs).std(axis=0)
+    away = np.abs(seen.statistics[0] - events.statistics)[: len(FITTED)] / error[: len(FITTED)]
+    assert np.all(away < 0.7)
+    bare = np.abs(statistics(peaks, troughs) - events.statistics)[: len(FITTED)] / error[: len(FITTED)]
+    assert bare.max() > away.max()
+
+
+def test_block_bootstrap_errors_are_those_of_repeated_series():
+    series = [simulate(np.array(TRUTH), 150, np.random.default_rng(seed)) for seed in range(40)]
+    spread = np.std([statistics(*one) for one in series], axis=0)[:7]
+    errors = np.mean([resampled(*one, seed=1).std(axis=0) for one in series[:10]], axis=0)[:7]
+    assert np.all((errors > 0.5 * spread) & (errors < 2.0 * spread))
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Fits
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def test_a_fit_holds_the_truth(found):
+    parts = found.prior.parts(np.array(TRUTH))
+    inside = [
+        low <= at <= high
+        for at, (low, high) in zip(
+            parts, np.quantile(found.prior.parts(found.values), (0.02, 0.98), axis=0).T, strict=True
+        )
+    ]
+    assert sum(inside) >= 5
+    strength = found["contact_strength"]
+    peaks, _ = simulate(np.array(TRUTH), 120, np.random.default_rng(1))
+    assert strength.low < 10.0 / peaks.mean() < strength.high
+    assert min(found.p_values[name] for name in FITTED) > 0.02
+
+
+def test_a_fit_prints_and_is_plain(found):
+    text = str(found)
+    for one in found.parameters:
+        assert one.title in text
+        assert one.verdict in text
+    plain = json.loads(json.dumps(found.to_dict()))
+    assert set(plain["parameters"]) == set(KEYS)
+    assert plain["quantities"]["breaking_displacement"]["unit"] == "m"
+    assert found["friction_coefficient"].median == pytest.approx(10.0 / 20.0, rel=0.05)
+
+
+def test_quantities_go_as_far_as_what_is_known(found):
+    bare = replace(found, known=fitting.fits.Known())
+    assert [one.key for one in bare.quantities] == ["contact_strength", "static_friction", "sliding_friction"]
+    for name, need in (("breaking_displacement", "stiffness"), ("frequency", "mass"), ("friction_coefficient", "load")):
+        with pytest.raises(InputError, match=need):
+            bare[name]
+    with pytest.raises(InputError, match="several speeds"):
+        found["delay"]
+    with pytest.raises(InputError, match="needs the stiffness"):
+        bare.rig()
+
+
+def test_speed_and_stiffness_tell_how_stiff_the_interface_is():
+    trace = bench(noise=0.002, seed=4)
+    rate = fitting.pick_events(trace).loading_rate
+    K = 100.0
+    speed = rate * (1.0 + 0.25) / K
+    found = ss.fit(trace, prior=NARROW, draws=1500, known={"stiffness": K, "speed": (speed, 0.02 * speed)})
+    assert found["stiffness_ratio"].median == pytest.approx(0.25, abs=0.06)
+    with pytest.raises(InputError, match="cannot rise faster than the spring is wound up"):
+        ss.fit(trace, prior=NARROW, draws=1500, known={"stiffness": K, "speed": 0.5 * speed})
+
+
+def test_a_fitted_rig_file_reads_back_and_is_judged_over_its_draws(found, tmp_path):
+    from stickslip.io.rig_files import to_toml
+
+    rig = found.rig(name="bench")
+    path = tmp_path / "rig.toml"
+    path.write_text(to_toml(rig))
+    again = ss.read_rig(path)
+    assert again == rig
+    assert again.fitted == rig.fitted
+    assert "interface.delay" in again.assumed
+    assert "mass" not in str(again.fitted)  # it was known
+    seen = fitting.over_draws(again, most=8)
+    assert all(0.0 <= part <= 1.0 for part in seen.unstable)
+    assert "linearly unstable" in str(seen)
+    with pytest.raises(InputError, match="no fitted values"):
+        fitting.over_draws(ss.example("brake_pad"))
+
+
+def test_the_reduced_rig_has_the_stiffness_of_the_full_interface(found):
+    """Contacts with a residual are weaker and softer-breaking contacts without one: the stiffness N k stays."""
+    rig = found.rig()
+    i = int(np.argmin(np.abs(found.draws("contact_strength") * (1 - found.values[:, 2]) - rig.unit("f_s"))))
+    assert rig.unit("k") == pytest.approx(float(found.draws("interface_stiffness")[i]), rel=0.05)
+
+
+def test_fitted_entries_that_cannot_be(tmp_path):
+    text = (Path(ss.__file__).parent / "examples" / "brake_pad.toml").read_text()
+    for entry, why in (
+        ('[fitted."slider.colour"]\ninterval = "1"\nhow = "weak"\ndraws = [1.0]\n', "names no key"),
+        ('[fitted."slider.mass"]\ninterval = "1"\nhow = "weak"\n', "draws: is missing"),
+        (
+            '[fitted."slider.mass"]\ninterval = "1"\nhow = "weak"\ndraws = [1.0]\n'
+            '[fitted."drive.velocity"]\ninterval = "1"\nhow = "weak"\ndraws = [1.0, 2.0]\n',
+            "draws belong together",
+        ),
+    ):
+        path = tmp_path / "rig.toml"
+        path.write_text(f"{text}\n{entry}")
+        with pytest.raises(InputError, match=why):
+            ss.read_rig(path)
+
+
+def test_speeds_add_the_delay_and_holds_ageing():
+    half, speeds = 0.01, np.geomspace(1e-4, 1.0, 9)
+    forces = 4.0 + 6.0 / (1.0 + speeds / half)
+    assert half_speed_of(speeds, forces)[0] == pytest.approx(half, rel=0.01)
+    holds = [(t, 10.0 + 0.3 * np.log10(t)) for t in (1.0, 10.0, 100.0, 1000.0)]
+    found = ss.fit(
+        bench(noise=0.002),
+        prior=NARROW,
+        draws=1500,
+        known={"stiffness": 100.0},
+        speeds=tuple(zip(speeds.tolist(), forces.tolist(), strict=True)),
+        holds=tuple(holds),
+    )
+    margin = found.draws("delay") * half
+    assert np.all((margin > 0) & (margin < 2.0 * found.draws("breaking_displacement")))
+    assert found.strengthening.per_decade == pytest.approx(0.03, abs=1e-6)
+    assert "contacts age" in str(found)
+    assert "interface.delay" not in found.rig().assumed
+    with pytest.raises(InputError, match="does not fall"):
+        half_speed_of(speeds, forces[::-1])
+    with pytest.raises(InputError, match="at least 3"):
+        half_speed_of(speeds[:2], forces[:2])
+
+
+def test_pictures(found, tmp_path):
+    from stickslip.plot import save
+
+    assert save(found.events.plot(), tmp_path / "slips.png").stat().st_size > 10_000
+    assert save(found.plot(), tmp_path / "fit.png").stat().st_size > 10_000
+
+
+def test_the_quick_recipe_inverts_the_closed_forms():
+    truth = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.Delay(0.5))
+    strength, x_s, K = 100.0, 1e-4, 5e5
+    static = strength * ss.static_friction(truth)[0]
+    kinetic = strength * ss.kinetic_friction(replace(truth, delay=ss.Delay(0.0)), velocity=1.0)
+    speed = 1e-3
+    rate = K * speed / (1.0 + K * x_s / strength)
+    half = x_s / (0.5 * x_s / speed)  # the margin over the delay
+    rig = ss.quick_fit(
+        static_friction=static,
+        kinetic_friction=kinetic,
+        stiffness=K,
+        speed=speed,
+        mass="0.1 kg",
+        loading_rate=rate,
+        half_speed=half,
+    )
+    assert rig.unit("f_s") == pytest.approx(strength, rel=2e-3)
+    assert rig.unit("x_s") == pytest.approx(x_s, rel=5e-3)
+    assert rig.interface.thresholds.std == pytest.approx(0.2, abs=2e-3)
+    assert rig.interface.delay.time == pytest.approx(0.5, rel=5e-3)
+    with pytest.raises(InputError, match="must be at least 1 % more"):
+        ss.quick_fit(
+            static_friction=static, kinetic_friction=kinetic, stiffness=K, speed=speed, mass=0.1, loading_rate=K * speed
+        )
+    with pytest.raises(InputError, match="static_friction/kinetic_friction"):
+        ss.quick_fit(
+            static_friction=9.0, kinetic_friction=1.0, stiffness=K, speed=speed, mass=0.1, breaking_displacement=x_s
+        )
+
+
+def test_the_command_refuses_in_one_line(tmp_path, capsys):
+    path = tmp_path / "sine.csv"
+    path.write_text("time [s],force [N]\n" + "\n".join(f"{0.01 * i},{f}" for i, f in enumerate(SINE)))
+    assert main(["fit", str(path)]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert main(["fit", str(path), "-o", str(tmp_path / "rig.toml")]) == 2
+    assert "--stiffness" in capsys.readouterr().err

@@ -1,0 +1,193 @@
+"""Fits against known truths: how often a 90 % interval holds the truth, and what a measured trace gives."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip import fit, read_trace
+from stickslip.errors import InputError
+from stickslip.fitting import FITTED, Fit, Prior, pick_events, random_truth, synthetic_trace
+from stickslip.fitting.arrest import KEYS
+from stickslip.fitting.summary import NAMES
+from stickslip.paper import Claim, Measured
+from stickslip.paper.figure import between
+from verification.study import Study, finding
+
+FORCE7 = Path(__file__).parents[1] / "tests" / "data" / "guldstrand_force7.txt"
+_BINS = 10
+_SBC = 21.7
+"""99 % quantile of chi squared with 9 degrees of freedom."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Coverage:
+    """What fits of many known truths gave.
+
+    Attributes
+    ----------
+    inside : (truths, 6) array
+        Whether the 90 % interval held the truth.
+    ranks : (truths, 6) array
+        Part of the draws below it.
+    medians, truths : (truths, 6) array
+        Parts of the ranges of the prior.
+    widths : (truths, 6) array
+        Of the 90 % intervals, over that of the prior's range.
+    edge : int
+        How many lay at the edge of what the model makes.
+    refused : Counter
+        How many truths were refused a fit, by reason.
+    """
+
+    inside: NDArray[np.bool_]
+    ranks: NDArray[np.float64]
+    medians: NDArray[np.float64]
+    truths: NDArray[np.float64]
+    widths: NDArray[np.float64]
+    edge: int
+    refused: Counter[str]
+
+    @property
+    def chi2(self) -> NDArray[np.float64]:
+        """Chi squared of the ranks over ten bins, for each parameter."""
+        counts = np.stack([np.histogram(column, bins=_BINS, range=(0, 1))[0] for column in self.ranks.T])
+        expected = len(self.ranks) / _BINS
+        return np.asarray(((counts - expected) ** 2 / expected).sum(axis=1))
+
+    @property
+    def correlations(self) -> NDArray[np.float64]:
+        """Correlation of the medians with the truths, for each parameter."""
+        return np.array([np.corrcoef(m, t)[0, 1] for m, t in zip(self.medians.T, self.truths.T, strict=True)])
+
+    def __str__(self) -> str:
+        lines = [f"{len(self.inside)} truths, {self.edge} at the edge, pooled coverage {self.inside.mean():.3f}"]
+        rows = zip(KEYS, self.inside.mean(axis=0), self.widths.mean(axis=0), self.correlations, self.chi2, strict=True)
+        lines += [f"{k:16} coverage {c:.2f} width {w:.2f} corr {r:.2f} chi2 {x:.1f}" for k, c, w, r, x in rows]
+        lines += [f"refused {count}: {why}" for why, count in self.refused.most_common()]
+        return "\n".join(lines)
+
+
+def coverage_test(
+    truths: int = 100, *, seed: int = 1, slips: int = 170, report: Callable[[str], None] | None = None
+) -> Coverage:
+    """Fit traces of fresh truths from the prior, at random samplings and noise, until so many were not refused."""
+    prior = Prior()
+    rng = np.random.default_rng(seed)
+    refused: Counter[str] = Counter()
+    rows: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
+    edge = 0
+    while len(rows) < truths:
+        truth = random_truth(prior, rng)
+        samples, noise = float(np.exp(rng.uniform(np.log(24), np.log(100)))), float(rng.uniform(0.0, 0.006))
+        try:
+            trace = synthetic_trace(**truth, slips=slips, samples=samples, noise=noise, seed=int(rng.integers(1 << 31)))
+            found = fit(trace)
+        except InputError as error:
+            refused[re.sub(r"[-+]?\d+\.?\d*(e[-+]?\d+)?", "#", str(error))[:70]] += 1
+            continue
+        edge += not found.adjusted
+        rows.append((prior.parts(np.array(list(truth.values()))), prior.parts(found.values)))
+        if report is not None:
+            report(f"{len(rows)} of {truths}")
+    at = np.stack([truth for truth, _ in rows])
+    low, middle, high = (np.stack([np.quantile(d, q, axis=0) for _, d in rows]) for q in (0.05, 0.5, 0.95))
+    return Coverage(
+        inside=(low <= at) & (at <= high),
+        ranks=np.stack([(draws < truth).mean(axis=0) for truth, draws in rows]),
+        medians=middle,
+        truths=at,
+        widths=high - low,
+        edge=edge,
+        refused=refused,
+    )
+
+
+def calibration() -> tuple[Claim, ...]:
+    """Coverage, ranks and contraction on fresh truths."""
+    found = coverage_test()
+    by = dict(zip(KEYS, found.inside.mean(axis=0).tolist(), strict=True))
+    width, corr = (dict(zip(KEYS, x.tolist(), strict=True)) for x in (found.widths.mean(axis=0), found.correlations))
+    return (
+        finding(
+            "90 % intervals hold the truth as often as they say, over the parameters pooled and in each",
+            between("pooled coverage", float(found.inside.mean()), 0.86, 0.94),
+            *(between(f"coverage of {key}", value, 0.80, 0.97) for key, value in by.items()),
+            evidence=str(found),
+        ),
+        finding(
+            "ranks of the truths among the draws are even",
+            *(
+                between(f"chi squared of {key}", value, 0.0, _SBC)
+                for key, value in zip(KEYS, found.chi2.tolist(), strict=True)
+            ),
+            evidence="ten bins",
+        ),
+        finding(
+            "a trace tells the stiffness ratio and the number of contacts",
+            between("width of stiffness_ratio", width["stiffness_ratio"], 0.0, 0.28),
+            between("width of contacts", width["contacts"], 0.0, 0.52),
+            between("correlation of stiffness_ratio", corr["stiffness_ratio"], 0.95, 1.0),
+            between("correlation of contacts", corr["contacts"], 0.75, 1.0),
+            evidence="widths over that of the prior",
+        ),
+    )
+
+
+def _overlap(found: Fit, key: str, low: float, high: float) -> Measured:
+    """How much of an interval overlaps another, over the shorter of the two."""
+    one = found[key]
+    common = min(one.high, high) - max(one.low, low)
+    return between(f"overlap of {key}", common / min(one.high - one.low, high - low), 0.0, 1.0)
+
+
+def halves_predicted(after: float = 45.0) -> tuple[int, dict[str, tuple[float, float, float]]]:
+    """Fit the first half of Force7; count the statistics of the second within 95 % of what the draws make."""
+    events = pick_events(read_trace(FORCE7, step=0.25), after=after)
+    middle = len(events) // 2
+    found = fit(events.part(0, middle))
+    observed = events.part(middle, 2 * middle).statistics
+    low, high = np.quantile(found.predicted, (0.025, 0.975), axis=0)
+    rows = {name: (float(low[i]), float(observed[i]), float(high[i])) for i, name in enumerate(NAMES[: len(FITTED)])}
+    return sum(a <= x <= b for a, x, b in rows.values()), rows
+
+
+def measured_trace() -> tuple[Claim, ...]:
+    """What Force7 gives: intervals, the test of the draws, and its second half from its first."""
+    found = fit(read_trace(FORCE7, step=0.25), after=45.0)
+    p = found.p_values
+    held_out = [p[name] for name in NAMES[len(FITTED) :]]
+    count, rows = halves_predicted()
+    return (
+        finding(
+            "intervals of Force7 overlap those of other methods",
+            _overlap(found, "contacts", 6, 50),
+            _overlap(found, "sliding_force", 0.63, 0.94),
+            _overlap(found, "stiffness_ratio", 0.002, 0.035),
+            _overlap(found, "track_scatter", 0.06, 0.28),
+            evidence=str(found),
+        ),
+        finding(
+            "the draws make the statistics of Force7",
+            between("smallest p of the fitted statistics", min(p[name] for name in FITTED), 0.02, 1.0),
+            between("held-out statistics with p > .02", sum(value > 0.02 for value in held_out), 10, 11),
+            evidence=str(p),
+        ),
+        finding(
+            "the first half of Force7 predicts the second",
+            between("statistics within 95 %", count, 8, 9),
+            evidence=str(rows),
+        ),
+    )
+
+
+STUDIES = (
+    Study(name="fit_coverage", group="Fits", title="Coverage of fits on fresh truths", run=calibration),
+    Study(name="fit_force7", group="Fits", title="A measured stick-slip trace", run=measured_trace),
+)
