@@ -159,7 +159,7 @@ def new(example: str | None = None) -> None:
     from stickslip.io import rig_files as rigs
 
     if example is None:
-        for name in rigs.examples():
+        for name in rigs.example_names():
             print(f"{name:16} {rigs.read_rig(rigs.example_file(name)).name}")
     else:
         print(rigs.example_file(example).read_text(encoding="utf-8"), end="")

@@ -321,7 +321,7 @@ def presets() -> list[dict[str, Any]]:
     for figure, (case, words) in _FIGURES.items():
         title = f"Fig. {figure}: {words}"
         found.append({"group": "The paper", "title": title, "document": paper(case, f"Fig. {figure}")})
-    found += [{"group": "Rigs", "title": rig.name, "document": of(rig)} for rig in map(rigs.example, rigs.examples())]
+    found += [{"group": "Rigs", "title": rig.name, "document": of(rig)} for rig in map(rigs.example, rigs.example_names())]
     return found
 
 

@@ -52,13 +52,13 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 """Folder of the rigs that come with the package."""
 
 
-def examples() -> tuple[str, ...]:
+def example_names() -> tuple[str, ...]:
     """Return the names of the rigs that come with the package.
 
     Examples
     --------
     >>> import stickslip as ss
-    >>> "brake_pad" in ss.examples()
+    >>> "brake_pad" in ss.example_names()
     True
     """
     # A sweep is no rig: it names one.
@@ -114,7 +114,7 @@ def read_rig(path: str | os.PathLike[str] | Mapping[str, Any]) -> Rig:
         return from_document(path)
     instance("read_rig: path", path, (str, os.PathLike), "a file, the name of an example, or a mapping")
     source = Path(path)
-    if not source.exists() and source.name == str(path) and source.name in examples():
+    if not source.exists() and source.name == str(path) and source.name in example_names():
         source = example_file(source.name)
     return from_document(read_toml(source, "rig file", "`stickslip new pmma_slider`"), source.name)
 
