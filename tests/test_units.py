@@ -24,6 +24,7 @@ DIMENSIONS = {
     "mass": (1, -1, 2),
     "rate": (0, 0, -1),
     "energy": (1, 1, 0),
+    "viscosity": (1, -1, 1),
 }
 
 

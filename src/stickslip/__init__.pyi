@@ -21,6 +21,7 @@ from .measure import regime as regime
 from .measure import transitions as transitions
 from .model import Barrier as Barrier
 from .model import Bell as Bell
+from .model import Chain as Chain
 from .model import Contacts as Contacts
 from .model import Delay as Delay
 from .model import Drive as Drive
@@ -46,6 +47,7 @@ from .model import Parameter as Parameter
 from .model import RandomDelay as RandomDelay
 from .model import Rig as Rig
 from .model import Scales as Scales
+from .model import Sheet as Sheet
 from .model import Slider as Slider
 from .model import SteadyState as SteadyState
 from .model import Travel as Travel

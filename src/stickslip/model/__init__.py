@@ -6,6 +6,7 @@ force ``f_s = 1``, hence stretchings in units of ``x_s = f_s/k``; everything per
 
 from stickslip.model.activation import Activation, Barrier, Bell, Parabolic
 from stickslip.model.ageing import ExponentialGrowth, Langevin, LogarithmicGrowth, Strengthening
+from stickslip.model.body import Chain, ElasticBody, Sheet
 from stickslip.model.delays import Delay, DelayModel, NegativeDelay, OnArrest, RandomDelay
 from stickslip.model.distributions import (
     Distribution,
@@ -40,11 +41,13 @@ __all__ = [
     "Activation",
     "Barrier",
     "Bell",
+    "Chain",
     "Contacts",
     "Delay",
     "DelayModel",
     "Distribution",
     "Drive",
+    "ElasticBody",
     "Empirical",
     "Exponential",
     "ExponentialGrowth",
@@ -70,6 +73,7 @@ __all__ = [
     "RandomDelay",
     "Rig",
     "Scales",
+    "Sheet",
     "Slider",
     "Start",
     "SteadyState",

@@ -7,6 +7,7 @@ from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from stickslip.errors import InputError, instance, number
+from stickslip.model.body import Chain, Sheet
 from stickslip.model.drive import Drive
 from stickslip.model.interface import Interface
 from stickslip.model.methods import Contacts, FromRest, FromSliding, MasterEquation, Method, Output, PaperClosure, Start
@@ -57,10 +58,9 @@ class Rig:
     ----------
     interface : Interface
         The contacts.
-    slider : Slider or impedance
-        What the contacts hold, on its driving spring. For the linear stability of smooth sliding any mechanical
-        impedance
-        of `stickslip.stability` will do.
+    slider : Slider, Chain, Sheet or impedance
+        What the contacts hold, on its driving spring or springs; a `Chain` or a `Sheet` is elastic. For the linear
+        stability of smooth sliding any mechanical impedance of `stickslip.stability` will do.
     drive : Drive
         How the far end of the spring moves.
     method : Contacts, MasterEquation or PaperClosure
@@ -106,8 +106,11 @@ class Rig:
 
     def __post_init__(self) -> None:
         instance("Rig.interface", self.interface, Interface, "an Interface")
-        if isinstance(self.slider, type) or not (hasattr(self.slider, "stiffness") or callable(self.slider)):
-            raise InputError(f"Rig.slider = {self.slider!r}: must be a Slider, or an impedance: a function of s")
+        known = hasattr(self.slider, "stiffness") or callable(self.slider) or isinstance(self.slider, Chain | Sheet)
+        if isinstance(self.slider, type) or not known:
+            raise InputError(
+                f"Rig.slider = {self.slider!r}: must be a Slider, a Chain or a Sheet, or an impedance: a function of s"
+            )
         instance("Rig.drive", self.drive, Drive, "a drive, made with constant() or ramp()")
         methods = (Contacts, MasterEquation, PaperClosure)
         instance("Rig.method", self.method, methods, "Contacts(...) or MasterEquation(...)")
