@@ -8,7 +8,8 @@ reach nothing happens costs two comparisons, however many contacts it has.
 
 Per block, N contacts; births and thresholds of all, three tournaments (`tournament`) over them, for breaks ahead and
 behind and for re-attachments, and three running sums. The contacts that are detached slide together, one elastic and
-plastic element a block: stretched as an attached contact would be, up to the force ``f_d``.
+plastic element a block: stretched as an attached contact would be, up to the force ``f_d``. What it dissipates counts
+as broken, as does what a contact loses when it attaches.
 """
 
 import math
@@ -28,20 +29,12 @@ Counts = NDArray[np.int64]
 # Why `advance` returned.
 REACHED_END, CONDITION_HELD, THRESHOLDS_USED_UP, DELAYS_USED_UP, BUDGET_SPENT = range(5)
 
-SCALARS = (
-    "spring_force",
-    "work",
-    "kinetic_energy",
-    "spring_energy",
-    "bulk_energy",
-    "contact_energy",
-    "damped_energy",
-    "viscous_energy",
-    "broken_energy",
-    "sliding_energy",
-)
-"""What a sample begins with, summed over blocks; then come `FIELDS`, each for all blocks."""
-FIELDS = ("displacement", "velocity", "friction_force", "attached", "broken")
+SCALARS = 9
+"""Numbers that a sample begins with, summed over blocks: spring force, work of drive and push, kinetic energy, energies
+of the driving springs, of the springs between blocks and of the contacts, and what was lost to damping, in dashpots and
+in contacts."""
+FIELDS = 5
+"""Then come numbers of all blocks: displacement, velocity, friction force, attached fraction, breaks per contact."""
 
 
 class Draws(NamedTuple):
@@ -53,7 +46,7 @@ class Draws(NamedTuple):
 
 
 class Sampling(NamedTuple):
-    """Rising times at which to sample, shape (k,), and the samples, shape (k, ``len(SCALARS) + len(FIELDS) n``)."""
+    """Rising times at which to sample, shape (k,), and the samples, shape (k, ``SCALARS + FIELDS n``)."""
 
     times: Floats
     samples: Floats
@@ -106,7 +99,7 @@ class State(NamedTuple):
     Z: Floats  # shape (2, n): work space of the dashpots
 
 
-TIME, STEP, DRIVE_FORCE, WORK, DAMPED, VISCOUS, BROKEN, SLIDING, LAST_DAMPED, LAST_VISCOUS, DT, ROW_TIME = range(12)
+TIME, STEP, DRIVE_FORCE, WORK, DAMPED, VISCOUS, BROKEN, LAST_DAMPED, LAST_VISCOUS, DT, ROW_TIME = range(11)
 SAMPLE, BLOCK, EVENTS, HAS_ROW = range(4)
 
 
@@ -157,9 +150,9 @@ def make_state(
         tournaments(n, N),
         tournaments(n, N),
         tournaments(n, N),
-        np.zeros(12),
+        np.zeros(11),
         np.zeros(4, np.int64),
-        np.zeros((2, len(SCALARS) + len(FIELDS) * n)),
+        np.zeros((2, SCALARS + FIELDS * n)),
         np.zeros((2, n)),
     )
     state.tree_ahead[:, N:] = np.where(attached, birth + threshold, np.inf)
@@ -205,7 +198,7 @@ def _slide(state: State, j: int, X: float, sliding: float) -> float:
     force = min(max(e, -sliding), sliding)
     slip = e - force
     blocks.anchor[j] += slip
-    state.scalar[SLIDING] += (1.0 - blocks.held[j]) * force * slip
+    state.scalar[BROKEN] += (1.0 - blocks.held[j]) * force * slip
     return force
 
 
@@ -360,7 +353,7 @@ def _record(state: State, network: Network, piece: Piece, row: Floats, sliding: 
     D, _ = drive_at(piece.drive, scalar[TIME])
     here: Pull = energies(network, blocks.X, blocks.V_now, D)
     stored = 0.0
-    first = 10
+    first = SCALARS
     for j in range(n):
         X, held = blocks.X[j], blocks.held[j]
         element = _element(blocks, j, X, sliding)
@@ -373,7 +366,7 @@ def _record(state: State, network: Network, piece: Piece, row: Floats, sliding: 
     row[0], row[1] = here.force, scalar[WORK] + here.pushed
     row[2], row[3], row[4], row[5] = here.kinetic, here.springs, here.bulk, 0.5 * stored
     row[6], row[7] = scalar[DAMPED] - scalar[LAST_DAMPED], scalar[VISCOUS] - scalar[LAST_VISCOUS]
-    row[8], row[9] = scalar[BROKEN], scalar[SLIDING]
+    row[8] = scalar[BROKEN]
 
 
 @bare
@@ -384,7 +377,7 @@ def _interpolate(state: State, row: Floats, fraction: float, span: float) -> Non
     for i in range(row.size):
         row[i] = before[i] + fraction * (after[i] - before[i])
     u, w = fraction, 1.0 - fraction
-    for i in range(10, 10 + n):
+    for i in range(SCALARS, SCALARS + n):
         rise = after[i] - before[i]
         row[i] += u * w * (w * (span * before[i + n] - rise) - u * (span * after[i + n] - rise))
 

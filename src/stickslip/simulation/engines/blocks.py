@@ -1,0 +1,286 @@
+"""Elastic sliders: N contacts on each block, breaks located inside the steps: `stickslip.kernels.blocks`."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip.errors import InputError
+from stickslip.model import Contacts, Delay, ElasticBody, Interface, Prestressed, QuasiStatic, Sheet
+from stickslip.simulation.engines.base import Advance, Beginning, Engine, Leg, Stretchings, looks_aside, solves
+from stickslip.simulation.engines.beginnings import first_contacts
+
+if TYPE_CHECKING:
+    from stickslip.kernels.network import Network
+
+Array = NDArray[np.float64]
+
+SCALARS = (
+    "spring_force",
+    "work",
+    "kinetic_energy",
+    "spring_energy",
+    "bulk_energy",
+    "contact_energy",
+    "damped_energy",
+    "viscous_energy",
+    "broken_energy",
+)
+"""What samples of an elastic slider begin with, summed over its blocks."""
+FIELDS = ("displacement", "velocity", "friction_force", "attached", "broken")
+"""What they go on with, each for all blocks."""
+
+MOST_CONTACTS = 100_000_000
+"""Of all blocks: some 6 GB."""
+ANGLE = 0.05
+"""Longest step, in radians of the body's fastest oscillation: speeds of fronts to 1e-4."""
+_DASHPOT = 0.2
+"""Longest step against the fastest decay in the dashpots."""
+_POOL = 256
+"""Random numbers drawn at once for a block. The same seed gives another run with another length."""
+_BUDGET = 2_000_000
+"""Events, or eight steps of a block each, in an advance: some 50 to 200 ms."""
+
+
+def balanced(beginning: Beginning) -> tuple[Array, Array, Array]:
+    """Constant forces on the blocks: all of them, and those that no driving spring carries; and the prestress."""
+    body, start = beginning.slider, beginning.start
+    assert isinstance(body, ElasticBody)
+    if not isinstance(start, Prestressed):
+        return np.zeros(body.size), np.zeros(body.size), np.zeros(body.size)
+    stretching = per_block("Prestressed.stretching", start.stretching, body)
+    distribution = beginning.interface.threshold_distribution
+    beyond = distribution.survival(np.abs(stretching)) < 1e-9
+    if beyond.any():
+        raise InputError(
+            f"Prestressed.stretching: {stretching[beyond][0]:g} on block {int(np.argmax(beyond))} is not below the "
+            f"thresholds ({distribution}); give less"
+        )
+    along = body.along if isinstance(body, Sheet) else body.blocks
+    if start.pushed_blocks > along:
+        raise InputError(f"Prestressed.pushed_blocks = {start.pushed_blocks}: must be at most {along}, all there are")
+    push = np.where(np.arange(body.size) % along < start.pushed_blocks, start.push, 0.0)
+    return stretching + push, push + np.where(body.pulled > 0, 0.0, stretching), stretching
+
+
+def per_block(place: str, value: float | tuple[float, ...], body: ElasticBody) -> Array:
+    """One number for all blocks, or one for each, as one for each."""
+    if isinstance(value, tuple) and len(value) != body.size:
+        raise InputError(f"{place}: has {len(value)} numbers for {body.size} blocks; give one, or one for each")
+    return np.array(np.broadcast_to(np.asarray(value, dtype=float), body.size))
+
+
+def network_of(body: ElasticBody, load: Array, push: Array) -> Network:
+    """Return a body as the kernels take it."""
+    from stickslip.kernels.network import Network
+
+    pairs, stiffness = body.links
+    ends = np.concatenate([pairs, pairs[:, ::-1]])
+    order = np.argsort(ends[:, 0], kind="stable")
+    first, second, stiff = ends[order, 0], ends[order, 1], np.tile(stiffness, 2)[order]
+    place = np.arange(first.size) - np.searchsorted(first, first)
+    most = int(place.max(initial=0)) + 1
+    neighbour = np.repeat(np.arange(body.size, dtype=np.int32)[:, None], most, axis=1)
+    spring = np.zeros((body.size, most))
+    neighbour[first, place], spring[first, place] = second, stiff
+    return Network(
+        neighbour, spring, body.pulled, load, push, body.mass, body.damping, body.viscosity / body.coupling
+    )
+
+
+def settled(beginning: Beginning, friction: Array) -> Array:
+    """Displacements of the blocks at the start, in balance with their friction if they slide, else 0."""
+    from scipy import sparse
+    from scipy.sparse.linalg import spsolve
+
+    body = beginning.slider
+    assert isinstance(body, ElasticBody)
+    if not beginning.sliding:
+        return np.zeros(body.size)
+    if not body.pulled.any():
+        raise nothing_pulls(body)
+    force = friction + body.mass * body.damping * beginning.velocity
+    pairs, stiffness = body.links
+    rows, columns = np.concatenate([pairs, pairs[:, ::-1]]).T
+    coupling = sparse.coo_array((np.tile(stiffness, 2), (rows, columns)), shape=(body.size, body.size)).tocsc()
+    held = sparse.diags_array(body.pulled + coupling.sum(axis=0)) - coupling
+    drive = float(force.sum() / body.pulled.sum())
+    return np.asarray(spsolve(held.tocsc(), body.pulled * drive - force)).reshape(body.size)
+
+
+def nothing_pulls(body: ElasticBody) -> InputError:
+    """Say that no spring holds a body."""
+    name = type(body).__name__
+    return InputError(f"{name}.leaf = 0 and {name}.side = 0: nothing pulls it; give one, or start Prestressed(...)")
+
+
+def first_velocities(beginning: Beginning, body: ElasticBody) -> Array:
+    """Velocities of the blocks at the start."""
+    if not beginning.sliding:
+        return np.zeros(body.size)
+    perturbation = per_block("FromSliding.perturbation", getattr(beginning.start, "perturbation", 0.0), body)
+    return np.asarray(beginning.velocity * (1.0 + perturbation))
+
+
+def check_size(body: ElasticBody, count: int) -> None:
+    """Raise `InputError` for more contacts than can be held."""
+    if body.size * count > MOST_CONTACTS:
+        raise InputError(
+            f"Contacts.count = {count}: {body.size} blocks would have {body.size * count:.2g} contacts; "
+            f"give at most {MOST_CONTACTS // body.size} ({MOST_CONTACTS:.0e} in all)",
+            "Contacts.count",
+        )
+
+
+class Streams:
+    """Random numbers of each block, which do not depend on how many blocks there are."""
+
+    def __init__(self, interface: Interface, seed: int, blocks: int) -> None:
+        from stickslip.kernels.blocks import Draws
+
+        self._distribution, self._delay, self._seed = interface.threshold_distribution, interface.delay, seed
+        self._generators: dict[tuple[int, int], np.random.Generator] = {}
+        fixed = self._delay.time if isinstance(self._delay, Delay) else math.nan
+        delays = np.empty((blocks, _POOL if math.isnan(fixed) else 0))
+        self.draws = Draws(np.empty((blocks, _POOL)), delays, fixed)
+
+    def of(self, block: int, kind: int) -> np.random.Generator:
+        """One of a block's streams: of initial stretchings, of thresholds, and of delays."""
+        known = self._generators.get((block, kind))
+        if known is None:
+            # What SeedSequence(seed).spawn(blocks)[block].spawn(3)[kind] is, without the others.
+            seed = np.random.SeedSequence(self._seed, spawn_key=(block, kind))
+            known = np.random.Generator(np.random.PCG64(seed))
+            if kind:
+                self._generators[block, kind] = known
+        return known
+
+    def refill_thresholds(self, block: int) -> None:
+        """Draw thresholds for a block."""
+        self.draws.thresholds[block] = self._distribution.sample(self.of(block, 1), _POOL)
+
+    def refill_delays(self, block: int) -> None:
+        """Draw delays for a block."""
+        self.draws.delays[block] = self._delay.sample(self.of(block, 2), _POOL)
+
+
+def contacts_of(beginning: Beginning, streams: Streams, count: int, prestress: Array) -> tuple[Array, Array, Array]:
+    """Stretchings, thresholds and times of re-attachment of the contacts of all blocks, shape (blocks, count) each."""
+    body = beginning.slider
+    assert isinstance(body, ElasticBody)
+    x, threshold = np.empty((2, body.size, count))
+    waiting = np.full((body.size, count), np.inf)
+    distribution = beginning.interface.threshold_distribution
+    for j in range(body.size):
+        rng = streams.of(j, 0)
+        if isinstance(beginning.start, Prestressed):
+            x[j] = prestress[j]
+            threshold[j] = distribution.sample_beyond(rng, np.abs(x[j]))
+        else:
+            x[j], threshold[j], pending = first_contacts(beginning, count, rng)
+            waiting[j, count - pending.size :] = pending
+    return x, threshold, waiting
+
+
+@solves(Contacts, elastic=True)
+class Blocks(Engine):
+    """Blocks with N contacts each; fed with random numbers block by block."""
+
+    angle = ANGLE
+    mechanisms = frozenset({"sliding_force"})
+
+    def __init__(self, beginning: Beginning, method: Contacts) -> None:
+        from stickslip.kernels import blocks as kernel
+        from stickslip.kernels.network import fastest, stiffest_dashpot
+
+        body = beginning.slider
+        assert isinstance(body, ElasticBody)
+        self.slider = body
+        check_size(body, method.count)
+        load, push, prestress = balanced(beginning)
+        if not (body.pulled.any() or isinstance(beginning.start, Prestressed)):
+            raise nothing_pulls(body)
+        self._network = network_of(body, load, push)
+        self._longest = ANGLE / fastest(self._network)
+        if (rate := stiffest_dashpot(self._network)) > 0:
+            self._longest = min(self._longest, _DASHPOT / rate)
+        self._sliding = beginning.interface.sliding_force
+        self._streams = Streams(beginning.interface, method.seed, body.size)
+        x, threshold, waiting = contacts_of(beginning, self._streams, method.count, prestress)
+        anchored = np.full(body.size, self._sliding) if beginning.sliding else prestress
+        element = np.clip(anchored, -self._sliding, self._sliding)
+        friction = np.where(threshold > 0, x, element[:, None]).mean(axis=1)
+        X = settled(beginning, friction)
+        self._state = kernel.make_state(
+            X[:, None] - x,
+            threshold,
+            waiting,
+            X,
+            first_velocities(beginning, body),
+            self._sliding,
+            anchored,
+        )
+        used_up = self._streams.draws
+        self._state.blocks.next_threshold[:] = used_up.thresholds.shape[1]
+        self._state.blocks.next_delay[:] = used_up.delays.shape[1]
+
+    @property
+    def columns(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Sums over blocks, then fields of all blocks."""
+        return SCALARS + tuple(name for name in FIELDS for _ in range(self.slider.size))
+
+    def here(self) -> tuple[float, float]:
+        """Time, and mean displacement of the blocks."""
+        from stickslip.kernels import blocks as kernel
+
+        return float(self._state.scalar[kernel.TIME]), float(self._state.blocks.X.mean())
+
+    def contact_force(self) -> float:
+        """Mean friction force of the blocks now, per contact."""
+        blocks = self._state.blocks
+        element = np.clip(blocks.X - blocks.anchor, -self._sliding, self._sliding)
+        return float(np.mean(blocks.held * blocks.X - blocks.births + (1.0 - blocks.held) * element))
+
+    def stretchings(self) -> Stretchings:
+        """Stretchings of the attached contacts of all blocks now."""
+        state = self._state
+        x = (state.blocks.X[:, None] - state.birth)[state.threshold > 0]
+        return Stretchings(x, np.full(x.size, 1.0 / state.birth.size), cells=False)
+
+    def marks(self) -> dict[str, Array]:
+        """Return when each block broke its first contact, at which spring force, and when half were detached."""
+        blocks = self._state.blocks
+        return {
+            "first_break": blocks.first_break.copy(),
+            "first_break_force": blocks.first_force.copy(),
+            "half_detached": blocks.half_detached.copy(),
+        }
+
+    def advance(self, leg: Leg) -> Advance:
+        """Go on by some steps."""
+        from stickslip.kernels import blocks as kernel
+
+        state = self._state
+        before = self.copy() if leg.looks else self
+        sampling = kernel.Sampling(leg.times, np.empty((leg.times.size, state.rows.shape[1])))
+        piece = kernel.Piece(leg.drive, leg.end, leg.stop, self._longest)
+        state.counts[kernel.SAMPLE] = 0
+        while True:
+            why = kernel.advance(
+                state, self._network, piece, sampling, self._streams.draws, self._sliding, _BUDGET
+            )
+            block = int(state.counts[kernel.BLOCK])
+            if why == kernel.THRESHOLDS_USED_UP:
+                self._streams.refill_thresholds(block)
+                state.blocks.next_threshold[block] = 0
+            elif why == kernel.DELAYS_USED_UP:
+                self._streams.refill_delays(block)
+                state.blocks.next_delay[block] = 0
+            else:
+                break
+        rows = sampling.samples[: state.counts[kernel.SAMPLE]]
+        seen = looks_aside(before, leg, self.here()[0]) if leg.looks else ()
+        return Advance(rows, seen, over=why != kernel.BUDGET_SPENT)
