@@ -191,7 +191,7 @@ def _element(blocks: Blocks, j: int, X: float, sliding: float) -> float:
 
 
 @inlined
-def _slide(state: State, j: int, X: float, sliding: float) -> float:
+def slide(state: State, j: int, X: float, sliding: float) -> float:
     """Take the detached contacts of a block along to `X`; the force of each."""
     blocks = state.blocks
     e = X - blocks.anchor[j]
@@ -203,7 +203,7 @@ def _slide(state: State, j: int, X: float, sliding: float) -> float:
 
 
 @inlined
-def _break(state: State, j: int, slot: int, time: float, force: float, delay: float) -> float:
+def add_break(state: State, j: int, slot: int, time: float, force: float, delay: float) -> float:
     """A contact breaks and from now on slides with `force`; what the block's friction force gains."""
     blocks, N = state.blocks, state.birth.shape[1]
     b, threshold = state.birth[j, slot], state.threshold[j, slot]
@@ -228,7 +228,7 @@ def _break(state: State, j: int, slot: int, time: float, force: float, delay: fl
 
 
 @inlined
-def _attach(state: State, j: int, slot: int, X: float, threshold: float, force: float) -> float:
+def add_attachment(state: State, j: int, slot: int, X: float, threshold: float, force: float) -> float:
     """A contact that slid with `force` attaches, unstretched; what the block's friction force gains."""
     blocks, N = state.blocks, state.birth.shape[1]
     state.birth[j, slot], state.threshold[j, slot] = X, threshold
@@ -266,8 +266,8 @@ def _drift(state: State, j: int, h: float, inverse_mass: float, sliding: float, 
                 break
             threshold = draws.thresholds[j, blocks.next_threshold[j]]
             blocks.next_threshold[j] += 1
-            force = _slide(state, j, x, sliding)
-            gain = _attach(state, j, winner(state.tree_attach[j]), x, threshold, force)
+            force = slide(state, j, x, sliding)
+            gain = add_attachment(state, j, winner(state.tree_attach[j]), x, threshold, force)
         else:
             delay = draws.fixed_delay
             if delay != delay:
@@ -276,11 +276,11 @@ def _drift(state: State, j: int, h: float, inverse_mass: float, sliding: float, 
                     break
                 delay = draws.delays[j, blocks.next_delay[j]]
                 blocks.next_delay[j] += 1
-            force = _slide(state, j, x, sliding)
+            force = slide(state, j, x, sliding)
             if V > 0.0:
-                gain = _break(state, j, winner(state.tree_ahead[j]), t + at, force, delay)
+                gain = add_break(state, j, winner(state.tree_ahead[j]), t + at, force, delay)
             else:
-                gain = -_break(state, j, winner(state.tree_behind[j]), t + at, -force, delay)
+                gain = -add_break(state, j, winner(state.tree_behind[j]), t + at, -force, delay)
         blocks.impulse[j] -= gain * (0.5 * h - at) * inverse_mass
         state.counts[EVENTS] += 1
     blocks.ahead[j] = smallest(state.tree_ahead[j])
@@ -324,7 +324,7 @@ def _kick(state: State, network: Network, piece: Piece, before: float, after: fl
         pulled += force
         force += network.load[j] - blocks.held[j] * X + blocks.births[j] + stretch(network, Z, j)
         if sliding > 0.0:
-            force -= (1.0 - blocks.held[j]) * _slide(state, j, X, sliding)
+            force -= (1.0 - blocks.held[j]) * slide(state, j, X, sliding)
         kicked = kept * V + share * force
         blocks.V[j] = kicked
         blocks.V_now[j] = V + part * (kicked - V)
@@ -346,7 +346,7 @@ def _kick(state: State, network: Network, piece: Piece, before: float, after: fl
 
 
 @bare
-def _record(state: State, network: Network, piece: Piece, row: Floats, sliding: float) -> None:
+def record(state: State, network: Network, piece: Piece, row: Floats, sliding: float) -> None:
     """Fill a row with what is now, after the kick."""
     blocks, scalar = state.blocks, state.scalar
     n, N = blocks.X.size, state.birth.shape[1]
@@ -390,7 +390,7 @@ def _sample(state: State, network: Network, piece: Piece, sampling: Sampling, ne
     if k == sampling.times.size or sampling.times[k] > max(now, next_time):
         counts[HAS_ROW] = 0
         return -1
-    _record(state, network, piece, state.rows[1], sliding)
+    record(state, network, piece, state.rows[1], sliding)
     found = -1
     while k < sampling.times.size and sampling.times[k] <= now:
         fraction, span = 1.0, 0.0

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
-from stickslip.model import Contacts, Delay, ElasticBody, Interface, Prestressed, QuasiStatic, Sheet
+from stickslip.model import Chain, Contacts, Delay, ElasticBody, Interface, Prestressed, QuasiStatic, Sheet
 from stickslip.simulation.engines.base import Advance, Beginning, Engine, Leg, Stretchings, looks_aside, solves
 from stickslip.simulation.engines.beginnings import first_contacts
 
 if TYPE_CHECKING:
+    from stickslip.kernels.blocks import Piece, Sampling
     from stickslip.kernels.network import Network
 
 Array = NDArray[np.float64]
@@ -125,6 +127,14 @@ def first_velocities(beginning: Beginning, body: ElasticBody) -> Array:
     return np.asarray(beginning.velocity * (1.0 + perturbation))
 
 
+def longest_step(network: Network) -> float:
+    """Longest step of a body's motion."""
+    from stickslip.kernels.network import fastest, stiffest_dashpot
+
+    rate = stiffest_dashpot(network)
+    return min(ANGLE / fastest(network), _DASHPOT / rate if rate > 0 else math.inf)
+
+
 def check_size(body: ElasticBody, count: int) -> None:
     """Raise `InputError` for more contacts than can be held."""
     if body.size * count > MOST_CONTACTS:
@@ -185,16 +195,14 @@ def contacts_of(beginning: Beginning, streams: Streams, count: int, prestress: A
     return x, threshold, waiting
 
 
-@solves(Contacts, elastic=True)
-class Blocks(Engine):
-    """Blocks with N contacts each; fed with random numbers block by block."""
+class BlocksOfContacts(Engine):
+    """Blocks with N contacts each, fed with random numbers block by block; how they move is for a class to say."""
 
-    angle = ANGLE
+    angle = 0.1
     mechanisms = frozenset({"sliding_force"})
 
-    def __init__(self, beginning: Beginning, method: Contacts) -> None:
+    def __init__(self, beginning: Beginning, method: Contacts | QuasiStatic) -> None:
         from stickslip.kernels import blocks as kernel
-        from stickslip.kernels.network import fastest, stiffest_dashpot
 
         body = beginning.slider
         assert isinstance(body, ElasticBody)
@@ -204,9 +212,6 @@ class Blocks(Engine):
         if not (body.pulled.any() or isinstance(beginning.start, Prestressed)):
             raise nothing_pulls(body)
         self._network = network_of(body, load, push)
-        self._longest = ANGLE / fastest(self._network)
-        if (rate := stiffest_dashpot(self._network)) > 0:
-            self._longest = min(self._longest, _DASHPOT / rate)
         self._sliding = beginning.interface.sliding_force
         self._streams = Streams(beginning.interface, method.seed, body.size)
         x, threshold, waiting = contacts_of(beginning, self._streams, method.count, prestress)
@@ -231,6 +236,14 @@ class Blocks(Engine):
     def columns(self) -> tuple[str, ...]:  # type: ignore[override]
         """Sums over blocks, then fields of all blocks."""
         return SCALARS + tuple(name for name in FIELDS for _ in range(self.slider.size))
+
+    @abstractmethod
+    def longest_step(self) -> float:
+        """Longest step in time."""
+
+    @abstractmethod
+    def _move(self, piece: Piece, sampling: Sampling) -> int:
+        """Go on, and say why it ends."""
 
     def here(self) -> tuple[float, float]:
         """Time, and mean displacement of the blocks."""
@@ -266,12 +279,10 @@ class Blocks(Engine):
         state = self._state
         before = self.copy() if leg.looks else self
         sampling = kernel.Sampling(leg.times, np.empty((leg.times.size, state.rows.shape[1])))
-        piece = kernel.Piece(leg.drive, leg.end, leg.stop, self._longest)
+        piece = kernel.Piece(leg.drive, leg.end, leg.stop, self.longest_step())
         state.counts[kernel.SAMPLE] = 0
         while True:
-            why = kernel.advance(
-                state, self._network, piece, sampling, self._streams.draws, self._sliding, _BUDGET
-            )
+            why = self._move(piece, sampling)
             block = int(state.counts[kernel.BLOCK])
             if why == kernel.THRESHOLDS_USED_UP:
                 self._streams.refill_thresholds(block)
@@ -284,3 +295,53 @@ class Blocks(Engine):
         rows = sampling.samples[: state.counts[kernel.SAMPLE]]
         seen = looks_aside(before, leg, self.here()[0]) if leg.looks else ()
         return Advance(rows, seen, over=why != kernel.BUDGET_SPENT)
+
+
+@solves(Contacts, elastic=True)
+class Blocks(BlocksOfContacts):
+    """Blocks with inertia, in steps of time; breaks are located inside them."""
+
+    def longest_step(self) -> float:
+        """Longest step in time."""
+        return longest_step(self._network)
+
+    def _move(self, piece: Piece, sampling: Sampling) -> int:
+        from stickslip.kernels import blocks as kernel
+
+        return kernel.advance(
+            self._state, self._network, piece, sampling, self._streams.draws, self._sliding, _BUDGET
+        )
+
+
+@solves(QuasiStatic, elastic=True)
+class BalancedBlocks(BlocksOfContacts):
+    """Blocks in balance all the time, from event to event: `stickslip.kernels.quasistatic`."""
+
+    def __init__(self, beginning: Beginning, method: QuasiStatic) -> None:
+        body = beginning.slider
+        if not isinstance(body, Chain):
+            raise InputError("QuasiStatic: is for a Chain; use Contacts")
+        if not body.pulled.any():
+            raise InputError("Chain.leaf = 0 and Chain.side = 0: nothing holds it in balance; give one, or use Contacts")
+        super().__init__(beginning, method)
+        self._ring = body.ends == "periodic" and body.blocks > 2
+        self._room = np.zeros((7, body.blocks))
+
+    def longest_step(self) -> float:
+        """Any step will do."""
+        return math.inf
+
+    def _move(self, piece: Piece, sampling: Sampling) -> int:
+        from stickslip.kernels import quasistatic as kernel
+
+        return kernel.advance(
+            self._state,
+            self._network,
+            self._ring,
+            piece,
+            sampling,
+            self._streams.draws,
+            self._sliding,
+            _BUDGET,
+            self._room,
+        )

@@ -1,0 +1,313 @@
+"""A chain on contacts in balance all the time: from event to event, without inertia and without steps.
+
+Between two events the displacements are linear in the position of the drive, by one tridiagonal system. A break or a
+re-attachment leaves a force out of balance; the drive then stands still while it is let go, evenly and along a straight
+line, and the first contact that reaches its threshold on the way breaks there. So a slip is a cascade of breaks in no
+time, each at its threshold; what is let go counts as damped.
+
+The state is that of `blocks`, and so is what a break does. The element of the detached contacts is elastic, and adds to
+the stiffness of its block, unless it slides on the way ahead.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._jit import bare, inlined
+from .blocks import (
+    BLOCK,
+    BUDGET_SPENT,
+    CONDITION_HELD,
+    DAMPED,
+    DELAYS_USED_UP,
+    DRIVE_FORCE,
+    EVENTS,
+    REACHED_END,
+    SAMPLE,
+    THRESHOLDS_USED_UP,
+    TIME,
+    WORK,
+    Draws,
+    Piece,
+    Sampling,
+    State,
+    add_attachment,
+    add_break,
+    record,
+    slide,
+)
+from .drive import NOWHERE, drive_at, holds
+from .network import Network, stretch
+from .tournament import smallest, winner
+
+Floats = NDArray[np.float64]
+
+MODE = 3  # of the counts of the state
+_DRIVEN, _LET_GO = range(2)
+_ON_THE_EDGE = 1e-10
+"""An element this near to its sliding force slides, if it is pulled that way."""
+
+
+@inlined
+def _solve(diagonal: Floats, coupling: float, right: Floats, Y: Floats, work: Floats) -> None:
+    """Solve the tridiagonal system with ``-coupling`` beside the diagonal."""
+    n = Y.size
+    work[0] = -coupling / diagonal[0]
+    Y[0] = right[0] / diagonal[0]
+    for j in range(1, n):
+        inverse = 1.0 / (diagonal[j] + coupling * work[j - 1])
+        work[j] = -coupling * inverse
+        Y[j] = (right[j] + coupling * Y[j - 1]) * inverse
+    for j in range(n - 2, -1, -1):
+        Y[j] -= work[j] * Y[j + 1]
+
+
+@inlined
+def _solve_ring(diagonal: Floats, coupling: float, right: Floats, Y: Floats, work: Floats) -> None:
+    """Solve it with the two corners of a ring: as a chain, and a correction of rank one."""
+    n, first, last = Y.size, diagonal[0], diagonal[Y.size - 1]
+    diagonal[0] += coupling
+    diagonal[n - 1] += coupling
+    _solve(diagonal, coupling, right, Y, work[0])
+    for j in range(n):
+        work[1, j] = 0.0
+    work[1, 0], work[1, n - 1] = -coupling, -coupling
+    _solve(diagonal, coupling, work[1], work[2], work[0])
+    diagonal[0], diagonal[n - 1] = first, last
+    factor = (Y[0] + Y[n - 1]) / (1.0 + work[2, 0] + work[2, n - 1])
+    for j in range(n):
+        Y[j] -= factor * work[2, j]
+
+
+@bare
+def _answer(state: State, network: Network, ring: bool, sliding: float, right: Floats, way: float, room: Floats) -> None:
+    """How the blocks move (``room[0]``) as forces `right` are added; `way` is the sign of the path."""
+    blocks = state.blocks
+    n = blocks.X.size
+    Y, diagonal, stuck = room[0], room[1], room[2]
+    coupling = network.spring[0, network.spring.shape[1] - 1] if n > 1 else 0.0
+    for m in range(network.spring.shape[1]):
+        coupling = max(coupling, network.spring[0, m])
+    for j in range(n):
+        if sliding > 0.0 and blocks.held[j] < 1.0:
+            e = blocks.X[j] - blocks.anchor[j]
+            stuck[j] = 1.0 if abs(e) < sliding * (1.0 - _ON_THE_EDGE) or way * e * right[j] < 0.0 else 0.0
+        else:
+            stuck[j] = 0.0
+    for _ in range(64):  # which elements slide depends on the answer
+        for j in range(n):
+            bonds = 0.0
+            for m in range(network.spring.shape[1]):
+                bonds += network.spring[j, m]
+            diagonal[j] = network.pull[j] + bonds + blocks.held[j] + stuck[j] * (1.0 - blocks.held[j])
+        if ring:
+            _solve_ring(diagonal, coupling, right, Y, room[3:6])
+        else:
+            _solve(diagonal, coupling, right, Y, room[3])
+        changed = False
+        if sliding > 0.0:
+            for j in range(n):
+                e = blocks.X[j] - blocks.anchor[j]
+                if blocks.held[j] < 1.0 and abs(e) >= sliding * (1.0 - _ON_THE_EDGE):
+                    should = 1.0 if way * e * Y[j] < 0.0 else 0.0
+                    if should != stuck[j]:
+                        stuck[j] = should
+                        changed = True
+        if not changed:
+            break
+
+
+@bare
+def _first(state: State, sliding: float, way: float, most: float, room: Floats) -> tuple[float, int, int]:
+    """How far along ``way * room[0]`` the first event lies, at most `most`; on which block, and 1 if it is a break."""
+    blocks = state.blocks
+    Y, stuck = room[0], room[2]
+    nearest, block, kind = most, -1, 0
+    for j in range(blocks.X.size):
+        y = way * Y[j]
+        if y > 0.0:
+            if blocks.ahead[j] - blocks.X[j] < nearest * y:
+                nearest, block, kind = max((blocks.ahead[j] - blocks.X[j]) / y, 0.0), j, 1
+        elif y < 0.0 and blocks.behind[j] + blocks.X[j] < -nearest * y:
+            nearest, block, kind = max((blocks.behind[j] + blocks.X[j]) / -y, 0.0), j, 1
+        if stuck[j] > 0.0 and y != 0.0:
+            left = sliding - math.copysign(1.0, y) * (blocks.X[j] - blocks.anchor[j])
+            if left < nearest * abs(y):
+                nearest, block, kind = max(left / abs(y), 0.0), j, 0
+    return nearest, block, kind
+
+
+@bare
+def _go(state: State, network: Network, sliding: float, amount: float, time: float, piece: Piece, room: Floats) -> None:
+    """Move all blocks along, and the drive to where it is at `time`."""
+    blocks, scalar = state.blocks, state.scalar
+    before, _ = drive_at(piece.drive, scalar[TIME])
+    D, v = drive_at(piece.drive, time)
+    force = 0.0
+    for j in range(blocks.X.size):
+        blocks.X[j] += amount * room[0, j]
+        if sliding > 0.0:
+            slide(state, j, blocks.X[j], sliding)
+        force += network.pull[j] * (D - blocks.X[j]) + network.load[j] - network.push[j]
+    scalar[WORK] += 0.5 * (scalar[DRIVE_FORCE] + force) * (D - before)
+    scalar[DRIVE_FORCE] = force
+    scalar[TIME] = time
+
+
+@inlined
+def _time_of(piece: Piece, now: float, distance: float) -> float:
+    """When the drive has gone a signed distance further."""
+    _, v = drive_at(piece.drive, now)
+    root = math.sqrt(max(v * v + 2.0 * piece.drive.acceleration * distance, 0.0))
+    return now + 2.0 * distance / (v + math.copysign(root, distance))
+
+
+@bare
+def _break_there(state: State, j: int, way: float, sliding: float, draws: Draws) -> int:
+    """Break all contacts of a block at their thresholds where it stands, moving this way."""
+    blocks = state.blocks
+    X = blocks.X[j] = blocks.ahead[j] if way > 0.0 else -blocks.behind[j]
+    tree = state.tree_ahead[j] if way > 0.0 else state.tree_behind[j]
+    why = BUDGET_SPENT
+    while smallest(tree) <= way * X:
+        delay = draws.fixed_delay
+        if delay != delay:
+            if blocks.next_delay[j] == draws.delays.shape[1]:
+                why = DELAYS_USED_UP
+                break
+            delay = draws.delays[j, blocks.next_delay[j]]
+            blocks.next_delay[j] += 1
+        force = slide(state, j, X, sliding)
+        add_break(state, j, winner(tree), state.scalar[TIME], way * force, delay)
+        state.counts[MODE] = _LET_GO
+    blocks.ahead[j] = smallest(state.tree_ahead[j])
+    blocks.behind[j] = smallest(state.tree_behind[j])
+    blocks.next_attach[j] = smallest(state.tree_attach[j])
+    return why
+
+
+@bare
+def _attach_due(state: State, sliding: float, draws: Draws) -> int:
+    """Attach what is due."""
+    blocks, now = state.blocks, state.scalar[TIME]
+    for j in range(blocks.X.size):
+        while blocks.next_attach[j] <= now:
+            if blocks.next_threshold[j] == draws.thresholds.shape[1]:
+                state.counts[BLOCK] = j
+                return THRESHOLDS_USED_UP
+            threshold = draws.thresholds[j, blocks.next_threshold[j]]
+            blocks.next_threshold[j] += 1
+            force = slide(state, j, blocks.X[j], sliding)
+            add_attachment(state, j, winner(state.tree_attach[j]), blocks.X[j], threshold, force)
+            blocks.ahead[j] = smallest(state.tree_ahead[j])
+            blocks.behind[j] = smallest(state.tree_behind[j])
+            blocks.next_attach[j] = smallest(state.tree_attach[j])
+            state.counts[MODE] = _LET_GO
+    return BUDGET_SPENT
+
+
+@bare
+def _out_of_balance(state: State, network: Network, piece: Piece, sliding: float, right: Floats) -> None:
+    """Forces on the blocks that nothing balances."""
+    blocks = state.blocks
+    D, _ = drive_at(piece.drive, state.scalar[TIME])
+    for j in range(blocks.X.size):
+        X, held = blocks.X[j], blocks.held[j]
+        force = network.pull[j] * (D - X) + network.load[j] - held * X + blocks.births[j]
+        element = min(max(X - blocks.anchor[j], -sliding), sliding)
+        right[j] = force - (1.0 - held) * element + stretch(network, blocks.X, j)
+
+
+@bare
+def _let_go(state: State, network: Network, ring: bool, piece: Piece, sliding: float, draws: Draws, room: Floats) -> int:
+    """Let go of what is out of balance, as far as the first event; that happens."""
+    blocks, scalar, counts = state.blocks, state.scalar, state.counts
+    right = room[6]
+    _out_of_balance(state, network, piece, sliding, right)
+    _answer(state, network, ring, sliding, right, 1.0, room)
+    part, j, is_break = _first(state, sliding, 1.0, 1.0, room)
+    power = 0.0
+    for i in range(blocks.X.size):
+        power += right[i] * room[0, i]
+    scalar[DAMPED] += power * part * (1.0 - 0.5 * part)
+    _go(state, network, sliding, part, scalar[TIME], piece, room)
+    if j < 0:
+        counts[MODE] = _DRIVEN
+    elif is_break == 1:
+        counts[BLOCK] = j
+        return _break_there(state, j, math.copysign(1.0, room[0, j]), sliding, draws)
+    return BUDGET_SPENT
+
+
+@bare
+def advance(
+    state: State,
+    network: Network,
+    ring: bool,
+    piece: Piece,
+    sampling: Sampling,
+    draws: Draws,
+    sliding: float,
+    budget: int,
+    room: Floats,
+) -> int:
+    """Go on to the end of a piece, or until `budget` events times blocks are spent; why it returned.
+
+    The state is that of `blocks.make_state`; `room` has shape (7, n).
+    """
+    blocks, scalar, counts = state.blocks, state.scalar, state.counts
+    n = blocks.X.size
+    spent = counts[EVENTS]
+    while counts[EVENTS] - spent <= budget:
+        counts[EVENTS] += n
+        why = _attach_due(state, sliding, draws)
+        if why != BUDGET_SPENT:
+            return why
+        if counts[MODE] == _LET_GO:
+            why = _let_go(state, network, ring, piece, sliding, draws, room)
+            if why != BUDGET_SPENT:
+                return why
+            continue
+        # As far as the drive goes one way, or to the next re-attachment.
+        now = scalar[TIME]
+        D, v = drive_at(piece.drive, now)
+        until = piece.end
+        for j in range(n):
+            until = min(until, blocks.next_attach[j])
+        turn = -v / piece.drive.acceleration if piece.drive.acceleration != 0.0 else -1.0
+        if 0.0 < turn < until - now:
+            until = now + turn
+        D_until, _ = drive_at(piece.drive, until)
+        way = math.copysign(1.0, D_until - D)
+        _answer(state, network, ring, sliding, network.pull, way, room)
+        distance, j, is_break = _first(state, sliding, way, abs(D_until - D), room)
+        event = _time_of(piece, now, way * distance) if j >= 0 and distance > 0.0 else (now if j >= 0 else until)
+        event = min(event, until)
+        while counts[SAMPLE] < sampling.times.size and sampling.times[counts[SAMPLE]] <= event:
+            k = counts[SAMPLE]
+            D_before, _ = drive_at(piece.drive, scalar[TIME])
+            D_then, v_then = drive_at(piece.drive, sampling.times[k])
+            _go(state, network, sliding, D_then - D_before, max(sampling.times[k], scalar[TIME]), piece, room)
+            for i in range(n):
+                blocks.V_now[i] = v_then * room[0, i]
+            record(state, network, piece, sampling.samples[k], sliding)
+            counts[SAMPLE] += 1
+            if piece.stop.kind != NOWHERE:
+                mean = 0.0
+                for i in range(n):
+                    mean += blocks.X[i]
+                if holds(piece.stop, mean / n, sampling.samples[k, 0]):
+                    return CONDITION_HELD
+        D_before, _ = drive_at(piece.drive, scalar[TIME])
+        D_then, _ = drive_at(piece.drive, event)
+        _go(state, network, sliding, D_then - D_before, event, piece, room)
+        if j >= 0:
+            if is_break == 1:
+                counts[BLOCK] = j
+                why = _break_there(state, j, math.copysign(1.0, way * room[0, j]), sliding, draws)
+                if why != BUDGET_SPENT:
+                    return why
+        elif event >= piece.end:
+            return REACHED_END
+    return BUDGET_SPENT
