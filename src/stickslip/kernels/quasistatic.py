@@ -16,35 +16,40 @@ from numpy.typing import NDArray
 
 from ._jit import bare, inlined
 from .blocks import (
-    BLOCK,
     BUDGET_SPENT,
+    DELAYS_USED_UP,
+    THRESHOLDS_USED_UP,
+    Draws,
+    State,
+    attach_contact,
+    break_contact,
+    look_ahead,
+)
+from .drive import NOWHERE, drive_at, holds
+from .leapfrog import (
+    BLOCK,
     CONDITION_HELD,
     DAMPED,
-    DELAYS_USED_UP,
     DRIVE_FORCE,
-    EVENTS,
+    MODE,
+    ON_THE_WAY,
     REACHED_END,
     SAMPLE,
-    THRESHOLDS_USED_UP,
+    SPENT,
     TIME,
     WORK,
-    Draws,
     Piece,
     Sampling,
-    State,
-    add_attachment,
-    add_break,
+    element,
     record,
     slide,
 )
-from .drive import NOWHERE, drive_at, holds
 from .network import Network, stretch
 from .tournament import smallest, winner
 
 Floats = NDArray[np.float64]
 
-MODE = 3  # of the counts of the state
-_DRIVEN, _LET_GO = range(2)
+LET_GO, DRIVEN = range(2)
 _ON_THE_EDGE = 1e-10
 """An element this near to its sliding force slides, if it is pulled that way."""
 
@@ -83,7 +88,7 @@ def _solve_ring(diagonal: Floats, coupling: float, right: Floats, Y: Floats, wor
 @bare
 def _answer(state: State, network: Network, ring: bool, sliding: float, right: Floats, way: float, room: Floats) -> None:
     """How the blocks move (``room[0]``) as forces `right` are added; `way` is the sign of the path."""
-    blocks = state.blocks
+    blocks = state.motion.blocks
     n = blocks.X.size
     Y, diagonal, stuck = room[0], room[1], room[2]
     coupling = network.spring[0, network.spring.shape[1] - 1] if n > 1 else 0.0
@@ -121,16 +126,16 @@ def _answer(state: State, network: Network, ring: bool, sliding: float, right: F
 @bare
 def _first(state: State, sliding: float, way: float, most: float, room: Floats) -> tuple[float, int, int]:
     """How far along ``way * room[0]`` the first event lies, at most `most`; on which block, and 1 if it is a break."""
-    blocks = state.blocks
+    blocks = state.motion.blocks
     Y, stuck = room[0], room[2]
     nearest, block, kind = most, -1, 0
     for j in range(blocks.X.size):
         y = way * Y[j]
         if y > 0.0:
-            if blocks.ahead[j] - blocks.X[j] < nearest * y:
-                nearest, block, kind = max((blocks.ahead[j] - blocks.X[j]) / y, 0.0), j, 1
-        elif y < 0.0 and blocks.behind[j] + blocks.X[j] < -nearest * y:
-            nearest, block, kind = max((blocks.behind[j] + blocks.X[j]) / -y, 0.0), j, 1
+            if state.contacts.ahead[j] - blocks.X[j] < nearest * y:
+                nearest, block, kind = max((state.contacts.ahead[j] - blocks.X[j]) / y, 0.0), j, 1
+        elif y < 0.0 and state.contacts.behind[j] + blocks.X[j] < -nearest * y:
+            nearest, block, kind = max((state.contacts.behind[j] + blocks.X[j]) / -y, 0.0), j, 1
         if stuck[j] > 0.0 and y != 0.0:
             left = sliding - math.copysign(1.0, y) * (blocks.X[j] - blocks.anchor[j])
             if left < nearest * abs(y):
@@ -141,14 +146,14 @@ def _first(state: State, sliding: float, way: float, most: float, room: Floats) 
 @bare
 def _go(state: State, network: Network, sliding: float, amount: float, time: float, piece: Piece, room: Floats) -> None:
     """Move all blocks along, and the drive to where it is at `time`."""
-    blocks, scalar = state.blocks, state.scalar
+    blocks, scalar = state.motion.blocks, state.motion.scalar
     before, _ = drive_at(piece.drive, scalar[TIME])
     D, v = drive_at(piece.drive, time)
     force = 0.0
     for j in range(blocks.X.size):
         blocks.X[j] += amount * room[0, j]
         if sliding > 0.0:
-            slide(state, j, blocks.X[j], sliding)
+            slide(state.motion, j, blocks.X[j], sliding)
         force += network.pull[j] * (D - blocks.X[j]) + network.load[j] - network.push[j]
     scalar[WORK] += 0.5 * (scalar[DRIVE_FORCE] + force) * (D - before)
     scalar[DRIVE_FORCE] = force
@@ -166,63 +171,58 @@ def _time_of(piece: Piece, now: float, distance: float) -> float:
 @bare
 def _break_there(state: State, j: int, way: float, sliding: float, draws: Draws) -> int:
     """Break all contacts of a block at their thresholds where it stands, moving this way."""
-    blocks = state.blocks
-    X = blocks.X[j] = blocks.ahead[j] if way > 0.0 else -blocks.behind[j]
-    tree = state.tree_ahead[j] if way > 0.0 else state.tree_behind[j]
-    why = BUDGET_SPENT
+    blocks = state.motion.blocks
+    X = blocks.X[j] = state.contacts.ahead[j] if way > 0.0 else -state.contacts.behind[j]
+    tree = state.contacts.tree_ahead[j] if way > 0.0 else state.contacts.tree_behind[j]
+    why = ON_THE_WAY
     while smallest(tree) <= way * X:
         delay = draws.fixed_delay
         if delay != delay:
-            if blocks.next_delay[j] == draws.delays.shape[1]:
+            if state.contacts.next_delay[j] == draws.delays.shape[1]:
                 why = DELAYS_USED_UP
                 break
-            delay = draws.delays[j, blocks.next_delay[j]]
-            blocks.next_delay[j] += 1
-        force = slide(state, j, X, sliding)
-        add_break(state, j, winner(tree), state.scalar[TIME], way * force, delay)
-        state.counts[MODE] = _LET_GO
-    blocks.ahead[j] = smallest(state.tree_ahead[j])
-    blocks.behind[j] = smallest(state.tree_behind[j])
-    blocks.next_attach[j] = smallest(state.tree_attach[j])
+            delay = draws.delays[j, state.contacts.next_delay[j]]
+            state.contacts.next_delay[j] += 1
+        force = slide(state.motion, j, X, sliding)
+        break_contact(state, j, winner(tree), state.motion.scalar[TIME], way * force, delay)
+        state.motion.counts[MODE] = LET_GO
+    look_ahead(state.contacts, j)
     return why
 
 
 @bare
 def _attach_due(state: State, sliding: float, draws: Draws) -> int:
     """Attach what is due."""
-    blocks, now = state.blocks, state.scalar[TIME]
+    blocks, now = state.motion.blocks, state.motion.scalar[TIME]
     for j in range(blocks.X.size):
-        while blocks.next_attach[j] <= now:
-            if blocks.next_threshold[j] == draws.thresholds.shape[1]:
-                state.counts[BLOCK] = j
+        while state.contacts.next_attach[j] <= now:
+            if state.contacts.next_threshold[j] == draws.thresholds.shape[1]:
+                state.motion.counts[BLOCK] = j
                 return THRESHOLDS_USED_UP
-            threshold = draws.thresholds[j, blocks.next_threshold[j]]
-            blocks.next_threshold[j] += 1
-            force = slide(state, j, blocks.X[j], sliding)
-            add_attachment(state, j, winner(state.tree_attach[j]), blocks.X[j], threshold, force)
-            blocks.ahead[j] = smallest(state.tree_ahead[j])
-            blocks.behind[j] = smallest(state.tree_behind[j])
-            blocks.next_attach[j] = smallest(state.tree_attach[j])
-            state.counts[MODE] = _LET_GO
-    return BUDGET_SPENT
+            threshold = draws.thresholds[j, state.contacts.next_threshold[j]]
+            state.contacts.next_threshold[j] += 1
+            force = slide(state.motion, j, blocks.X[j], sliding)
+            attach_contact(state, j, blocks.X[j], threshold, force)
+            look_ahead(state.contacts, j)
+            state.motion.counts[MODE] = LET_GO
+    return ON_THE_WAY
 
 
 @bare
 def _out_of_balance(state: State, network: Network, piece: Piece, sliding: float, right: Floats) -> None:
     """Forces on the blocks that nothing balances."""
-    blocks = state.blocks
-    D, _ = drive_at(piece.drive, state.scalar[TIME])
+    blocks = state.motion.blocks
+    D, _ = drive_at(piece.drive, state.motion.scalar[TIME])
     for j in range(blocks.X.size):
         X, held = blocks.X[j], blocks.held[j]
         force = network.pull[j] * (D - X) + network.load[j] - held * X + blocks.births[j]
-        element = min(max(X - blocks.anchor[j], -sliding), sliding)
-        right[j] = force - (1.0 - held) * element + stretch(network, blocks.X, j)
+        right[j] = force - (1.0 - held) * element(blocks, j, X, sliding) + stretch(network, blocks.X, j)
 
 
 @bare
 def _let_go(state: State, network: Network, ring: bool, piece: Piece, sliding: float, draws: Draws, room: Floats) -> int:
     """Let go of what is out of balance, as far as the first event; that happens."""
-    blocks, scalar, counts = state.blocks, state.scalar, state.counts
+    blocks, scalar, counts = state.motion.blocks, state.motion.scalar, state.motion.counts
     right = room[6]
     _out_of_balance(state, network, piece, sliding, right)
     _answer(state, network, ring, sliding, right, 1.0, room)
@@ -233,11 +233,11 @@ def _let_go(state: State, network: Network, ring: bool, piece: Piece, sliding: f
     scalar[DAMPED] += power * part * (1.0 - 0.5 * part)
     _go(state, network, sliding, part, scalar[TIME], piece, room)
     if j < 0:
-        counts[MODE] = _DRIVEN
+        counts[MODE] = DRIVEN
     elif is_break == 1:
         counts[BLOCK] = j
         return _break_there(state, j, math.copysign(1.0, room[0, j]), sliding, draws)
-    return BUDGET_SPENT
+    return ON_THE_WAY
 
 
 @bare
@@ -256,17 +256,17 @@ def advance(
 
     The state is that of `blocks.make_state`; `room` has shape (7, n).
     """
-    blocks, scalar, counts = state.blocks, state.scalar, state.counts
+    blocks, scalar, counts = state.motion.blocks, state.motion.scalar, state.motion.counts
     n = blocks.X.size
-    spent = counts[EVENTS]
-    while counts[EVENTS] - spent <= budget:
-        counts[EVENTS] += n
+    spent = counts[SPENT]
+    while counts[SPENT] - spent <= budget:
+        counts[SPENT] += n
         why = _attach_due(state, sliding, draws)
-        if why != BUDGET_SPENT:
+        if why != ON_THE_WAY:
             return why
-        if counts[MODE] == _LET_GO:
+        if counts[MODE] == LET_GO:
             why = _let_go(state, network, ring, piece, sliding, draws, room)
-            if why != BUDGET_SPENT:
+            if why != ON_THE_WAY:
                 return why
             continue
         # As far as the drive goes one way, or to the next re-attachment.
@@ -274,7 +274,7 @@ def advance(
         D, v = drive_at(piece.drive, now)
         until = piece.end
         for j in range(n):
-            until = min(until, blocks.next_attach[j])
+            until = min(until, state.contacts.next_attach[j])
         turn = -v / piece.drive.acceleration if piece.drive.acceleration != 0.0 else -1.0
         if 0.0 < turn < until - now:
             until = now + turn
@@ -291,7 +291,7 @@ def advance(
             _go(state, network, sliding, D_then - D_before, max(sampling.times[k], scalar[TIME]), piece, room)
             for i in range(n):
                 blocks.V_now[i] = v_then * room[0, i]
-            record(state, network, piece, sampling.samples[k], sliding)
+            record(state.motion, network, piece, sampling.samples[k], sliding)
             counts[SAMPLE] += 1
             if piece.stop.kind != NOWHERE:
                 mean = 0.0
@@ -306,7 +306,7 @@ def advance(
             if is_break == 1:
                 counts[BLOCK] = j
                 why = _break_there(state, j, math.copysign(1.0, way * room[0, j]), sliding, draws)
-                if why != BUDGET_SPENT:
+                if why != ON_THE_WAY:
                     return why
         elif event >= piece.end:
             return REACHED_END

@@ -15,7 +15,7 @@ from stickslip.simulation.engines.base import Advance, Beginning, Engine, Leg, S
 from stickslip.simulation.engines.beginnings import first_contacts
 
 if TYPE_CHECKING:
-    from stickslip.kernels.blocks import Piece, Sampling
+    from stickslip.kernels.leapfrog import Piece, Sampling
     from stickslip.kernels.network import Network
 
 Array = NDArray[np.float64]
@@ -229,8 +229,8 @@ class BlocksOfContacts(Engine):
             anchored,
         )
         used_up = self._streams.draws
-        self._state.blocks.next_threshold[:] = used_up.thresholds.shape[1]
-        self._state.blocks.next_delay[:] = used_up.delays.shape[1]
+        self._state.contacts.next_threshold[:] = used_up.thresholds.shape[1]
+        self._state.contacts.next_delay[:] = used_up.delays.shape[1]
 
     @property
     def columns(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -247,25 +247,25 @@ class BlocksOfContacts(Engine):
 
     def here(self) -> tuple[float, float]:
         """Time, and mean displacement of the blocks."""
-        from stickslip.kernels import blocks as kernel
+        from stickslip.kernels import leapfrog
 
-        return float(self._state.scalar[kernel.TIME]), float(self._state.blocks.X.mean())
+        return float(self._state.motion.scalar[leapfrog.TIME]), float(self._state.motion.blocks.X.mean())
 
     def contact_force(self) -> float:
         """Mean friction force of the blocks now, per contact."""
-        blocks = self._state.blocks
+        blocks = self._state.motion.blocks
         element = np.clip(blocks.X - blocks.anchor, -self._sliding, self._sliding)
         return float(np.mean(blocks.held * blocks.X - blocks.births + (1.0 - blocks.held) * element))
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts of all blocks now."""
         state = self._state
-        x = (state.blocks.X[:, None] - state.birth)[state.threshold > 0]
-        return Stretchings(x, np.full(x.size, 1.0 / state.birth.size), cells=False)
+        x = (state.motion.blocks.X[:, None] - state.contacts.birth)[state.contacts.threshold > 0]
+        return Stretchings(x, np.full(x.size, 1.0 / state.contacts.birth.size), cells=False)
 
     def marks(self) -> dict[str, Array]:
         """Return when each block broke its first contact, at which spring force, and when half were detached."""
-        blocks = self._state.blocks
+        blocks = self._state.motion.blocks
         return {
             "first_break": blocks.first_break.copy(),
             "first_break_force": blocks.first_force.copy(),
@@ -275,24 +275,25 @@ class BlocksOfContacts(Engine):
     def advance(self, leg: Leg) -> Advance:
         """Go on by some steps."""
         from stickslip.kernels import blocks as kernel
+        from stickslip.kernels import leapfrog
 
         state = self._state
         before = self.copy() if leg.looks else self
-        sampling = kernel.Sampling(leg.times, np.empty((leg.times.size, state.rows.shape[1])))
-        piece = kernel.Piece(leg.drive, leg.end, leg.stop, self.longest_step())
-        state.counts[kernel.SAMPLE] = 0
+        sampling = leapfrog.Sampling(leg.times, np.empty((leg.times.size, state.motion.rows.shape[1])))
+        piece = leapfrog.Piece(leg.drive, leg.end, leg.stop, self.longest_step())
+        state.motion.counts[leapfrog.SAMPLE] = 0
         while True:
             why = self._move(piece, sampling)
-            block = int(state.counts[kernel.BLOCK])
+            block = int(state.motion.counts[leapfrog.BLOCK])
             if why == kernel.THRESHOLDS_USED_UP:
                 self._streams.refill_thresholds(block)
-                state.blocks.next_threshold[block] = 0
+                state.contacts.next_threshold[block] = 0
             elif why == kernel.DELAYS_USED_UP:
                 self._streams.refill_delays(block)
-                state.blocks.next_delay[block] = 0
+                state.contacts.next_delay[block] = 0
             else:
                 break
-        rows = sampling.samples[: state.counts[kernel.SAMPLE]]
+        rows = sampling.samples[: state.motion.counts[leapfrog.SAMPLE]]
         seen = looks_aside(before, leg, self.here()[0]) if leg.looks else ()
         return Advance(rows, seen, over=why != kernel.BUDGET_SPENT)
 
