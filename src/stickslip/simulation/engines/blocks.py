@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
-from stickslip.model import Chain, Contacts, Delay, ElasticBody, Interface, Prestressed, QuasiStatic, Sheet
+from stickslip.model import Chain, Contacts, Delay, ElasticBody, Interface, MasterEquation, Prestressed, QuasiStatic, Sheet
+from stickslip.model.distribution import check_density
 from stickslip.simulation.engines.base import Advance, Beginning, Engine, Leg, Stretchings, looks_aside, solves
-from stickslip.simulation.engines.beginnings import first_contacts
+from stickslip.simulation.engines.beginnings import first_contacts, initial_nodes, survival_table
 
 if TYPE_CHECKING:
-    from stickslip.kernels.leapfrog import Piece, Sampling
+    from stickslip.kernels.leapfrog import Motion, Piece, Sampling
     from stickslip.kernels.network import Network
 
 Array = NDArray[np.float64]
@@ -43,6 +44,8 @@ _DASHPOT = 0.2
 """Longest step against the fastest decay in the dashpots."""
 _POOL = 256
 """Random numbers drawn at once for a block. The same seed gives another run with another length."""
+_MOST_HISTORY = 2e8
+"""Steps of a block in the longest delay: 1.6 GB."""
 _BUDGET = 2_000_000
 """Events, or eight steps of a block each, in an advance: some 50 to 200 ms."""
 
@@ -52,6 +55,8 @@ def balanced(beginning: Beginning) -> tuple[Array, Array, Array]:
     body, start = beginning.slider, beginning.start
     assert isinstance(body, ElasticBody)
     if not isinstance(start, Prestressed):
+        if not body.pulled.any():
+            raise nothing_pulls(body)
         return np.zeros(body.size), np.zeros(body.size), np.zeros(body.size)
     stretching = per_block("Prestressed.stretching", start.stretching, body)
     distribution = beginning.interface.threshold_distribution
@@ -102,8 +107,6 @@ def settled(beginning: Beginning, friction: Array) -> Array:
     assert isinstance(body, ElasticBody)
     if not beginning.sliding:
         return np.zeros(body.size)
-    if not body.pulled.any():
-        raise nothing_pulls(body)
     force = friction + body.mass * body.damping * beginning.velocity
     pairs, stiffness = body.links
     rows, columns = np.concatenate([pairs, pairs[:, ::-1]]).T
@@ -195,11 +198,66 @@ def contacts_of(beginning: Beginning, streams: Streams, count: int, prestress: A
     return x, threshold, waiting
 
 
-class BlocksOfContacts(Engine):
-    """Blocks with N contacts each, fed with random numbers block by block; how they move is for a class to say."""
+class ElasticEngine(Engine):
+    """What engines of elastic sliders share: their motion, whatever the contacts are."""
 
     angle = 0.1
     mechanisms = frozenset({"sliding_force"})
+    slider: ElasticBody
+    _network: Network
+    _motion: Motion
+    _sliding: float
+
+    @property
+    def columns(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Sums over blocks, then fields of all blocks."""
+        return SCALARS + tuple(name for name in FIELDS for _ in range(self.slider.size))
+
+    def here(self) -> tuple[float, float]:
+        """Time, and mean displacement of the blocks."""
+        from stickslip.kernels import leapfrog
+
+        return float(self._motion.scalar[leapfrog.TIME]), float(self._motion.blocks.X.mean())
+
+    def contact_force(self) -> float:
+        """Mean friction force of the blocks now, per contact."""
+        blocks = self._motion.blocks
+        element = np.clip(blocks.X - blocks.anchor, -self._sliding, self._sliding)
+        return float(np.mean(blocks.held * blocks.X - blocks.births + (1.0 - blocks.held) * element))
+
+    def marks(self) -> dict[str, Array]:
+        """Return when each block broke its first contact, at which spring force, and when half were detached."""
+        blocks = self._motion.blocks
+        return {
+            "first_break": blocks.first_break.copy(),
+            "first_break_force": blocks.first_force.copy(),
+            "half_detached": blocks.half_detached.copy(),
+        }
+
+    @abstractmethod
+    def _move(self, piece: Piece, sampling: Sampling) -> int:
+        """Go on, and say why it ends."""
+
+    def longest_step(self) -> float:
+        """Longest step in time."""
+        return longest_step(self._network)
+
+    def advance(self, leg: Leg) -> Advance:
+        """Go on by some steps."""
+        from stickslip.kernels import leapfrog
+        from stickslip.kernels.blocks import BUDGET_SPENT
+
+        before = self.copy() if leg.looks else self
+        sampling = leapfrog.Sampling(leg.times, np.empty((leg.times.size, self._motion.rows.shape[1])))
+        self._motion.counts[leapfrog.SAMPLE] = 0
+        why = self._move(leapfrog.Piece(leg.drive, leg.end, leg.stop, self.longest_step()), sampling)
+        rows = sampling.samples[: self._motion.counts[leapfrog.SAMPLE]]
+        seen = looks_aside(before, leg, self.here()[0]) if leg.looks else ()
+        return Advance(rows, seen, over=why != BUDGET_SPENT)
+
+
+class BlocksOfContacts(ElasticEngine):
+    """Blocks with N contacts each, fed with random numbers block by block; how they move is for a class to say."""
 
     def __init__(self, beginning: Beginning, method: Contacts | QuasiStatic) -> None:
         from stickslip.kernels import blocks as kernel
@@ -209,104 +267,52 @@ class BlocksOfContacts(Engine):
         self.slider = body
         check_size(body, method.count)
         load, push, prestress = balanced(beginning)
-        if not (body.pulled.any() or isinstance(beginning.start, Prestressed)):
-            raise nothing_pulls(body)
         self._network = network_of(body, load, push)
         self._sliding = beginning.interface.sliding_force
         self._streams = Streams(beginning.interface, method.seed, body.size)
         x, threshold, waiting = contacts_of(beginning, self._streams, method.count, prestress)
         anchored = np.full(body.size, self._sliding) if beginning.sliding else prestress
         element = np.clip(anchored, -self._sliding, self._sliding)
-        friction = np.where(threshold > 0, x, element[:, None]).mean(axis=1)
-        X = settled(beginning, friction)
-        self._state = kernel.make_state(
-            X[:, None] - x,
-            threshold,
-            waiting,
-            X,
-            first_velocities(beginning, body),
-            self._sliding,
-            anchored,
-        )
-        used_up = self._streams.draws
-        self._state.contacts.next_threshold[:] = used_up.thresholds.shape[1]
-        self._state.contacts.next_delay[:] = used_up.delays.shape[1]
-
-    @property
-    def columns(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Sums over blocks, then fields of all blocks."""
-        return SCALARS + tuple(name for name in FIELDS for _ in range(self.slider.size))
-
-    @abstractmethod
-    def longest_step(self) -> float:
-        """Longest step in time."""
-
-    @abstractmethod
-    def _move(self, piece: Piece, sampling: Sampling) -> int:
-        """Go on, and say why it ends."""
-
-    def here(self) -> tuple[float, float]:
-        """Time, and mean displacement of the blocks."""
-        from stickslip.kernels import leapfrog
-
-        return float(self._state.motion.scalar[leapfrog.TIME]), float(self._state.motion.blocks.X.mean())
-
-    def contact_force(self) -> float:
-        """Mean friction force of the blocks now, per contact."""
-        blocks = self._state.motion.blocks
-        element = np.clip(blocks.X - blocks.anchor, -self._sliding, self._sliding)
-        return float(np.mean(blocks.held * blocks.X - blocks.births + (1.0 - blocks.held) * element))
+        X = settled(beginning, np.where(threshold > 0, x, element[:, None]).mean(axis=1))
+        V = first_velocities(beginning, body)
+        self._state = kernel.make_state(X[:, None] - x, threshold, waiting, X, V, self._sliding, anchored)
+        self._motion = self._state.motion
+        self._state.contacts.next_threshold[:] = self._streams.draws.thresholds.shape[1]
+        self._state.contacts.next_delay[:] = self._streams.draws.delays.shape[1]
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts of all blocks now."""
-        state = self._state
-        x = (state.motion.blocks.X[:, None] - state.contacts.birth)[state.contacts.threshold > 0]
-        return Stretchings(x, np.full(x.size, 1.0 / state.contacts.birth.size), cells=False)
+        contacts = self._state.contacts
+        x = (self._motion.blocks.X[:, None] - contacts.birth)[contacts.threshold > 0]
+        return Stretchings(x, np.full(x.size, 1.0 / contacts.birth.size), cells=False)
 
-    def marks(self) -> dict[str, Array]:
-        """Return when each block broke its first contact, at which spring force, and when half were detached."""
-        blocks = self._state.motion.blocks
-        return {
-            "first_break": blocks.first_break.copy(),
-            "first_break_force": blocks.first_force.copy(),
-            "half_detached": blocks.half_detached.copy(),
-        }
+    @abstractmethod
+    def _advance(self, piece: Piece, sampling: Sampling) -> int:
+        """Go on as far as the random numbers last."""
 
-    def advance(self, leg: Leg) -> Advance:
-        """Go on by some steps."""
+    def _move(self, piece: Piece, sampling: Sampling) -> int:
         from stickslip.kernels import blocks as kernel
-        from stickslip.kernels import leapfrog
+        from stickslip.kernels.leapfrog import BLOCK
 
-        state = self._state
-        before = self.copy() if leg.looks else self
-        sampling = leapfrog.Sampling(leg.times, np.empty((leg.times.size, state.motion.rows.shape[1])))
-        piece = leapfrog.Piece(leg.drive, leg.end, leg.stop, self.longest_step())
-        state.motion.counts[leapfrog.SAMPLE] = 0
+        contacts = self._state.contacts
         while True:
-            why = self._move(piece, sampling)
-            block = int(state.motion.counts[leapfrog.BLOCK])
+            why = self._advance(piece, sampling)
+            block = int(self._motion.counts[BLOCK])
             if why == kernel.THRESHOLDS_USED_UP:
                 self._streams.refill_thresholds(block)
-                state.contacts.next_threshold[block] = 0
+                contacts.next_threshold[block] = 0
             elif why == kernel.DELAYS_USED_UP:
                 self._streams.refill_delays(block)
-                state.contacts.next_delay[block] = 0
+                contacts.next_delay[block] = 0
             else:
-                break
-        rows = sampling.samples[: state.motion.counts[leapfrog.SAMPLE]]
-        seen = looks_aside(before, leg, self.here()[0]) if leg.looks else ()
-        return Advance(rows, seen, over=why != kernel.BUDGET_SPENT)
+                return why
 
 
 @solves(Contacts, elastic=True)
 class Blocks(BlocksOfContacts):
     """Blocks with inertia, in steps of time; breaks are located inside them."""
 
-    def longest_step(self) -> float:
-        """Longest step in time."""
-        return longest_step(self._network)
-
-    def _move(self, piece: Piece, sampling: Sampling) -> int:
+    def _advance(self, piece: Piece, sampling: Sampling) -> int:
         from stickslip.kernels import blocks as kernel
 
         return kernel.advance(
@@ -332,7 +338,7 @@ class BalancedBlocks(BlocksOfContacts):
         """Any step will do."""
         return math.inf
 
-    def _move(self, piece: Piece, sampling: Sampling) -> int:
+    def _advance(self, piece: Piece, sampling: Sampling) -> int:
         from stickslip.kernels import quasistatic as kernel
 
         return kernel.advance(
@@ -346,3 +352,96 @@ class BalancedBlocks(BlocksOfContacts):
             _BUDGET,
             self._room,
         )
+
+
+@solves(MasterEquation, elastic=True)
+class BlocksOfCohorts(ElasticEngine):
+    """Blocks with infinitely many contacts each, in cohorts: `stickslip.kernels.block_cohorts`."""
+
+    def __init__(self, beginning: Beginning, method: MasterEquation) -> None:
+        from stickslip.kernels import block_cohorts as kernel
+        from stickslip.kernels.cohorts import smooth_sliding, survival, tabulate
+        from stickslip.kernels.leapfrog import at_rest
+
+        body, interface = beginning.slider, beginning.interface
+        assert isinstance(body, ElasticBody)
+        self.slider, self._sliding = body, interface.sliding_force
+        load, push, prestress = balanced(beginning)
+        self._network = network_of(body, load, push)
+        distribution = interface.threshold_distribution
+        table = tabulate(*survival_table(distribution))
+        self._thresholds = kernel.Thresholds(table, _weakest(table.survival, table.spacing))
+        self._cells = float(method.cells)
+        past_rate = 0.0
+        if beginning.sliding:
+            x, fraction = smooth_sliding(table, self._cells, beginning.attached)
+            past_rate = beginning.attached * beginning.velocity / distribution.moment(1)
+        elif isinstance(beginning.start, Prestressed):
+            x, fraction = np.zeros(1), np.ones(1)
+        else:
+            x, fraction = initial_nodes(interface)
+        x = prestress[:, None] + x
+        self._delays = kernel.Delays(*interface.delay.quadrature(), past_rate)
+        anchored = np.full(body.size, self._sliding) if beginning.sliding else prestress
+        friction = (x * fraction).sum(axis=1) + (1.0 - fraction.sum()) * np.clip(anchored, -self._sliding, self._sliding)
+        X = settled(beginning, friction)
+        steps = float(self._delays.time.max(initial=0.0)) / self.longest_step()
+        if steps * body.size > _MOST_HISTORY:
+            raise InputError(
+                f"Interface.delay: {steps:.2g} steps in the longest delay, for {body.size} blocks; use Contacts(...), or "
+                "make the delay shorter or the blocks heavier"
+            )
+        motion = at_rest(X, first_velocities(beginning, body), self._sliding, anchored)
+        fractions = np.broadcast_to(fraction, x.shape)
+        room = int(2.0 * self._cells * table.spacing * table.survival.size) + x.shape[1] + 64
+        self._state = kernel.make_state(
+            motion, X[:, None] - x, fractions, self._thresholds, self._delays, room, int(1.05 * steps) + 64
+        )
+        self._motion = motion
+
+    @staticmethod
+    def check(interface: Interface, method: MasterEquation) -> None:
+        """Raise `InputError` for thresholds without a density, and for the paper's approximation."""
+        check_density(interface.threshold_distribution)
+        if method.memoryless:
+            raise InputError("MasterEquation.memoryless: is for a rigid slider; leave it out")
+
+    def longest_step(self) -> float:
+        """Longest step in time; finer cohorts come with finer steps."""
+        return longest_step(self._network) * min(1.0, 400.0 / self._cells)
+
+    def stretchings(self) -> Stretchings:
+        """Stretchings of the cohorts of all blocks now."""
+        from stickslip.kernels import block_cohorts as kernel
+
+        cohort = self._state.cohorts.cohort
+        alive = cohort[:, kernel.ALIVE] * (np.arange(cohort.shape[2]) < self._state.cohorts.used[:, :1])
+        x = self._motion.blocks.X[:, None] - cohort[:, kernel.BIRTH]
+        return Stretchings(x[alive > 0], alive[alive > 0] / self.slider.size, cells=True)
+
+    def _move(self, piece: Piece, sampling: Sampling) -> int:
+        from stickslip.kernels import block_cohorts as kernel
+
+        while True:
+            why = kernel.advance(
+                self._state,
+                self._network,
+                piece,
+                sampling,
+                self._thresholds,
+                self._delays,
+                self._sliding,
+                0.5 / self._cells,
+                50 * _BUDGET,
+            )
+            if why == kernel.NO_ROOM:
+                self._state = kernel.with_room(self._state)
+            elif why == kernel.NO_HISTORY:
+                self._state = kernel.with_history(self._state)
+            else:
+                return why
+
+
+def _weakest(survival: Array, spacing: float) -> float:
+    """Stretching up to which next to no threshold lies."""
+    return spacing * max(int(np.argmax(survival < 1.0 - 1e-15)) - 1, 0)
