@@ -415,8 +415,12 @@ def test_a_condition_ends_the_drive() -> None:
 
 
 def test_measures_take_the_mean_over_blocks() -> None:
-    rig = small(drive=ss.constant(0.5, duration=12.0), slider=ss.Chain(blocks=6, coupling=20.0, mass=1e-4,
-                damping=200.0, leaf=2.0))  # fmt: skip
+    rig = small(
+        interface=ss.Interface(thresholds=TENTH, delay=ss.Delay(0.2)),
+        slider=ss.Chain(blocks=4, coupling=1000.0, mass=1e-4, damping=200.0, leaf=2.0),
+        drive=ss.constant(1.0, duration=25.0),
+        method=ss.Contacts(1000, seed=1),
+    )
     found = ss.regime(ss.simulate(rig, long=True))
     assert found.kind == "stick-slip"
 
