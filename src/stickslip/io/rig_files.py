@@ -61,7 +61,13 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 def examples() -> tuple[str, ...]:
     """Names of the rigs that come with the package."""
     # A sweep is no rig: it names one.
-    return tuple(sorted(f.stem for f in EXAMPLES.glob("*.toml") if any(f"[{body}]" in f.read_text(encoding="utf-8") for body in ("slider", "chain"))))
+    return tuple(
+        sorted(
+            f.stem
+            for f in EXAMPLES.glob("*.toml")
+            if any(f"[{body}]" in f.read_text(encoding="utf-8") for body in ("slider", "chain"))
+        )
+    )
 
 
 def example_file(name: str) -> Path:

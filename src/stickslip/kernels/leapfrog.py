@@ -215,7 +215,9 @@ def _interpolate(motion: Motion, row: Floats, fraction: float, span: float) -> N
 
 
 @bare
-def _sample(motion: Motion, network: Network, piece: Piece, sampling: Sampling, next_time: float, sliding: float) -> int:
+def _sample(
+    motion: Motion, network: Network, piece: Piece, sampling: Sampling, next_time: float, sliding: float
+) -> int:
     """Fill the samples that lie between the last two moments; which one of them holds the condition, or -1."""
     counts, now = motion.counts, motion.scalar[TIME]
     k, n = counts[SAMPLE], motion.blocks.X.size
@@ -247,9 +249,7 @@ def _sample(motion: Motion, network: Network, piece: Piece, sampling: Sampling, 
 
 
 @bare
-def begin_step(
-    motion: Motion, network: Network, piece: Piece, sampling: Sampling, sliding: float
-) -> int:
+def begin_step(motion: Motion, network: Network, piece: Piece, sampling: Sampling, sliding: float) -> int:
     """Sample, kick, and set the length of the next step; or come to rest at the end, or where a condition holds."""
     scalar, counts = motion.scalar, motion.counts
     before, t = scalar[STEP], scalar[TIME]

@@ -175,7 +175,11 @@ def estimate(rig: Rig) -> Work:
         rings = 1.0 / damping_ratio if damping_ratio > 0 else math.inf
         path += 0.1 * min(turns, distance * rings)
         if isinstance(rig.start, FromSliding):
-            path += abs(float(np.max(np.abs(rig.start.perturbation))) * rig.drive.pieces[0].start) / frequency * min(turns, rings)
+            path += (
+                abs(float(np.max(np.abs(rig.start.perturbation))) * rig.drive.pieces[0].start)
+                / frequency
+                * min(turns, rings)
+            )
         radian = _RADIAN[0] if isinstance(rig.method, Contacts) else _RADIAN[1]
         words = f"{turns:.2g} rad of the slider's oscillation"
         parts.append(Part(key="slider.mass", value=slider.mass, quantity="mass", power=-0.5, what=words,

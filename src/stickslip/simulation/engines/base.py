@@ -98,11 +98,15 @@ class Beginning:
     def __post_init__(self) -> None:
         elastic = isinstance(self.slider, ElasticBody)
         if isinstance(self.start, Prestressed) and not elastic:
-            raise InputError("Prestressed: is for an elastic slider, a Chain or a Sheet; start FromRest() or FromSliding()")
+            raise InputError(
+                "Prestressed: is for an elastic slider, a Chain or a Sheet; start FromRest() or FromSliding()"
+            )
         if not isinstance(self.start, FromSliding):
             return
         if isinstance(self.start.perturbation, tuple) and not elastic:
-            raise InputError("FromSliding.perturbation: one number for each block is for an elastic slider; give one number")
+            raise InputError(
+                "FromSliding.perturbation: one number for each block is for an elastic slider; give one number"
+            )
         if self.velocity <= 0:
             raise InputError(
                 f"FromSliding: the drive starts at velocity {self.velocity:g}: steady sliding needs one above 0"
