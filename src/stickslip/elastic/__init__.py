@@ -1,0 +1,1 @@
+"""Elastic sliders: fronts, precursors and the modes of smooth sliding."""
