@@ -124,7 +124,7 @@ def front_speed(rig: Rig, *, prestress: float, blocks: Blocks | None = None) -> 
     >>> rig = ss.Rig(interface, bar, ss.constant(velocity=0.0, duration=1.0))
     >>> print(ss.front_speed(rig, prestress=0.6))
     front at 0.686408 blocks per time, 0.6864 times the speed of sound (slower than sound), at a prestress of 0.6 \
-(lattice); slow fronts feel the blocks: the screening length is 1.875 of them
+(lattice); slow fronts feel the blocks: the screening length is 1.848 of them
     """
     body, interface = elastic_parts(rig, "front_speed")
     tau = number("prestress", prestress, above=0, below=1, hint="(tau_0 - f_d)/(f_s - f_d)")

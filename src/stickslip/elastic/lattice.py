@@ -40,7 +40,7 @@ _NODES = 1.0 / (1.0 + np.exp(-np.pi * np.sinh(_T)))
 _WEIGHTS = (_T[1] - _T[0]) * np.pi * np.cosh(_T) * _NODES * _NODES[::-1]
 
 SMOOTH = 2000.0
-"""Frequency beyond which the phase is averaged over the waves of the lattice: they change it by less than 1/SMOOTH^2."""
+"""Frequency beyond which the phase is averaged over the waves of the lattice; its error is 1/SMOOTH^2."""
 
 
 @lru_cache(maxsize=4096)

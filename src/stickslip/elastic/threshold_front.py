@@ -95,7 +95,7 @@ def threshold(medium: Medium) -> float:
 
 def shoot(medium: Medium, prestress: float) -> float:
     """Return the eigenvalue `C` of the front; 0 if there is none that advances, infinity if all contacts give way."""
-    thresholds, sliding, leaf = medium
+    thresholds, leaf = medium.thresholds, medium.leaf
     if gain(medium, prestress) <= 0:
         return 0.0
     low, high = thresholds.support
