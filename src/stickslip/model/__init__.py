@@ -29,6 +29,8 @@ from stickslip.model.methods import (
     Method,
     Output,
     PaperClosure,
+    Prestressed,
+    QuasiStatic,
     Start,
 )
 from stickslip.model.parameters import PARAMETERS, Parameter, parameter_named
@@ -70,6 +72,8 @@ __all__ = [
     "Parabolic",
     "Parameter",
     "Piece",
+    "Prestressed",
+    "QuasiStatic",
     "RandomDelay",
     "Rig",
     "Scales",

@@ -10,7 +10,18 @@ from stickslip.errors import InputError, instance, number
 from stickslip.model.body import Chain, Sheet
 from stickslip.model.drive import Drive
 from stickslip.model.interface import Interface
-from stickslip.model.methods import Contacts, FromRest, FromSliding, MasterEquation, Method, Output, PaperClosure, Start
+from stickslip.model.methods import (
+    Contacts,
+    FromRest,
+    FromSliding,
+    MasterEquation,
+    Method,
+    Output,
+    PaperClosure,
+    Prestressed,
+    QuasiStatic,
+    Start,
+)
 from stickslip.model.parameters import Parameter, parameter_named
 from stickslip.model.quantities import read_quantity
 from stickslip.model.records import Record, rescaled
@@ -63,9 +74,9 @@ class Rig:
         stability of smooth sliding any mechanical impedance of `stickslip.stability` will do.
     drive : Drive
         How the far end of the spring moves.
-    method : Contacts, MasterEquation or PaperClosure
+    method : Contacts, MasterEquation, QuasiStatic or PaperClosure
         How the rig is simulated, unless `simulate` is told otherwise; so with `start` and `output`.
-    start : FromRest or FromSliding
+    start : FromRest, FromSliding or Prestressed
         The state that a run starts from.
     output : Output
         What a run records.
@@ -112,9 +123,9 @@ class Rig:
                 f"Rig.slider = {self.slider!r}: must be a Slider, a Chain or a Sheet, or an impedance: a function of s"
             )
         instance("Rig.drive", self.drive, Drive, "a drive, made with constant() or ramp()")
-        methods = (Contacts, MasterEquation, PaperClosure)
+        methods = (Contacts, MasterEquation, QuasiStatic, PaperClosure)
         instance("Rig.method", self.method, methods, "Contacts(...) or MasterEquation(...)")
-        instance("Rig.start", self.start, (FromRest, FromSliding), "FromRest() or FromSliding()")
+        instance("Rig.start", self.start, (FromRest, FromSliding, Prestressed), "FromRest(), FromSliding() or Prestressed(...)")
         instance("Rig.output", self.output, Output, "an Output")
         if self.scales is not None:
             instance("Rig.scales", self.scales, Scales, "Scales(...), or None for natural units")
