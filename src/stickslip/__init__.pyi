@@ -22,6 +22,8 @@ from .io.datasets import save as save
 from .io.rig_files import example as example
 from .io.rig_files import read_rig as read_rig
 from .measure import drops as drops
+from .measure import events as events
+from .measure import fronts as fronts
 from .measure import read_trace as read_trace
 from .measure import regime as regime
 from .measure import transitions as transitions
