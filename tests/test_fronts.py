@@ -1,7 +1,9 @@
-"""Elastic sliders in theory: slip fronts, precursors and the modes of smooth sliding."""
+"""Elastic sliders: slip fronts, precursors and the modes of smooth sliding, in theory and in pictures."""
 
+import importlib.util
 import math
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -501,3 +503,168 @@ def test_mechanisms_that_the_theory_leaves_out(mechanism, message):
     interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=NEVER, **mechanism)
     with pytest.raises(ss.InputError, match=message):
         ss.front_speed(ss.Rig(interface, ALIKE.slider, STILL), prestress=0.6)
+
+
+# ---------------------------------------------------------------- pictures
+
+GALLERY = Path(__file__).parents[1] / "examples" / "elastic"
+
+
+@pytest.fixture(scope="module")
+def passing():
+    """A front that slows down as the prestress falls along a bar."""
+    rig = bar(0.04, 0.01, 0.2, blocks=300)
+    profile = tuple(0.9 - 0.4 * np.arange(300) / 300)
+    start = ss.Prestressed(stretching=profile, push=3.0, pushed_blocks=3)
+    drive = ss.constant(0.0, duration=900)
+    return ss.simulate(
+        ss.Rig(rig.interface, rig.slider, drive, method=ss.Contacts(20), start=start), output=ss.Output(interval=3.0)
+    )
+
+
+@pytest.fixture(scope="module")
+def pulled():
+    """Precursors in a short bar, up to some slips of all its blocks."""
+    interface = ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=0.05), delay=ss.RandomDelay(mean=100.0, std=30.0), sliding_force=0.425
+    )
+    chain = ss.Chain(blocks=24, coupling=4.0, mass=4.0, damping=0.1, side=4.0)
+    drive = ss.constant(2.5e-4, duration=2.5e5)
+    rig = ss.Rig(interface, chain, drive, method=ss.QuasiStatic(50, seed=1))
+    return ss.simulate(rig, output=ss.Output(interval=60.0))
+
+
+def drawn(ax):
+    """The lines of a picture by their names in the legend."""
+    return {line.get_label(): line for line in ax.get_lines()}
+
+
+def test_spacetime_shows_every_block_at_every_time(passing):
+    mesh = ss.plot.spacetime(passing).collections[0]
+    values = mesh.get_array().reshape(passing.sizes["time"], 300)
+    assert values == pytest.approx(passing["attached"].values)
+    assert values[0].min() == 1.0
+
+
+def test_spacetime_of_the_velocity_is_in_decades(passing):
+    mesh = ss.plot.spacetime(passing, "velocity").collections[0]
+    assert mesh.norm.vmax == pytest.approx(float(np.abs(passing["velocity"]).max()))
+    assert mesh.norm.vmax / mesh.norm.vmin == pytest.approx(1e4)
+
+
+def test_spacetime_of_a_long_run_keeps_the_peaks(passing):
+    longer = passing.isel(time=np.repeat(np.arange(passing.sizes["time"]), 10))
+    mesh = ss.plot.spacetime(longer, "velocity").collections[0]
+    assert mesh.get_array().size <= 1200 * 300
+    assert mesh.get_array().max() == pytest.approx(float(np.abs(passing["velocity"]).max()))
+
+
+def test_spacetime_of_the_force(passing):
+    ax = ss.plot.spacetime(passing, "force")
+    assert ax.get_ylabel() == "time (time units)"
+    assert "friction force of a block" in ax.figure.axes[1].get_ylabel().replace("\n", " ")
+
+
+def test_front_speed_along_a_slider(passing):
+    lines = drawn(ss.plot.fronts(passing))
+    assert lines["sound"].get_ydata()[0] == 1.0
+    x, v = lines["first breaks"].get_data()
+    assert v == pytest.approx(ss.fronts(passing)["speed"].values[x.astype(int)])
+
+
+def test_a_front_is_as_fast_as_theory_says_of_the_prestress_there(passing):
+    """It follows the falling prestress with a lag of some blocks, .0013 of prestress each."""
+    lines = drawn(ss.plot.front_curve(passing))
+    tau, v = lines["along the run"].get_data()
+    away = (tau > 0.6) & (tau < 0.8)
+    assert away.sum() > 100
+    assert v[away] == pytest.approx(np.interp(tau[away], *lines["theory (lattice)"].get_data()), abs=0.02)
+    assert lines["threshold"].get_xdata()[0] == pytest.approx(0.447214, abs=1e-6)
+
+
+def test_the_curve_of_a_rig_alone():
+    lines = drawn(ss.plot.front_curve(bar(0.04, 0.01, 0.2, std=0.1)))
+    assert set(lines) == {"theory (continuum)", "sound", "threshold"}
+
+
+def test_precursors_are_marked_on_the_force(pulled):
+    lines = drawn(ss.plot.precursors(pulled))
+    assert {"precursor, with its length", "slip of all blocks"} <= set(lines)
+    t, force = lines["slip of all blocks"].get_data()
+    assert force == pytest.approx(np.interp(t, pulled["time"], pulled["spring_force"]))
+
+
+def test_precursors_grow_along_the_line(pulled):
+    """Events before the first slip of the whole bar; re-attachment and thresholds that differ scatter them."""
+    lines = drawn(ss.plot.precursor_lengths(pulled))
+    force, tip = lines["theory"].get_data()
+    assert tip[:10] == pytest.approx((force[:10] - force[0]) / 0.425, abs=1e-3)
+    at, reach = lines["events of the run"].get_data()
+    assert reach.max() == 24
+    first = int(np.argmax(reach == 24))
+    assert np.all(np.abs(np.interp(reach[:first], tip, force) - at[:first]) < 2.5)
+
+
+def test_slip_profiles_are_what_blocks_moved(pulled):
+    ax = ss.plot.slip_profiles(pulled)
+    found = ss.events(pulled)
+    large = found.isel(event=found["blocks"].values >= 3)
+    moved = pulled["displacement"]
+    for line, start, end in zip(ax.get_lines(), large["start"].values, large["end"].values, strict=True):
+        assert line.get_ydata() == pytest.approx((moved.sel(time=end) - moved.sel(time=start)).values)
+
+
+@pytest.mark.parametrize(
+    ("ask", "message"),
+    [
+        (lambda run: ss.plot.spacetime(run, "heat"), r"^spacetime: what = 'heat': must be one of attached"),
+        (lambda run: ss.plot.spacetime(run.isel(block=0)), r"^plot: this Dataset has no attached of each block"),
+        (lambda run: ss.plot.spacetime(run.isel(time=[0])), r"^plot: the run holds fewer than two samples"),
+        (lambda run: ss.plot.slip_profiles(run, fewest=1000), r"^slip_profiles: the run holds no event of 1000"),
+        (lambda _: ss.plot.front_curve(RIGID), r"^plot: Rig.slider = Slider\(.* this picture is of a Chain"),
+    ],
+)
+def test_pictures_that_cannot_be_drawn(passing, ask, message):
+    with pytest.raises(ss.InputError, match=message):
+        ask(passing)
+
+
+def test_front_curve_needs_a_prestressed_start(pulled):
+    with pytest.raises(ss.InputError, match=r"^front_curve: Rig.start = FromRest\(\): needs a run from a Prestressed"):
+        ss.plot.front_curve(pulled)
+
+
+def gallery(name):
+    spec = importlib.util.spec_from_file_location(name, GALLERY / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in GALLERY.glob("*.py")))
+def test_gallery(name, tmp_path):
+    assert f"``python examples/elastic/{name}.py " in (GALLERY / f"{name}.py").read_text()
+    picture = ss.plot.save(gallery(name).draw(), tmp_path / "picture.png")
+    assert picture.stat().st_size > 10_000
+
+
+def test_a_slow_front_by_slow_slip_and_none_without_a_sliding_force():
+    """The fast front as theory has it; the slow one at a 27th of its speed."""
+    module = gallery("slow_front")
+    run = ss.simulate(module.rig())
+    fast, slow = module.speeds(run)
+    assert int(ss.fronts(run)["blocks"][0]) == pytest.approx(114, abs=1)
+    assert fast == pytest.approx(0.6965, abs=2e-3)
+    assert fast == pytest.approx(float(ss.front_speed(module.rig(), prestress=0.7)), abs=2e-3)
+    assert slow == pytest.approx(0.0260, abs=1e-3)
+    stopped = ss.simulate(module.rig(sliding_force=0.0))["first_break"]
+    assert int(np.isfinite(stopped).sum()) == 114
+    assert float(stopped.max()) < 250
+
+
+def test_precursors_of_the_gallery_reach_further_and_further():
+    module = gallery("precursor_staircase")
+    run = module.run()
+    assert float(run["spring_force"].max()) / 60 == pytest.approx(0.48, abs=0.02)
+    found = ss.events(run)
+    assert found["blocks"].values.max() == 60

@@ -88,14 +88,14 @@ def spacetime(run: xr.Dataset, what: What = "attached", ax: Axes | None = None) 
     norm: Normalize
     if what == "velocity":
         top = float(drawn.max()) or 1.0
-        norm, cmap, text = LogNorm(top / 10.0**_DECADES, top), "inferno", label(field)
+        norm, cmap, text = LogNorm(top / 10.0**_DECADES, top), "inferno", label(field, most=32)
         drawn = np.maximum(drawn, top / 10.0**_DECADES)
     elif what == "attached":
         before = np.where(values[0] > 0, values[0], 1.0)
         drawn = drawn / before
         norm, cmap, text = Normalize(float(drawn.min()), float(drawn.max())), "cividis", "attached, relative to before"
     else:
-        norm, cmap, text = Normalize(float(drawn.min()), float(drawn.max())), "cividis", label(field)
+        norm, cmap, text = Normalize(float(drawn.min()), float(drawn.max())), "cividis", label(field, most=32)
     ax = new_axes(COLUMN * 1.35, 3.2) if ax is None else ax
     edges = np.append(time[starts], time[-1])
     block = np.asarray(field["block"].values, dtype=float)
