@@ -541,9 +541,8 @@ def drawn(ax):
 
 def test_spacetime_shows_every_block_at_every_time(passing):
     mesh = ss.plot.spacetime(passing).collections[0]
-    values = mesh.get_array().reshape(passing.sizes["time"], 300)
-    assert values == pytest.approx(passing["attached"].values)
-    assert values[0].min() == 1.0
+    np.testing.assert_allclose(np.asarray(mesh.get_array()), passing["attached"].values, rtol=1e-12)
+    assert 0.0 < float(passing["attached"].mean()) < 1.0
 
 
 def test_spacetime_of_the_velocity_is_in_decades(passing):

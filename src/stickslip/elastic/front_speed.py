@@ -178,6 +178,7 @@ def front_threshold(rig: Rig) -> float:
     -------
     float
         As `prestress` of `front_speed`: above the sliding force, in units of its difference from the mean threshold.
+        Infinite if the thresholds are so scattered that there are no fronts.
 
     Raises
     ------

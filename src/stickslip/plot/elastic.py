@@ -13,7 +13,7 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.ticker import MaxNLocator
 
 from stickslip import measure
-from stickslip.elastic import front_speed, front_threshold, precursor_force
+from stickslip.elastic import Front, front_speed, front_threshold, precursor_force
 from stickslip.errors import InputError, shown
 from stickslip.measure.arrays import check_numbers
 from stickslip.model import Chain, Delay, Gaussian, Prestressed, Rig
@@ -148,17 +148,21 @@ def front_curve(data: xr.Dataset | Rig, ax: Axes | None = None) -> Axes:
     """
     rig = data if isinstance(data, Rig) else rig_of(data)
     chain, interface = _chain(rig), rig.natural.interface
+    start = rig.start
+    if isinstance(data, xr.Dataset) and not isinstance(start, Prestressed):
+        raise InputError(f"front_curve: Rig.start = {start!r}: needs a run from a Prestressed start, or a rig")
     least = front_threshold(rig)
-    prestress = least + (0.98 - least) * np.linspace(0.0, 1.0, 61)[1:] ** 2
-    theory = [front_speed(rig, prestress=float(tau)) for tau in prestress]
-    speed = np.array([float(front) for front in theory])
-    unit = rig.unit("1/time")
-    sound = chain.sound_speed * unit
+    theory: list[Front] = []
+    for tau in least + (0.98 - least) * np.linspace(0.0, 1.0, 41)[1:] ** 2:
+        try:
+            theory.append(front_speed(rig, prestress=float(tau)))
+        except InputError:  # from here on contacts give way by themselves
+            break
+    if not theory:
+        raise InputError(f"front_curve: Interface.thresholds = {interface.thresholds}: no prestress has a front")
+    prestress, speed = (np.array([getattr(front, name) for front in theory]) for name in ("prestress", "speed"))
     ax = new_axes() if ax is None else ax
-    if isinstance(data, xr.Dataset):
-        start = rig.start
-        if not isinstance(start, Prestressed):
-            raise InputError(f"front_curve: Rig.start = {start!r}: needs a run from a Prestressed start, or a rig")
+    if isinstance(data, xr.Dataset) and isinstance(start, Prestressed):
         found = measure.fronts(data)
         stretching = np.broadcast_to(np.asarray(start.stretching, dtype=float), chain.blocks)
         sliding, strength = interface.sliding_force, interface.threshold_distribution.moment(1)
@@ -168,8 +172,8 @@ def front_curve(data: xr.Dataset | Rig, ax: Axes | None = None) -> Axes:
         inside &= np.arange(chain.blocks) < int(first["last_block"]) - 10
         ax.plot(local[inside], found["speed"].values[inside], ".", color=BLUE, markersize=3, label="along the run")
     there = speed > 0
-    ax.plot(prestress[there], speed[there], color=BLACK, label=f"theory ({theory[-1].blocks})")
-    ax.axhline(sound, color=GREY, linewidth=0.9, linestyle=(0, (4, 2)), label="sound")
+    ax.plot(prestress[there], speed[there], color=BLACK, label=f"theory ({theory[0].blocks})")
+    ax.axhline(chain.sound_speed * rig.unit("1/time"), color=GREY, linewidth=0.9, linestyle=(0, (4, 2)), label="sound")
     ax.axvline(least, color=ORANGE, linewidth=0.9, label="threshold")
     ax.set(xlabel="prestress, from sliding force to strength", xlim=(0, 1), ylim=(0, None), ylabel=_speed_label(rig))
     legend_above(ax, columns=2)
