@@ -25,6 +25,8 @@ DIMENSIONS = {
     "rate": (0, 0, -1),
     "energy": (1, 1, 0),
     "viscosity": (1, -1, 1),
+    "modulus": (1, -2, 0),
+    "density": (1, -4, 2),
 }
 
 

@@ -39,6 +39,7 @@ LABELS: Mapping[str, Mapping[str, str]] = {
     "viscous_energy": {"units": "f_s x_s", "long_name": "energy dissipated between blocks, per contact of a block"},
     "broken": {"units": "1", "long_name": "breaks since the start, per contact"},
     "pulling_force": {"units": "f_s", "long_name": "force of the driving spring of a block, per contact"},
+    "preload": {"units": "f_s", "long_name": "force on a block by its springs, with block and drive at 0, per contact"},
     "first_break": {"units": "time", "long_name": "time of the first break"},
     "first_break_force": {"units": "f_s", "long_name": "spring force at the first break"},
     "half_detached": {"units": "time", "long_name": "first time at which half of the contacts are detached"},
@@ -100,6 +101,8 @@ def dataset_of(
         values = {name: track.rows[:, i] for i, name in enumerate(SCALARS)}
         values["drive_velocity"] = track.drive_velocity
         variables = _of_blocks(track, slider, marks or {})
+        if "pulling_force" in variables:
+            values["spring_force"] = variables["pulling_force"][1].sum(axis=1)
         coordinates |= _places(slider)
     else:
         values = {name: track[name] for name in track.columns}
@@ -131,6 +134,11 @@ def _of_blocks(track: Track, body: ElasticBody, marks: Mapping[str, Array]) -> d
     fields = track.rows[:, len(SCALARS) :].reshape(len(track.rows), len(FIELDS), body.size)
     found = {name: labelled(name, ("time", "block"), fields[:, i]) for i, name in enumerate(FIELDS)}
     found |= {name: labelled(name, "block", values) for name, values in marks.items()}
+    pulled = np.flatnonzero(body.pulled)
+    if pulled.size:
+        stretched = track.drive_position[:, None] - found["displacement"][1][:, pulled]
+        force = body.pulled[pulled] * stretched + marks["preload"][pulled]
+        found["pulling_force"] = labelled("pulling_force", ("time", "pulled"), force)
     for name, per_block in (
         ("displacement", "displacement of a block"),
         ("velocity", "velocity of a block"),
@@ -145,6 +153,8 @@ def _places(body: ElasticBody) -> dict[str, Labelled]:
     """Coordinates of the blocks; those of a sheet have a row as well."""
     number = np.arange(body.size)
     found = {"block": labelled("block", "block", number)}
+    if body.pulled.any():
+        found["pulled"] = labelled("pulled", "pulled", np.flatnonzero(body.pulled))
     if isinstance(body, Sheet):
         found["along"] = labelled("place along the drive", "block", number % body.along, "1")
         found["across"] = labelled("row", "block", number // body.along, "1")

@@ -226,12 +226,13 @@ class ElasticEngine(Engine):
         return float(np.mean(blocks.held * blocks.X - blocks.births + (1.0 - blocks.held) * element))
 
     def marks(self) -> dict[str, Array]:
-        """Return when each block broke its first contact, at which spring force, and when half were detached."""
+        """Return when each block first broke, at which spring force, when half were detached; and how it was preloaded."""
         blocks = self._motion.blocks
         return {
             "first_break": blocks.first_break.copy(),
             "first_break_force": blocks.first_force.copy(),
             "half_detached": blocks.half_detached.copy(),
+            "preload": self._network.load - self._network.push,
         }
 
     @abstractmethod
