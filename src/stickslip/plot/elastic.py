@@ -142,8 +142,8 @@ def front_curve(data: xr.Dataset | Rig, ax: Axes | None = None) -> Axes:
     Parameters
     ----------
     data : Dataset or Rig
-        A run of a `Chain` from a `Prestressed` start, whose local speeds are drawn against the local prestress, with the
-        exact curve; or a rig, for the curve alone.
+        A run of a `Chain` from a `Prestressed` start, whose local speeds are drawn against the local prestress, with
+        the exact curve; or a rig, for the curve alone.
     ax : Axes, optional
     """
     rig = data if isinstance(data, Rig) else rig_of(data)
