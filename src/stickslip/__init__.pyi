@@ -9,6 +9,12 @@ from .cycles import bistable_range as bistable_range
 from .cycles import cycle_branch as cycle_branch
 from .cycles import is_sustained as is_sustained
 from .cycles import sustained as sustained
+from .elastic import critical_length as critical_length
+from .elastic import front_speed as front_speed
+from .elastic import front_threshold as front_threshold
+from .elastic import modes as modes
+from .elastic import precursor_force as precursor_force
+from .elastic import screening_length as screening_length
 from .errors import InputError as InputError
 from .errors import UndecidedError as UndecidedError
 from .io.datasets import load as load

@@ -15,6 +15,14 @@ Figures are plain `matplotlib.figure.Figure` objects, unknown to pyplot: nothing
 """
 
 from stickslip.plot.answers import chart, prediction
+from stickslip.plot.elastic import (
+    front_curve,
+    fronts,
+    precursor_lengths,
+    precursors,
+    slip_profiles,
+    spacetime,
+)
 from stickslip.plot.runs import (
     attached,
     energy,
@@ -69,6 +77,8 @@ __all__ = [
     "dress",
     "energy",
     "force_trace",
+    "front_curve",
+    "fronts",
     "house_style",
     "label",
     "legend_above",
@@ -77,10 +87,14 @@ __all__ = [
     "new_figure",
     "overview",
     "phase_portrait",
+    "precursor_lengths",
+    "precursors",
     "prediction",
     "rigid_curve",
     "save",
     "side_by_side",
+    "slip_profiles",
+    "spacetime",
     "stretchings",
     "sweep_picture",
     "unit_text",
