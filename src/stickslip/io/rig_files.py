@@ -402,7 +402,7 @@ class _Reader:
 
     def _chain(self, chain: dict[str, Any], natural: Callable[[float, str], float]) -> Chain:
         """A chain; what is given of the bar's material becomes the springs and masses of its blocks."""
-        found = {
+        found: dict[str, Any] = {
             name: natural(value, rig_keys.CHAIN[name].unit) if rig_keys.CHAIN[name].unit else value
             for name, value in chain.items()
         }

@@ -256,7 +256,7 @@ def _drift(state: State, j: int, fraction: float, sliding: float, thresholds: Th
         blocks.half_detached[j] = scalar[TIME] + h * (held - 0.5) / (held - after)
     blocks.broken[j] = total
     blocks.X[j] = then
-    return broken
+    return float(broken)
 
 
 @bare

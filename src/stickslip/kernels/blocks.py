@@ -92,22 +92,26 @@ def make_state(
     n, N = birth.shape
     attached = threshold > 0
     motion = at_rest(X, V, sliding, anchored)
-    trees = [tournaments(n, N) for _ in range(3)]
-    trees[0][:, :N] = np.where(attached, birth + threshold, np.inf)
-    trees[1][:, :N] = np.where(attached, threshold - birth, np.inf)
-    trees[2][:, :N] = waiting
-    for tree in trees:
+    ahead, behind, attach = tournaments(n, N), tournaments(n, N), tournaments(n, N)
+    ahead[:, :N] = np.where(attached, birth + threshold, np.inf)
+    behind[:, :N] = np.where(attached, threshold - birth, np.inf)
+    attach[:, :N] = waiting
+    for tree in (ahead, behind, attach):
         play(tree, N)
     contacts = Contacts(
-        birth,
-        threshold,
-        *trees,
-        *(tree[:, -1].copy() for tree in trees),
-        np.zeros(n),
-        np.zeros(n, np.int64),
-        attached.sum(axis=1),
-        np.zeros(n, np.int64),
-        np.zeros(n, np.int64),
+        birth=birth,
+        threshold=threshold,
+        tree_ahead=ahead,
+        tree_behind=behind,
+        tree_attach=attach,
+        ahead=ahead[:, -1].copy(),
+        behind=behind[:, -1].copy(),
+        next_attach=attach[:, -1].copy(),
+        impulse=np.zeros(n),
+        breaks=np.zeros(n, np.int64),
+        attached=attached.sum(axis=1),
+        next_threshold=np.zeros(n, np.int64),
+        next_delay=np.zeros(n, np.int64),
     )
     state = State(motion, contacts)
     motion.blocks.held[:] = attached.sum(axis=1) / N
@@ -179,7 +183,7 @@ def attach_contact(state: State, j: int, X: float, threshold: float, force: floa
     enter(contacts.tree_ahead[j], N, slot, X + threshold)
     enter(contacts.tree_behind[j], N, slot, threshold - X)
     enter(contacts.tree_attach[j], N, slot, np.inf)
-    return -force / N
+    return float(-force / N)
 
 
 @bare

@@ -110,7 +110,7 @@ def at_rest(X: Floats, V: Floats, sliding: float, anchored: Floats) -> Motion:
 @inlined
 def element(blocks: Blocks, j: int, X: float, sliding: float) -> float:
     """Force of a detached contact with the block at `X`."""
-    return min(max(X - blocks.anchor[j], -sliding), sliding)
+    return float(min(max(X - blocks.anchor[j], -sliding), sliding))
 
 
 @inlined
@@ -122,7 +122,7 @@ def slide(motion: Motion, j: int, X: float, sliding: float) -> float:
     slip = e - force
     blocks.anchor[j] += slip
     motion.scalar[BROKEN] += (1.0 - blocks.held[j]) * force * slip
-    return force
+    return float(force)
 
 
 @bare

@@ -118,7 +118,7 @@ def _pieces(time: Array, origin: int, way: int) -> list[tuple[float, ...]]:
         if before.size >= _FEWEST and waits[i] > WAIT * float(np.median(before)):
             starts.append(i + 1)
     ends = [*(start - 1 for start in starts[1:]), line.size - 1]
-    found = []
+    found: list[tuple[float, ...]] = []
     for start, end in zip(starts, ends, strict=True):
         if way < 0 and end == 0:
             continue  # the front that runs the other way holds this block

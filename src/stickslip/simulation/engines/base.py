@@ -273,11 +273,12 @@ def engine_of(interface: Interface, method: object, slider: object = None) -> ty
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def slider_constants(slider: Slider | None) -> SliderConstants:
+def slider_constants(slider: Slider | ElasticBody | None) -> SliderConstants:
     """Return a slider as the kernels take it; none is rigid motion."""
     from stickslip.kernels.oscillator import RIGID
     from stickslip.kernels.oscillator import Slider as SliderConstants
 
+    assert not isinstance(slider, ElasticBody)
     return RIGID if slider is None else SliderConstants(slider.stiffness, slider.mass, slider.damping)
 
 
