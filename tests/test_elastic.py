@@ -219,9 +219,7 @@ def growth(bar: ss.Chain, shape: np.ndarray, duration: float = 10.0) -> complex:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("viscosity", "expected"), [(0.0, -0.09571 + 7.96899j), (2e-3, -0.09617 + 7.96875j)]
-)
+@pytest.mark.parametrize(("viscosity", "expected"), [(0.0, -0.09571 + 7.96899j), (2e-3, -0.09617 + 7.96875j)])
 def test_growth_of_a_wave_on_a_ring(viscosity: float, expected: complex) -> None:
     ring = ss.Chain(blocks=8, coupling=2.0, mass=1e-4, damping=42.426, leaf=3.0, viscosity=viscosity, ends="periodic")
     found = growth(ring, np.cos(2 * np.pi * np.arange(8) / 8))
@@ -267,9 +265,7 @@ def test_rows_of_a_sheet_that_move_alike_are_chains() -> None:
 
 
 def precursors(method: object, std: float = 0.0, duration: float = 8e4) -> xr.Dataset:
-    interface = ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, std=std), delay=ss.Delay(NEVER), sliding_force=0.425
-    )
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=std), delay=ss.Delay(NEVER), sliding_force=0.425)
     bar = ss.Chain(blocks=50, coupling=4.0, mass=1.0, damping=0.1, side=4.0)
     rig = ss.Rig(
         interface,
@@ -387,8 +383,7 @@ def test_a_run_is_repeatable_and_sampling_does_not_change_it(tmp_path: object) -
 
 def test_draws_of_a_block_do_not_depend_on_how_many_there_are() -> None:
     few, many = (
-        ss.simulate(small(slider=ss.Chain(blocks=n, coupling=1e-12, mass=1e-4, damping=42.4, leaf=2.0)))
-        for n in (3, 7)
+        ss.simulate(small(slider=ss.Chain(blocks=n, coupling=1e-12, mass=1e-4, damping=42.4, leaf=2.0))) for n in (3, 7)
     )
     assert (few.friction_force[0] == many.friction_force[0, :3]).all()
     assert (few.broken[-1] == many.broken[-1, :3]).all()
@@ -455,8 +450,7 @@ def rigid(**changes: object) -> ss.Rig:
 )  # fmt: skip
 def test_bad_input_is_told_in_one_line(change: object, message: str) -> None:
     with pytest.raises(ss.InputError, match=message) as caught:
-        found = change()  # type: ignore[operator]
-        ss.simulate(found)
+        ss.simulate(change())  # type: ignore[operator]
     assert "\n" not in str(caught.value)
 
 

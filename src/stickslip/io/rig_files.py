@@ -61,7 +61,13 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 def examples() -> tuple[str, ...]:
     """Names of the rigs that come with the package."""
     # A sweep is no rig: it names one.
-    return tuple(sorted(f.stem for f in EXAMPLES.glob("*.toml") if any(f"[{body}]" in f.read_text(encoding="utf-8") for body in ("slider", "chain"))))
+    return tuple(
+        sorted(
+            f.stem
+            for f in EXAMPLES.glob("*.toml")
+            if any(f"[{body}]" in f.read_text(encoding="utf-8") for body in ("slider", "chain"))
+        )
+    )
 
 
 def example_file(name: str) -> Path:
@@ -396,7 +402,7 @@ class _Reader:
 
     def _chain(self, chain: dict[str, Any], natural: Callable[[float, str], float]) -> Chain:
         """A chain; what is given of the bar's material becomes the springs and masses of its blocks."""
-        found = {
+        found: dict[str, Any] = {
             name: natural(value, rig_keys.CHAIN[name].unit) if rig_keys.CHAIN[name].unit else value
             for name, value in chain.items()
         }

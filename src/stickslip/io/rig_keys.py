@@ -142,7 +142,9 @@ TOP: Mapping[str, Key] = {
         default="SI",
     ),
     "slider": Key("The slider and its driving spring.", {"mass": "75.6 g"}, otherwise="`chain`"),
-    "chain": Key("In place of `slider`: a bar of blocks, each on contacts of its own.", {"blocks": 57}, otherwise="`slider`"),
+    "chain": Key(
+        "In place of `slider`: a bar of blocks, each on contacts of its own.", {"blocks": 57}, otherwise="`slider`"
+    ),
     "interface": Key("The contacts between slider and base.", {"contact_strength": "768 N"}, required=True),
     "drive": Key("How the far end of the driving spring moves.", {"velocity": "0.4 mm/s"}, required=True),
     "simulation": Key("How the rig is simulated.", {"contacts": 2000}, otherwise="all its defaults"),
@@ -223,11 +225,15 @@ CHAIN: Mapping[str, Key] = {
     "mass": Key(
         "In place of `density`: mass of a block.", "1.1 g", unit="f_s time^2/x_s", sign="above 0", otherwise="`density`"
     ),
-    "leaf": Key("Stiffness of a spring from each block to the drive.", "0.2 MN/m", unit="k", sign="at least 0", default=0.0),
+    "leaf": Key(
+        "Stiffness of a spring from each block to the drive.", "0.2 MN/m", unit="k", sign="at least 0", default=0.0
+    ),
     "side": Key(
         "Stiffness of a spring from the first block to the drive.", "4 MN/m", unit="k", sign="at least 0", default=0.0
     ),
-    "damping": Key("Damping `eta` of each block against the ground.", "100 1/s", unit="1/time", sign="at least 0", default=0.0),
+    "damping": Key(
+        "Damping `eta` of each block against the ground.", "100 1/s", unit="1/time", sign="at least 0", default=0.0
+    ),
     "viscosity": Key(
         "Dashpot between neighbouring blocks.", "10 kg/s", unit="f_s time/x_s", sign="at least 0", default=0.0
     ),

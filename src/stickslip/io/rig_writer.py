@@ -9,7 +9,17 @@ from typing import Any, TypeVar
 from stickslip.errors import InputError, shown
 from stickslip.io import rig_keys
 from stickslip.io.rig_keys import keys_of
-from stickslip.model import Chain, Contacts, Delay, FromSliding, Gaussian, MasterEquation, Prestressed, QuasiStatic, Slider
+from stickslip.model import (
+    Chain,
+    Contacts,
+    Delay,
+    FromSliding,
+    Gaussian,
+    MasterEquation,
+    Prestressed,
+    QuasiStatic,
+    Slider,
+)
 from stickslip.model.ageing import AGEING_MODELS
 from stickslip.model.delays import RandomDelay
 from stickslip.model.distributions import DISTRIBUTIONS, Distribution

@@ -15,7 +15,6 @@ from ._jit import bare, inlined
 from .blocks import BUDGET_SPENT
 from .cohorts import EXTINCT, Table, survival
 from .leapfrog import (
-    BLOCK,
     BROKEN,
     DRIVE_FORCE,
     ON_THE_WAY,
@@ -165,7 +164,9 @@ def _reckon_due(state: State, delays: Delays) -> float:
         else:
             u = (then - cohorts.times[left]) / (cohorts.times[right] - cohorts.times[left])
             for j in range(n):
-                cohorts.due[j] += weight * (cohorts.broken[left, j] + u * (cohorts.broken[right, j] - cohorts.broken[left, j]))
+                cohorts.due[j] += weight * (
+                    cohorts.broken[left, j] + u * (cohorts.broken[right, j] - cohorts.broken[left, j])
+                )
     for j in range(n):
         all_due = cohorts.due[j]
         cohorts.due[j] = all_due - cohorts.attached[j]
@@ -255,7 +256,7 @@ def _drift(state: State, j: int, fraction: float, sliding: float, thresholds: Th
         blocks.half_detached[j] = scalar[TIME] + h * (held - 0.5) / (held - after)
     blocks.broken[j] = total
     blocks.X[j] = then
-    return broken
+    return float(broken)
 
 
 @bare

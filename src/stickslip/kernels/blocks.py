@@ -51,7 +51,7 @@ class Draws(NamedTuple):
 
 
 class Contacts(NamedTuple):
-    """The contacts of n blocks, N each; shapes (n, N), tournaments (n, 2 N), and (n,) for what is next."""
+    """The contacts of n blocks, N each; shapes (n, N), tournaments (n, some 8/7 N), and (n,) for what is next."""
 
     birth: Floats
     threshold: Floats  # 0 marks a detached contact
@@ -92,22 +92,26 @@ def make_state(
     n, N = birth.shape
     attached = threshold > 0
     motion = at_rest(X, V, sliding, anchored)
-    trees = [tournaments(n, N) for _ in range(3)]
-    trees[0][:, N:] = np.where(attached, birth + threshold, np.inf)
-    trees[1][:, N:] = np.where(attached, threshold - birth, np.inf)
-    trees[2][:, N:] = waiting
-    for tree in trees:
-        play(tree)
+    ahead, behind, attach = tournaments(n, N), tournaments(n, N), tournaments(n, N)
+    ahead[:, :N] = np.where(attached, birth + threshold, np.inf)
+    behind[:, :N] = np.where(attached, threshold - birth, np.inf)
+    attach[:, :N] = waiting
+    for tree in (ahead, behind, attach):
+        play(tree, N)
     contacts = Contacts(
-        birth,
-        threshold,
-        *trees,
-        *(tree[:, 1].copy() for tree in trees),
-        np.zeros(n),
-        np.zeros(n, np.int64),
-        attached.sum(axis=1),
-        np.zeros(n, np.int64),
-        np.zeros(n, np.int64),
+        birth=birth,
+        threshold=threshold,
+        tree_ahead=ahead,
+        tree_behind=behind,
+        tree_attach=attach,
+        ahead=ahead[:, -1].copy(),
+        behind=behind[:, -1].copy(),
+        next_attach=attach[:, -1].copy(),
+        impulse=np.zeros(n),
+        breaks=np.zeros(n, np.int64),
+        attached=attached.sum(axis=1),
+        next_threshold=np.zeros(n, np.int64),
+        next_delay=np.zeros(n, np.int64),
     )
     state = State(motion, contacts)
     motion.blocks.held[:] = attached.sum(axis=1) / N
@@ -156,9 +160,9 @@ def break_contact(state: State, j: int, slot: int, time: float, force: float, de
     if blocks.half_detached[j] != blocks.half_detached[j] and 2 * contacts.attached[j] <= N:
         blocks.half_detached[j] = time
     state.motion.scalar[BROKEN] += 0.5 * (threshold * threshold - force * force) / N
-    enter(contacts.tree_ahead[j], slot, np.inf)
-    enter(contacts.tree_behind[j], slot, np.inf)
-    enter(contacts.tree_attach[j], slot, time + delay)
+    enter(contacts.tree_ahead[j], N, slot, np.inf)
+    enter(contacts.tree_behind[j], N, slot, np.inf)
+    enter(contacts.tree_attach[j], N, slot, time + delay)
     if contacts.breaks[j] % (8 * N) == 0:
         _sum_again(state, j)
     return float((force - threshold) / N)
@@ -168,17 +172,18 @@ def break_contact(state: State, j: int, slot: int, time: float, force: float, de
 def attach_contact(state: State, j: int, X: float, threshold: float, force: float) -> float:
     """The contact that is due, which slid with `force`, attaches unstretched; what the block's friction force gains."""
     contacts, blocks = state.contacts, state.motion.blocks
-    N, slot = contacts.birth.shape[1], winner(contacts.tree_attach[j])
+    N = contacts.birth.shape[1]
+    slot = winner(contacts.tree_attach[j], N)
     contacts.birth[j, slot], contacts.threshold[j, slot] = X, threshold
     contacts.attached[j] += 1
     blocks.births[j] += X / N
     blocks.squares[j] += X * X / N
     blocks.held[j] = contacts.attached[j] / N
     state.motion.scalar[BROKEN] += 0.5 * force * force / N
-    enter(contacts.tree_ahead[j], slot, X + threshold)
-    enter(contacts.tree_behind[j], slot, threshold - X)
-    enter(contacts.tree_attach[j], slot, np.inf)
-    return -force / N
+    enter(contacts.tree_ahead[j], N, slot, X + threshold)
+    enter(contacts.tree_behind[j], N, slot, threshold - X)
+    enter(contacts.tree_attach[j], N, slot, np.inf)
+    return float(-force / N)
 
 
 @bare
@@ -215,9 +220,13 @@ def _drift(state: State, j: int, h: float, inverse_mass: float, sliding: float, 
                 contacts.next_delay[j] += 1
             force = slide(state.motion, j, x, sliding)
             if V > 0.0:
-                gain = break_contact(state, j, winner(contacts.tree_ahead[j]), t + at, force, delay)
+                gain = break_contact(
+                    state, j, winner(contacts.tree_ahead[j], contacts.birth.shape[1]), t + at, force, delay
+                )
             else:
-                gain = -break_contact(state, j, winner(contacts.tree_behind[j]), t + at, -force, delay)
+                gain = -break_contact(
+                    state, j, winner(contacts.tree_behind[j], contacts.birth.shape[1]), t + at, -force, delay
+                )
         contacts.impulse[j] -= gain * (0.5 * h - at) * inverse_mass
         state.motion.counts[SPENT] += 8
     look_ahead(contacts, j)
@@ -246,7 +255,7 @@ def advance(
         soon = scalar[TIME] + h
         for j in range(counts[BLOCK], n):
             X = blocks.X[j] + h * blocks.V[j]
-            if X < contacts.ahead[j] and -X < contacts.behind[j] and soon < contacts.next_attach[j]:
+            if contacts.ahead[j] > X and contacts.behind[j] > -X and soon < contacts.next_attach[j]:
                 blocks.X[j] = X
             else:
                 why = _drift(state, j, h, inverse_mass, sliding, draws)

@@ -110,7 +110,7 @@ def at_rest(X: Floats, V: Floats, sliding: float, anchored: Floats) -> Motion:
 @inlined
 def element(blocks: Blocks, j: int, X: float, sliding: float) -> float:
     """Force of a detached contact with the block at `X`."""
-    return min(max(X - blocks.anchor[j], -sliding), sliding)
+    return float(min(max(X - blocks.anchor[j], -sliding), sliding))
 
 
 @inlined
@@ -122,7 +122,7 @@ def slide(motion: Motion, j: int, X: float, sliding: float) -> float:
     slip = e - force
     blocks.anchor[j] += slip
     motion.scalar[BROKEN] += (1.0 - blocks.held[j]) * force * slip
-    return force
+    return float(force)
 
 
 @bare
@@ -215,7 +215,9 @@ def _interpolate(motion: Motion, row: Floats, fraction: float, span: float) -> N
 
 
 @bare
-def _sample(motion: Motion, network: Network, piece: Piece, sampling: Sampling, next_time: float, sliding: float) -> int:
+def _sample(
+    motion: Motion, network: Network, piece: Piece, sampling: Sampling, next_time: float, sliding: float
+) -> int:
     """Fill the samples that lie between the last two moments; which one of them holds the condition, or -1."""
     counts, now = motion.counts, motion.scalar[TIME]
     k, n = counts[SAMPLE], motion.blocks.X.size
@@ -247,9 +249,7 @@ def _sample(motion: Motion, network: Network, piece: Piece, sampling: Sampling, 
 
 
 @bare
-def begin_step(
-    motion: Motion, network: Network, piece: Piece, sampling: Sampling, sliding: float
-) -> int:
+def begin_step(motion: Motion, network: Network, piece: Piece, sampling: Sampling, sliding: float) -> int:
     """Sample, kick, and set the length of the next step; or come to rest at the end, or where a condition holds."""
     scalar, counts = motion.scalar, motion.counts
     before, t = scalar[STEP], scalar[TIME]

@@ -86,7 +86,9 @@ def _solve_ring(diagonal: Floats, coupling: float, right: Floats, Y: Floats, wor
 
 
 @bare
-def _answer(state: State, network: Network, ring: bool, sliding: float, right: Floats, way: float, room: Floats) -> None:
+def _answer(
+    state: State, network: Network, ring: bool, sliding: float, right: Floats, way: float, room: Floats
+) -> None:
     """How the blocks move (``room[0]``) as forces `right` are added; `way` is the sign of the path."""
     blocks = state.motion.blocks
     n = blocks.X.size
@@ -148,7 +150,7 @@ def _go(state: State, network: Network, sliding: float, amount: float, time: flo
     """Move all blocks along, and the drive to where it is at `time`."""
     blocks, scalar = state.motion.blocks, state.motion.scalar
     before, _ = drive_at(piece.drive, scalar[TIME])
-    D, v = drive_at(piece.drive, time)
+    D, _ = drive_at(piece.drive, time)
     force = 0.0
     for j in range(blocks.X.size):
         blocks.X[j] += amount * room[0, j]
@@ -184,7 +186,9 @@ def _break_there(state: State, j: int, way: float, sliding: float, draws: Draws)
             delay = draws.delays[j, state.contacts.next_delay[j]]
             state.contacts.next_delay[j] += 1
         force = slide(state.motion, j, X, sliding)
-        break_contact(state, j, winner(tree), state.motion.scalar[TIME], way * force, delay)
+        break_contact(
+            state, j, winner(tree, state.contacts.birth.shape[1]), state.motion.scalar[TIME], way * force, delay
+        )
         state.motion.counts[MODE] = LET_GO
     look_ahead(state.contacts, j)
     return why
@@ -220,7 +224,9 @@ def _out_of_balance(state: State, network: Network, piece: Piece, sliding: float
 
 
 @bare
-def _let_go(state: State, network: Network, ring: bool, piece: Piece, sliding: float, draws: Draws, room: Floats) -> int:
+def _let_go(
+    state: State, network: Network, ring: bool, piece: Piece, sliding: float, draws: Draws, room: Floats
+) -> int:
     """Let go of what is out of balance, as far as the first event; that happens."""
     blocks, scalar, counts = state.motion.blocks, state.motion.scalar, state.motion.counts
     right = room[6]

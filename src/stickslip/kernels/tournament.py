@@ -1,8 +1,9 @@
-"""Tournaments: the smallest of N numbers is always known, and so is whose it is; changing one costs log2 N comparisons.
+"""Tournaments: the smallest of N numbers is always known, and so is whose it is; changing one costs a few comparisons.
 
-A tournament is an array of ``2 N`` numbers: those of the slots in its second half, and in entry `i` of the first the
-smaller of entries ``2 i`` and ``2 i + 1``; entry 0 is not used. Many small ones lie side by side in a matrix, where a
-bucket queue for each would be mostly empty bins. Nothing goes stale and nothing is ever full.
+A tournament is one array: the numbers of the N slots, then the smallest of each eight of them, of each eight of those,
+and so on; the last entry is the smallest of all. Eight numbers are a cache line, so a change reads one line a level.
+Many small tournaments lie side by side in a matrix, where a bucket queue for each would be mostly empty bins. Nothing
+goes stale and nothing is ever full.
 """
 
 import numpy as np
@@ -15,45 +16,68 @@ Floats = NDArray[np.float64]
 
 def tournaments(count: int, slots: int) -> Floats:
     """Return `count` tournaments in which every slot holds infinity."""
-    return np.full((count, 2 * max(slots, 1)), np.inf)
+    size, level = slots, slots
+    while level > 1:
+        level = (level + 7) // 8
+        size += level
+    return np.full((count, size), np.inf)
 
 
 @inlined
 def smallest(tree: Floats) -> float:
     """Smallest number."""
-    return float(tree[1])
+    return float(tree[tree.size - 1])
 
 
 @inlined
-def winner(tree: Floats) -> int:
-    """Slot of the smallest number; of the first among equals, as the tree has them."""
-    slots = tree.size // 2
-    node, least = 1, tree[1]
-    while node < slots:
-        node *= 2
-        if tree[node] != least:
+def winner(tree: Floats, slots: int) -> int:
+    """Slot of the smallest number; of the first among equals."""
+    least = tree[tree.size - 1]
+    levels, level = 0, slots
+    while level > 1:
+        level = (level + 7) // 8
+        levels += 1
+    node = 0
+    for depth in range(levels - 1, -1, -1):
+        base, level = 0, slots
+        for _ in range(depth):
+            base += level
+            level = (level + 7) // 8
+        node *= 8
+        while tree[base + node] != least:
             node += 1
-    return node - slots
+    return node
 
 
 @inlined
-def enter(tree: Floats, slot: int, value: float) -> None:
+def enter(tree: Floats, slots: int, slot: int, value: float) -> None:
     """Give a slot another number."""
-    node = slot + tree.size // 2
-    tree[node] = value
-    while node > 1:
-        least = min(tree[node], tree[node ^ 1])
-        node //= 2
-        if tree[node] == least:
+    tree[slot] = value
+    base, level, node = 0, slots, slot
+    while level > 1:
+        node //= 8
+        first = base + 8 * node
+        base += level
+        least = tree[first]
+        for i in range(first + 1, min(first + 8, base)):
+            least = min(least, tree[i])
+        if tree[base + node] == least:
             break
-        tree[node] = least
+        tree[base + node] = least
+        level = (level + 7) // 8
 
 
 @bare
-def play(trees: Floats) -> None:
+def play(trees: Floats, slots: int) -> None:
     """Set up all tournaments anew from the numbers of their slots."""
-    slots = trees.shape[1] // 2
     for j in range(trees.shape[0]):
-        tree = trees[j]
-        for node in range(slots - 1, 0, -1):
-            tree[node] = min(tree[2 * node], tree[2 * node + 1])
+        base, level = 0, slots
+        while level > 1:
+            above = (level + 7) // 8
+            for node in range(above):
+                least = np.inf
+                for i in range(base + 8 * node, min(base + 8 * node + 8, base + level)):
+                    least = min(least, trees[j, i])
+                trees[j, base + level + node] = least
+            base += level
+            level = above

@@ -139,7 +139,8 @@ def of_the_whole(data: xr.Dataset) -> xr.Dataset:
 def _contacts(data: xr.Dataset) -> int | None:
     """How many contacts a run was made with, as its provenance says; None for other data."""
     try:
-        count = read_provenance(data)["arguments"]["rig"]["method"]["count"]
+        rig = read_provenance(data)["arguments"]["rig"]
+        count = rig["method"]["count"] * rig["slider"].get("blocks", 1)
     except (InputError, KeyError, TypeError):
         return None
     return count if isinstance(count, int) and count > 0 else None

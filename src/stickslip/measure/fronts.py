@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 from scipy import ndimage
 
 from stickslip.errors import InputError, instance, number
@@ -119,7 +118,7 @@ def _pieces(time: Array, origin: int, way: int) -> list[tuple[float, ...]]:
         if before.size >= _FEWEST and waits[i] > WAIT * float(np.median(before)):
             starts.append(i + 1)
     ends = [*(start - 1 for start in starts[1:]), line.size - 1]
-    found = []
+    found: list[tuple[float, ...]] = []
     for start, end in zip(starts, ends, strict=True):
         if way < 0 and end == 0:
             continue  # the front that runs the other way holds this block
@@ -211,11 +210,13 @@ def events(run: xr.Dataset, *, velocity: float | None = None) -> xr.Dataset:
                 float((X[last] - X[first])[part].sum()),
                 force[first] - force[last],
                 float(np.abs(V[first : last + 1][:, part]).max()),
-                _speed(part, arrival) if len(shape) == 1 else np.nan,
+                _speed(arrival) if len(shape) == 1 else np.nan,
             )
         )
     rows.sort()
-    units = {name: str(run[name].attrs.get("units", "")) for name in ("time", "displacement", "velocity", "spring_force")}
+    units = {
+        name: str(run[name].attrs.get("units", "")) for name in ("time", "displacement", "velocity", "spring_force")
+    }
     names = (
         ("start", units["time"], "time at which the event starts"),
         ("end", units["time"], "time at which it ends"),
@@ -261,7 +262,7 @@ def _half_times(time: Array, X: Array) -> Array:
     return np.asarray(time[after - 1] + part * (time[after] - time[after - 1]))
 
 
-def _speed(part: NDArray[np.intp], arrival: Array) -> float:
+def _speed(arrival: Array) -> float:
     """Blocks per time from the block that slips first, to the side where more blocks follow."""
     origin = int(np.argmin(arrival))
     sides = (arrival[origin:], arrival[: origin + 1][::-1])

@@ -33,12 +33,13 @@ from stickslip.model.methods import (
     QuasiStatic,
     Start,
 )
-from stickslip.model.parameters import PARAMETERS, Parameter, parameter_named
+from stickslip.model.parameters import OF_BODIES, PARAMETERS, Parameter, parameter_named
 from stickslip.model.rig import Rig
 from stickslip.model.slider import Slider
 from stickslip.model.units import Scales
 
 __all__ = [
+    "OF_BODIES",
     "PARAMETERS",
     "Activation",
     "Barrier",

@@ -112,7 +112,17 @@ AGEING = _of_interface("ageing", "time", "time of ageing of the thresholds", "ag
 PARAMETERS: tuple[Parameter, ...] = (STIFFNESS, VELOCITY, MASS, DAMPING, DELAY, STD, AGEING)
 """The parameters that come with the package."""
 
-BY_NAME = {parameter.name: parameter for parameter in PARAMETERS}
+COUPLING = _of_slider("coupling", "k", "coupling of neighbouring blocks")
+"""Stiffness ``k_b/N`` between neighbouring blocks of an elastic slider."""
+LEAF = _of_slider("leaf", "k", "stiffness of the spring from each block to the drive")
+"""Stiffness of the springs by which the drive pulls all blocks."""
+SIDE = _of_slider("side", "k", "stiffness of the spring from the first block to the drive")
+"""Stiffness of the spring by which the drive pulls one end."""
+
+OF_BODIES: tuple[Parameter, ...] = (COUPLING, LEAF, SIDE)
+"""The parameters that elastic sliders have besides mass, damping and those of interface and drive."""
+
+BY_NAME = {parameter.name: parameter for parameter in (*PARAMETERS, *OF_BODIES)}
 """All that can be named, those that `register` added among them."""
 
 
@@ -124,7 +134,7 @@ def register(parameter: Parameter) -> Parameter:
     InputError
         If the name is that of a parameter that comes with the package.
     """
-    if any(parameter.name == known.name for known in PARAMETERS):
+    if any(parameter.name == known.name for known in (*PARAMETERS, *OF_BODIES)):
         raise InputError(f"Parameter.name = {shown(parameter.name)}: comes with the package; choose another name")
     BY_NAME[parameter.name] = parameter
     return parameter

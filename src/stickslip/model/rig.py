@@ -125,7 +125,12 @@ class Rig:
         instance("Rig.drive", self.drive, Drive, "a drive, made with constant() or ramp()")
         methods = (Contacts, MasterEquation, QuasiStatic, PaperClosure)
         instance("Rig.method", self.method, methods, "Contacts(...) or MasterEquation(...)")
-        instance("Rig.start", self.start, (FromRest, FromSliding, Prestressed), "FromRest(), FromSliding() or Prestressed(...)")
+        instance(
+            "Rig.start",
+            self.start,
+            (FromRest, FromSliding, Prestressed),
+            "FromRest(), FromSliding() or Prestressed(...)",
+        )
         instance("Rig.output", self.output, Output, "an Output")
         if self.scales is not None:
             instance("Rig.scales", self.scales, Scales, "Scales(...), or None for natural units")

@@ -12,7 +12,9 @@ from stickslip.model.records import Number, check
 if TYPE_CHECKING:
     import xarray as xr
 
-Quantity = Literal["force", "length", "time", "velocity", "stiffness", "mass", "rate", "energy", "viscosity", "modulus", "density"]
+Quantity = Literal[
+    "force", "length", "time", "velocity", "stiffness", "mass", "rate", "energy", "viscosity", "modulus", "density"
+]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -49,15 +49,15 @@ def simulate(
     progress: Progress | None = None,
     long: bool = False,
 ) -> xr.Dataset:
-    """Pull a slider on an interface by a spring, Eq. (11).
+    """Pull a slider on an interface by a spring, Eq. (11); an elastic one by one spring or many.
 
     Parameters
     ----------
     rig : Rig
         Interface, slider and drive.
-    method : Contacts or MasterEquation, optional
+    method : Contacts, MasterEquation or QuasiStatic, optional
         By default the rig's own. Or, to compare with for `Langevin` ageing, `PaperClosure`.
-    start : FromRest or FromSliding, optional
+    start : FromRest, FromSliding or Prestressed, optional
         By default the rig's own.
     output : Output, optional
         Sampling and snapshots, in the rig's own units; by default the rig's own. It never changes the motion of
@@ -77,6 +77,12 @@ def simulate(
         ``f_s`` and ``f_s x_s``. The attribute ``provenance`` tells how to make it again; see `rerun`. With thresholds
         that age ``work`` and the energies of contacts, damping and breaks are left out: breaks cannot be counted there
         (their rate diverges for newborns without strength).
+
+        Of a `Chain` or a `Sheet`, on ``time`` and ``block``: ``displacement``, ``velocity``, ``friction_force`` (per
+        contact of a block), ``attached``, and ``broken`` (breaks per contact since the start). ``spring_force`` and the
+        energies, ``bulk_energy`` and ``viscous_energy`` among them, are sums over blocks, per contact of a block;
+        ``pulling_force`` is that of each driving spring. Once for each ``block``: ``first_break`` (of infinitely many
+        contacts, that of a thousandth), ``first_break_force``, ``half_detached``. See `fronts` and `events`.
 
     Raises
     ------

@@ -175,14 +175,18 @@ def estimate(rig: Rig) -> Work:
         rings = 1.0 / damping_ratio if damping_ratio > 0 else math.inf
         path += 0.1 * min(turns, distance * rings)
         if isinstance(rig.start, FromSliding):
-            path += abs(float(np.max(np.abs(rig.start.perturbation))) * rig.drive.pieces[0].start) / frequency * min(turns, rings)
-        radian = _RADIAN[0] if isinstance(rig.method, Contacts) else _RADIAN[1]
+            path += (
+                abs(float(np.max(np.abs(rig.start.perturbation))) * rig.drive.pieces[0].start)
+                / frequency
+                * min(turns, rings)
+            )
+        radian = _RADIAN[0] if isinstance(rig.method, Contacts | QuasiStatic) else _RADIAN[1]
         words = f"{turns:.2g} rad of the slider's oscillation"
         parts.append(Part(key="slider.mass", value=slider.mass, quantity="mass", power=-0.5, what=words,
                           seconds=radian * turns))  # fmt: skip
     mean = rig.interface.threshold_distribution.moment(1)
     lives, ageing = path / mean, rig.interface.ageing
-    if isinstance(rig.method, Contacts):
+    if isinstance(rig.method, Contacts | QuasiStatic):
         count = rig.method.count
         each = _BREAK if ageing is None else _AGEING_BREAK
         parts.append(Part(key="simulation.contacts", value=count, quantity=None, power=1.0,
@@ -197,7 +201,7 @@ def estimate(rig: Rig) -> Work:
     if isinstance(ageing, Langevin):
         # Thresholds take steps that are short against their time of ageing, at rest as in motion.
         ages = duration * ageing.rate**2
-        each = _AGE * rig.method.count if isinstance(rig.method, Contacts) else _AGEING_COHORT * rig.method.cells**2
+        each = _AGE * rig.method.count if isinstance(rig.method, Contacts | QuasiStatic) else _AGEING_COHORT * rig.method.cells**2
         parts.append(Part(key="interface.ageing.time", value=ageing.rate**-2, quantity="time", power=-1.0,
                           what=f"{ages:.2g} times of ageing", seconds=each * ages))  # fmt: skip
     if (interval := rig.output.interval) is not None:

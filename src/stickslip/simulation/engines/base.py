@@ -98,11 +98,15 @@ class Beginning:
     def __post_init__(self) -> None:
         elastic = isinstance(self.slider, ElasticBody)
         if isinstance(self.start, Prestressed) and not elastic:
-            raise InputError("Prestressed: is for an elastic slider, a Chain or a Sheet; start FromRest() or FromSliding()")
+            raise InputError(
+                "Prestressed: is for an elastic slider, a Chain or a Sheet; start FromRest() or FromSliding()"
+            )
         if not isinstance(self.start, FromSliding):
             return
         if isinstance(self.start.perturbation, tuple) and not elastic:
-            raise InputError("FromSliding.perturbation: one number for each block is for an elastic slider; give one number")
+            raise InputError(
+                "FromSliding.perturbation: one number for each block is for an elastic slider; give one number"
+            )
         if self.velocity <= 0:
             raise InputError(
                 f"FromSliding: the drive starts at velocity {self.velocity:g}: steady sliding needs one above 0"
@@ -269,11 +273,12 @@ def engine_of(interface: Interface, method: object, slider: object = None) -> ty
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def slider_constants(slider: Slider | None) -> SliderConstants:
+def slider_constants(slider: Slider | ElasticBody | None) -> SliderConstants:
     """Return a slider as the kernels take it; none is rigid motion."""
     from stickslip.kernels.oscillator import RIGID
     from stickslip.kernels.oscillator import Slider as SliderConstants
 
+    assert not isinstance(slider, ElasticBody)
     return RIGID if slider is None else SliderConstants(slider.stiffness, slider.mass, slider.damping)
 
 

@@ -10,7 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
-from stickslip.model import Chain, Contacts, Delay, ElasticBody, Interface, MasterEquation, Prestressed, QuasiStatic, Sheet
+from stickslip.model import (
+    Chain,
+    Contacts,
+    Delay,
+    ElasticBody,
+    Interface,
+    MasterEquation,
+    Prestressed,
+    QuasiStatic,
+    Sheet,
+)
 from stickslip.model.distribution import check_density
 from stickslip.simulation.engines.base import Advance, Beginning, Engine, Leg, Stretchings, looks_aside, solves
 from stickslip.simulation.engines.beginnings import first_contacts, initial_nodes, survival_table
@@ -93,9 +103,7 @@ def network_of(body: ElasticBody, load: Array, push: Array) -> Network:
     neighbour = np.repeat(np.arange(body.size, dtype=np.int32)[:, None], most, axis=1)
     spring = np.zeros((body.size, most))
     neighbour[first, place], spring[first, place] = second, stiff
-    return Network(
-        neighbour, spring, body.pulled, load, push, body.mass, body.damping, body.viscosity / body.coupling
-    )
+    return Network(neighbour, spring, body.pulled, load, push, body.mass, body.damping, body.viscosity / body.coupling)
 
 
 def settled(beginning: Beginning, friction: Array) -> Array:
@@ -226,7 +234,7 @@ class ElasticEngine(Engine):
         return float(np.mean(blocks.held * blocks.X - blocks.births + (1.0 - blocks.held) * element))
 
     def marks(self) -> dict[str, Array]:
-        """Return when each block first broke, at which spring force, when half were detached; and how it was preloaded."""
+        """Return when each block first broke, at which spring force, was half detached; and its preload."""
         blocks = self._motion.blocks
         return {
             "first_break": blocks.first_break.copy(),
@@ -316,9 +324,7 @@ class Blocks(BlocksOfContacts):
     def _advance(self, piece: Piece, sampling: Sampling) -> int:
         from stickslip.kernels import blocks as kernel
 
-        return kernel.advance(
-            self._state, self._network, piece, sampling, self._streams.draws, self._sliding, _BUDGET
-        )
+        return kernel.advance(self._state, self._network, piece, sampling, self._streams.draws, self._sliding, _BUDGET)
 
 
 @solves(QuasiStatic, elastic=True)
@@ -330,7 +336,9 @@ class BalancedBlocks(BlocksOfContacts):
         if not isinstance(body, Chain):
             raise InputError("QuasiStatic: is for a Chain; use Contacts")
         if not body.pulled.any():
-            raise InputError("Chain.leaf = 0 and Chain.side = 0: nothing holds it in balance; give one, or use Contacts")
+            raise InputError(
+                "Chain.leaf = 0 and Chain.side = 0: nothing holds it in balance; give one, or use Contacts"
+            )
         super().__init__(beginning, method)
         self._ring = body.ends == "periodic" and body.blocks > 2
         self._room = np.zeros((7, body.blocks))
@@ -361,7 +369,7 @@ class BlocksOfCohorts(ElasticEngine):
 
     def __init__(self, beginning: Beginning, method: MasterEquation) -> None:
         from stickslip.kernels import block_cohorts as kernel
-        from stickslip.kernels.cohorts import smooth_sliding, survival, tabulate
+        from stickslip.kernels.cohorts import smooth_sliding, tabulate
         from stickslip.kernels.leapfrog import at_rest
 
         body, interface = beginning.slider, beginning.interface
@@ -384,13 +392,15 @@ class BlocksOfCohorts(ElasticEngine):
         x = prestress[:, None] + x
         self._delays = kernel.Delays(*interface.delay.quadrature(), past_rate)
         anchored = np.full(body.size, self._sliding) if beginning.sliding else prestress
-        friction = (x * fraction).sum(axis=1) + (1.0 - fraction.sum()) * np.clip(anchored, -self._sliding, self._sliding)
+        friction = (x * fraction).sum(axis=1) + (1.0 - fraction.sum()) * np.clip(
+            anchored, -self._sliding, self._sliding
+        )
         X = settled(beginning, friction)
         steps = float(self._delays.time.max(initial=0.0)) / self.longest_step()
         if steps * body.size > _MOST_HISTORY:
             raise InputError(
-                f"Interface.delay: {steps:.2g} steps in the longest delay, for {body.size} blocks; use Contacts(...), or "
-                "make the delay shorter or the blocks heavier"
+                f"Interface.delay: {steps:.2g} steps in the longest delay, for {body.size} blocks; use Contacts(...), "
+                "or make the delay shorter or the blocks heavier"
             )
         motion = at_rest(X, first_velocities(beginning, body), self._sliding, anchored)
         fractions = np.broadcast_to(fraction, x.shape)
