@@ -33,6 +33,7 @@ from stickslip.model.methods import (
     QuasiStatic,
     Start,
 )
+from stickslip.model.operation import Operation
 from stickslip.model.parameters import OF_BODIES, PARAMETERS, Parameter, parameter_named
 from stickslip.model.rig import Rig
 from stickslip.model.slider import Slider
@@ -68,6 +69,7 @@ __all__ = [
     "Method",
     "NegativeDelay",
     "OnArrest",
+    "Operation",
     "Output",
     "PaperClosure",
     "Parabolic",

@@ -201,7 +201,10 @@ def estimate(rig: Rig) -> Work:
     if isinstance(ageing, Langevin):
         # Thresholds take steps that are short against their time of ageing, at rest as in motion.
         ages = duration * ageing.rate**2
-        each = _AGE * rig.method.count if isinstance(rig.method, Contacts | QuasiStatic) else _AGEING_COHORT * rig.method.cells**2
+        if isinstance(rig.method, Contacts | QuasiStatic):
+            each = _AGE * rig.method.count
+        else:
+            each = _AGEING_COHORT * rig.method.cells**2
         parts.append(Part(key="interface.ageing.time", value=ageing.rate**-2, quantity="time", power=-1.0,
                           what=f"{ages:.2g} times of ageing", seconds=each * ages))  # fmt: skip
     if (interval := rig.output.interval) is not None:
