@@ -10,6 +10,7 @@ import pytest
 import xarray as xr
 
 import stickslip as ss
+from stickslip.io import rig_files
 
 NEVER = math.inf
 TENTH = ss.Gaussian(mean=1.0, std=0.1)
@@ -463,6 +464,68 @@ def test_estimate_knows_steps_and_contacts() -> None:
     told: list[float] = []
     ss.simulate(small(), progress=told.append)
     assert told[-1] == 1.0
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Rig files
+# ---------------------------------------------------------------------------------------------------------------------
+
+BAR = """
+[chain]
+blocks = 57
+spacing = "2.5 mm"
+width = "5 mm"
+height = "77.5 mm"
+youngs_modulus = "3 GPa"
+shear_modulus = "1.1 GPa"
+density = "1180 kg/m^3"
+side = "4 MN/m"
+damping = "1000 1/s"
+[interface]
+contact_strength = "768 N"
+sliding_force = "326.4 N"
+breaking_displacement = "1.17 um"
+thresholds = { distribution = "gaussian", std = 0.05 }
+delay = { mean = "2 ms", std = "0.6 ms" }
+[drive]
+velocity = "0.4 mm/s"
+distance = "60 um"
+[simulation]
+method = "quasi-static"
+"""
+
+
+def test_a_bar_in_si_units_becomes_a_chain_and_comes_back() -> None:
+    rig = rig_files.from_text(BAR)
+    bar, k = rig.slider, 768.0 / 57 / 1.17e-6  # stiffness of all contacts of a block
+    assert bar.coupling == pytest.approx(3e9 * 5e-3 * 77.5e-3 / 2.5e-3 / k)
+    assert bar.leaf == pytest.approx(1.1e9 * 5e-3 * 2.5e-3 / 77.5e-3 / k)
+    assert bar.side == pytest.approx(4e6 / k)
+    assert rig.interface.sliding_force == pytest.approx(0.425)
+    assert bar.mass * rig.unit("f_s time^2/x_s") == pytest.approx(1180 * 5e-3 * 77.5e-3 * 2.5e-3)
+    assert rig.method == ss.QuasiStatic(100, seed=1)
+    assert rig_files.from_text(rig_files.to_toml(rig)) == rig
+    run = ss.simulate(rig)
+    assert run.spring_force.attrs["units"] == "N"
+    assert 326.4 < float(run.spring_force.max()) < 768.0
+    assert energy_defect(run) < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("line", "instead", "message"),
+    [
+        ("blocks = 57", "", "chain.blocks: is missing"),
+        ("blocks = 57", "blocks = 0", "chain.blocks: is 0"),
+        ('spacing = "2.5 mm"', "", "chain.spacing: is missing"),
+        ('youngs_modulus = "3 GPa"', 'youngs_modulus = "3 N"', "chain.youngs_modulus"),
+        ('density = "1180 kg/m^3"', "", "chain.density: is missing"),
+        ('density = "1180 kg/m^3"', 'density = "1180 kg/m^3"\nmass = "1 g"', "give mass or density, not both"),
+        ("[chain]", '[slider]\nmass = "1 kg"\n[chain]', "give slider or chain, not both"),
+    ],
+)
+def test_mistakes_in_the_table_of_a_bar_are_told(line: str, instead: str, message: str) -> None:
+    with pytest.raises(ss.InputError, match=message):
+        rig_files.from_text(BAR.replace(line, instead))
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -347,7 +347,8 @@ class _Reader:
             )
             interface["contact_strength"] = strength * interface["normal_load"]
         if elastic and not self.natural:  # forces are per contact of a block
-            interface["contact_strength"] /= slider["blocks"]
+            for name in ("contact_strength", "sliding_force"):
+                interface[name] /= slider["blocks"]
         scales = None if self.natural else self._scales(interface, drive, pieces)
 
         def natural(value: float, unit: str) -> float:

@@ -105,7 +105,11 @@ class RigWriter:
         if self.digits is not None or interface.delay != Delay(0.0):
             found["delay"] = self._delay()
         if interface.sliding_force:
-            found["sliding_force"] = self._quantity(interface.sliding_force, "f_s")
+            blocks, force = self._blocks, interface.sliding_force
+            size = 1.0 if self.scales is None else self.scales.force
+            if self.scales is None:
+                blocks = 1
+            found["sliding_force"] = self._quantity(blocks * force, "f_s", lambda si: si / blocks / size == force)
         if interface.newborn is not None:
             found["newborn"] = self._record("distribution", interface.newborn, DISTRIBUTIONS)
         if interface.track_scatter:
