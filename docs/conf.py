@@ -87,7 +87,7 @@ pygments_dark_style = "monokai"
 sphinx_gallery_conf = {
     "examples_dirs": [str(EXAMPLES)],
     "gallery_dirs": ["gallery"],
-    "subsection_order": ["../examples/practice", "../examples/figures"],
+    "subsection_order": ["../examples/practice", "../examples/elastic", "../examples/figures"],
     "within_subsection_order": "FileNameSortKey",
     "filename_pattern": r"\.py$",
     "image_scrapers": ("house.keep_figure",),

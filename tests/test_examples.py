@@ -25,7 +25,7 @@ def example(name):
     return module
 
 
-@pytest.mark.parametrize("name", rig.examples())
+@pytest.mark.parametrize("name", rig.example_names())
 def test_example_rigs_can_be_read_and_say_what_was_assumed(name):
     assert rig.read_rig(rig.example_file(name)).assumed
 

@@ -59,7 +59,7 @@ def documents_to_begin_with():
         "drive": {"velocity": 1.0, "distance": 4.0},
         "simulation": {"contacts": 50},
     }
-    return [small, *(tomllib.loads(rig_files.example_file(name).read_text()) for name in rig_files.examples()[:3])]
+    return [small, *(tomllib.loads(rig_files.example_file(name).read_text()) for name in rig_files.example_names()[:3])]
 
 
 def paths(node, at=()):

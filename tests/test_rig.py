@@ -108,7 +108,7 @@ def test_a_rig_written_as_toml_reads_back_the_same(document, key, value):
 
 
 def test_every_example_reads_back_the_same():
-    for name in rigs.examples():
+    for name in rigs.example_names():
         assert rigs.from_text(rigs.to_toml(rigs.example(name))) == rigs.example(name)
 
 

@@ -70,6 +70,12 @@ CASES += [
     KINDS["Output"](),
     KINDS["FromRest"](),
     KINDS["FromSliding"](perturbation=-1e-3),
+    KINDS["FromSliding"](perturbation=(0.1, -0.1)),
+    KINDS["QuasiStatic"](50, seed=3),
+    KINDS["Prestressed"](stretching=0.6),
+    KINDS["Prestressed"](stretching=(0.6, 0.3), push=3.0, pushed_blocks=2),
+    KINDS["Chain"](blocks=9, coupling=4.0, mass=1.0, damping=0.1, side=4.0, ends="periodic"),
+    KINDS["Sheet"](along=4, across=3, coupling=4.0, shear=1.5, mass=1.0, damping=0.1, leaf=0.2),
 ]
 
 

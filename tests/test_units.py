@@ -24,6 +24,9 @@ DIMENSIONS = {
     "mass": (1, -1, 2),
     "rate": (0, 0, -1),
     "energy": (1, 1, 0),
+    "viscosity": (1, -1, 1),
+    "modulus": (1, -2, 0),
+    "density": (1, -4, 2),
 }
 
 

@@ -19,7 +19,7 @@ from stickslip.advise.speeds import Band
 from stickslip.answers import Answer, plain
 from stickslip.errors import InputError, UndecidedError, instance
 from stickslip.measure import Regime, regime
-from stickslip.model import Delay
+from stickslip.model import Delay, ElasticBody
 from stickslip.model.drive import constant
 from stickslip.model.parameters import DELAY, PARAMETERS, UNITS_OF_A_RIG, Parameter, parameter_named
 from stickslip.model.rig import Rig
@@ -520,6 +520,9 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
     """Linear theory and one run."""
     instance("rig", rig, Rig, "a Rig(interface, slider, drive), such as read_rig() returns")
     setting = rig.natural
+    if isinstance(setting.slider, ElasticBody):
+        name = type(setting.slider).__name__
+        raise InputError(f"Rig.slider: a {name} has no verdict yet; use simulate() and regime(), or modes()")
     if setting.velocity <= 0:
         raise InputError(f"drive: the speed is {setting.velocity:g}: a prediction needs a speed above 0")
     without = setting.interface.ageing is None and setting.interface.delay.moment(1) == 0

@@ -29,7 +29,18 @@ from stickslip.io import rig_keys
 from stickslip.io.rig_keys import Key, keys_of, toml
 from stickslip.io.rig_writer import RigWriter
 from stickslip.io.validation import parse_toml, read_toml
-from stickslip.model import Contacts, Delay, FromRest, FromSliding, Interface, MasterEquation, Output, Slider
+from stickslip.model import (
+    Chain,
+    Contacts,
+    Delay,
+    FromRest,
+    FromSliding,
+    Interface,
+    MasterEquation,
+    Output,
+    QuasiStatic,
+    Slider,
+)
 from stickslip.model.ageing import AGEING_MODELS, Strengthening
 from stickslip.model.delays import DelayModel, OnArrest, RandomDelay
 from stickslip.model.distributions import DISTRIBUTIONS, Distribution, Empirical
@@ -62,7 +73,13 @@ def example_names() -> tuple[str, ...]:
     True
     """
     # A sweep is no rig: it names one.
-    return tuple(sorted(f.stem for f in EXAMPLES.glob("*.toml") if "[slider]" in f.read_text(encoding="utf-8")))
+    return tuple(
+        sorted(
+            f.stem
+            for f in EXAMPLES.glob("*.toml")
+            if any(f"[{body}]" in f.read_text(encoding="utf-8") for body in ("slider", "chain"))
+        )
+    )
 
 
 def example_file(name: str) -> Path:
@@ -298,9 +315,18 @@ class _Reader:
     def rig(self, document: Mapping[str, Any]) -> Rig:
         document, speeds, between = self._speeds(document)
         top = self.table(document, rig_keys.TOP)
-        parts = {name: self.table(top.get(name, {}), keys, name) for name, keys in rig_keys.TABLES.items()}
+        elastic = "chain" in document
+        absent = "slider" if elastic else "chain"
+        if elastic and "slider" in document:
+            self.wrong("chain", "give slider or chain, not both")
+        parts = {
+            name: self.table(top.get(name, {}), keys, name) for name, keys in rig_keys.TABLES.items() if name != absent
+        }
         slider, interface, drive, simulation = parts.values()
-        self._check_slider(slider, document)
+        if elastic:
+            self._check_chain(slider, document)
+        else:
+            self._check_slider(slider, document)
         self._check_strength(interface, document)
         self._check_drive(drive, document)
         initial = self._part(self.distribution, interface.get("initial"), "interface.initial")
@@ -335,11 +361,15 @@ class _Reader:
                 "interface.mu_s", lambda: thresholds_of(interface["mu_s"], interface["mu_k"], initial)
             )
             interface["contact_strength"] = strength * interface["normal_load"]
+        if elastic and not self.natural:  # forces are per contact of a block
+            for name in ("contact_strength", "sliding_force"):
+                interface[name] /= slider["blocks"]
         scales = None if self.natural else self._scales(interface, drive, pieces)
 
         def natural(value: float, unit: str) -> float:
             return value if scales is None else value / scales.size(unit)
 
+        count = simulation.get("contacts", 100 if elastic else 10_000)
         if scales is not None:
             delay = _in(delay, natural)
         operation = self.make(
@@ -370,13 +400,13 @@ class _Reader:
             name=top["name"],
             source=top["source"],
             interface=made,
-            slider=self._slider(slider, natural),
+            slider=self._chain(slider, natural) if elastic else self._slider(slider, natural),
             drive=self._drive(drive, pieces, natural),
             method=self.make(
                 "simulation",
                 lambda: (
-                    Contacts(simulation["contacts"], simulation["seed"])
-                    if simulation["method"] == "contacts"
+                    _OF_CONTACTS[simulation["method"]](count, simulation["seed"])
+                    if simulation["method"] in _OF_CONTACTS
                     else MasterEquation(cells=simulation["cells"])
                 ),
                 {"count": "contacts"},
@@ -459,6 +489,39 @@ class _Reader:
             self.wrong("slider", "needs one of damping (eta of Eq. (11)) and damping_ratio (zeta), not both")
         elif "damping_ratio" in given and slider.get("mass") == 0:
             self.wrong("slider.mass", "is 0, and damping_ratio needs a mass above 0; give damping instead")
+
+    def _check_chain(self, chain: dict[str, Any], document: Mapping[str, Any]) -> None:
+        if not isinstance(document.get("chain"), Mapping):
+            return
+        if "blocks" in chain and chain["blocks"] < 1:
+            self.wrong("chain.blocks", f"is {chain['blocks']}; give at least 1")
+        for direct, material in (("coupling", "youngs_modulus"), ("mass", "density")):
+            if direct in chain and material in chain:
+                self.wrong("chain", f"give {direct} or {material}, not both")
+            elif direct not in chain and material not in chain:
+                key = direct if self.natural else material
+                self.mistakes.append(_MissingError(f"chain.{key}", self._example(rig_keys.CHAIN[key])))
+        if "leaf" in document["chain"] and "shear_modulus" in chain:
+            self.wrong("chain", "give leaf or shear_modulus, not both")
+        if {"youngs_modulus", "density", "shear_modulus"} & set(chain):
+            for name in _OF_THE_BAR:
+                if name not in chain:
+                    self.mistakes.append(_MissingError(f"chain.{name}", self._example(rig_keys.CHAIN[name])))
+
+    def _chain(self, chain: dict[str, Any], natural: Callable[[float, str], float]) -> Chain:
+        """A chain; what is given of the bar's material becomes the springs and masses of its blocks."""
+        found: dict[str, Any] = {
+            name: natural(value, rig_keys.CHAIN[name].unit) if rig_keys.CHAIN[name].unit else value
+            for name, value in chain.items()
+        }
+        length, width, height = (found.pop(name, math.nan) for name in _OF_THE_BAR)
+        if "youngs_modulus" in found:
+            found["coupling"] = found.pop("youngs_modulus") * width * height / length
+        if "shear_modulus" in found:
+            found["leaf"] = found.pop("shear_modulus") * width * length / height
+        if "density" in found:
+            found["mass"] = found.pop("density") * width * height * length
+        return self.make("chain", lambda: Chain(**found))
 
     def _check_strength(self, interface: dict[str, Any], document: Mapping[str, Any]) -> None:
         given = document.get("interface", {})
@@ -663,6 +726,8 @@ class _Reader:
 
 
 _ENDS = ("start", "end")
+_OF_CONTACTS: Mapping[str, type[Contacts | QuasiStatic]] = {"contacts": Contacts, "quasi-static": QuasiStatic}
+_OF_THE_BAR = ("spacing", "width", "height")
 
 
 def _without(content: Mapping[str, Any], name: str) -> dict[str, Any]:

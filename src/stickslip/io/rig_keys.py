@@ -141,7 +141,10 @@ TOP: Mapping[str, Key] = {
         choices=("SI", "natural"),
         default="SI",
     ),
-    "slider": Key("The slider and its driving spring.", {"mass": "75.6 g"}, required=True),
+    "slider": Key("The slider and its driving spring.", {"mass": "75.6 g"}, otherwise="`chain`"),
+    "chain": Key(
+        "In place of `slider`: a bar of blocks, each on contacts of its own.", {"blocks": 57}, otherwise="`slider`"
+    ),
     "interface": Key("The contacts between slider and base.", {"contact_strength": "768 N"}, required=True),
     "drive": Key("How the far end of the driving spring moves.", {"velocity": "0.4 mm/s"}, required=True),
     "simulation": Key("How the rig is simulated.", {"contacts": 2000}, otherwise="all its defaults"),
@@ -193,6 +196,60 @@ SLIDER: Mapping[str, Key] = {
         0.15,
         sign="at least 0",
         otherwise="`damping`",
+    ),
+}
+
+CHAIN: Mapping[str, Key] = {
+    "blocks": Key("Number of blocks that the bar is cut into.", 57, required=True),
+    "spacing": Key("Length of a block along the drive.", "2.5 mm", unit="x_s", sign="above 0", otherwise="`coupling`"),
+    "width": Key("Width `B` of the bar.", "5 mm", unit="x_s", sign="above 0", otherwise="`coupling`"),
+    "height": Key("Height `H` of the bar.", "77.5 mm", unit="x_s", sign="above 0", otherwise="`coupling`"),
+    "youngs_modulus": Key(
+        "Young's modulus `E`: with spacing `dx`, width and height, blocks are coupled by springs of `E B H/dx`.",
+        "3 GPa",
+        unit="f_s/x_s^2",
+        sign="above 0",
+        otherwise="`coupling`",
+    ),
+    "density": Key(
+        "Density `rho`: a block has the mass `rho B H dx`.",
+        "1180 kg/m^3",
+        unit="f_s time^2/x_s^4",
+        sign="above 0",
+        otherwise="`mass`",
+    ),
+    "shear_modulus": Key(
+        "Shear modulus `G` of a bar that is held and moved along its top: the drive pulls each block by a spring of "
+        "`G B dx/H`.",
+        "1.1 GPa",
+        unit="f_s/x_s^2",
+        sign="above 0",
+        otherwise="`leaf`",
+    ),
+    "coupling": Key(
+        "In place of `youngs_modulus`: stiffness of the bar between the middles of two blocks.",
+        "540 MN/m",
+        unit="k",
+        sign="above 0",
+        otherwise="`youngs_modulus`",
+    ),
+    "mass": Key(
+        "In place of `density`: mass of a block.", "1.1 g", unit="f_s time^2/x_s", sign="above 0", otherwise="`density`"
+    ),
+    "leaf": Key(
+        "Stiffness of a spring from each block to the drive.", "0.2 MN/m", unit="k", sign="at least 0", default=0.0
+    ),
+    "side": Key(
+        "Stiffness of a spring from the first block to the drive.", "4 MN/m", unit="k", sign="at least 0", default=0.0
+    ),
+    "damping": Key(
+        "Damping `eta` of each block against the ground.", "100 1/s", unit="1/time", sign="at least 0", default=0.0
+    ),
+    "viscosity": Key(
+        "Dashpot between neighbouring blocks.", "10 kg/s", unit="f_s time/x_s", sign="at least 0", default=0.0
+    ),
+    "ends": Key(
+        "Whether the last block is coupled to the first.", "free", choices=("free", "periodic"), default="free"
     ),
 }
 
@@ -325,12 +382,16 @@ PIECE: Mapping[str, Key] = {
 
 SIMULATION: Mapping[str, Key] = {
     "method": Key(
-        "Every contact followed, or the limit of infinitely many.",
+        "Every contact followed, or the limit of infinitely many; of a chain, also in balance all the time.",
         "contacts",
-        choices=("contacts", "master equation"),
+        choices=("contacts", "master equation", "quasi-static"),
         default="contacts",
     ),
-    "contacts": Key("Number of contacts, for the method `contacts`: 1 to 1e8.", 2000, default=10_000),
+    "contacts": Key(
+        "Number of contacts, for the methods `contacts` and `quasi-static`: 1 to 1e8; of a chain, of each block.",
+        2000,
+        otherwise="10,000; 100 for each block of a chain",
+    ),
     "seed": Key("Of the random numbers: the same seed gives the same run.", 1, default=1),
     "cells": Key("Resolution of the master equation: cohorts per breaking displacement, 10 to 1e5.", 200, default=400),
     "start": Key(
@@ -350,6 +411,7 @@ SIMULATION: Mapping[str, Key] = {
 
 TABLES: Mapping[str, Mapping[str, Key]] = {
     "slider": SLIDER,
+    "chain": CHAIN,
     "interface": INTERFACE,
     "drive": DRIVE,
     "simulation": SIMULATION,

@@ -9,7 +9,17 @@ from typing import Any, TypeVar
 from stickslip.errors import InputError, shown
 from stickslip.io import rig_keys
 from stickslip.io.rig_keys import keys_of
-from stickslip.model import Contacts, Delay, FromSliding, Gaussian, MasterEquation, Slider
+from stickslip.model import (
+    Chain,
+    Contacts,
+    Delay,
+    FromSliding,
+    Gaussian,
+    MasterEquation,
+    Prestressed,
+    QuasiStatic,
+    Slider,
+)
 from stickslip.model.ageing import AGEING_MODELS
 from stickslip.model.delays import OnArrest, RandomDelay
 from stickslip.model.distributions import DISTRIBUTIONS, Distribution
@@ -36,7 +46,10 @@ class RigWriter:
             found["units"] = "natural"
         if rig.source:
             found["source"] = rig.source
-        found["slider"] = self._slider(damping_ratio)
+        if isinstance(rig.slider, Chain):
+            found["chain"] = self._chain(rig.slider)
+        else:
+            found["slider"] = self._slider(damping_ratio)
         found["interface"] = self._interface()
         found["drive"] = self._drive()
         found["simulation"] = self._simulation()
@@ -72,11 +85,25 @@ class RigWriter:
             return found | {"damping_ratio": short if self.digits is None else self._number(slider.damping_ratio)}
         return found | {"damping": self._quantity(slider.damping, "1/time")}
 
+    def _chain(self, chain: Chain) -> Document:
+        found: Document = {"blocks": chain.blocks}
+        for name in ("coupling", "mass", "leaf", "side", "damping", "viscosity"):
+            value, key = getattr(chain, name), rig_keys.CHAIN[name]
+            if value or key.default is None:
+                found[name] = self._quantity(value, key.unit)
+        return found | ({} if chain.ends == "free" else {"ends": chain.ends})
+
+    @property
+    def _blocks(self) -> int:
+        """Blocks that share the strength of the interface."""
+        return self.rig.slider.blocks if isinstance(self.rig.slider, Chain) else 1
+
     def _interface(self) -> Document:
         interface, found = self.rig.interface, {}
         interface.allow(("sliding_force", "newborn", "track_scatter", "on_arrest"), "a rig file")
         if self.scales is not None:
-            found["contact_strength"] = self._quantity(1.0, "f_s", lambda si: si == self._scale("force"))
+            strength, blocks = self._scale("force"), self._blocks
+            found["contact_strength"] = self._quantity(blocks, "f_s", lambda si: si / blocks == strength)
             found["breaking_displacement"] = self._quantity(1.0, "x_s", lambda si: si == self._scale("stretching"))
         found["thresholds"] = self._record("distribution", interface.thresholds, DISTRIBUTIONS)
         # A default that was taken is left out, so that it is taken, and told of, again.
@@ -85,7 +112,11 @@ class RigWriter:
         if self.digits is not None or interface.delay != Delay(0.0):
             found["delay"] = self._delay()
         if interface.sliding_force:
-            found["sliding_force"] = self._quantity(interface.sliding_force, "f_s")
+            blocks, force = self._blocks, interface.sliding_force
+            size = 1.0 if self.scales is None else self.scales.force
+            if self.scales is None:
+                blocks = 1
+            found["sliding_force"] = self._quantity(blocks * force, "f_s", lambda si: si / blocks / size == force)
         if interface.newborn is not None:
             found["newborn"] = self._record("distribution", interface.newborn, DISTRIBUTIONS)
         if interface.track_scatter:
@@ -180,8 +211,11 @@ class RigWriter:
         method, start, output = self.rig.method, self.rig.start, self.rig.output
         if isinstance(start, FromSliding) and start.perturbation:
             raise self._refuse("a start with a perturbation")
-        if isinstance(method, Contacts):
-            found: Document = {"method": "contacts", "contacts": method.count, "seed": method.seed}
+        if isinstance(start, Prestressed):
+            raise self._refuse("a start with prestress")
+        if isinstance(method, Contacts | QuasiStatic):
+            name = "contacts" if isinstance(method, Contacts) else "quasi-static"
+            found: Document = {"method": name, "contacts": method.count, "seed": method.seed}
         elif isinstance(method, MasterEquation) and not method.memoryless:
             found = {"method": "master equation", "cells": method.cells}
         else:

@@ -10,6 +10,7 @@ driven slider creeps at ``v K/(K + k N_c)`` between slips, so rest tells nothing
 """
 
 from stickslip.measure.catalogue import drops, statistics
+from stickslip.measure.fronts import events, fronts
 from stickslip.measure.periods import Cycles, find_cycles
 from stickslip.measure.ramps import transitions
 from stickslip.measure.readings import read_trace
@@ -19,7 +20,9 @@ __all__ = [
     "Cycles",
     "Regime",
     "drops",
+    "events",
     "find_cycles",
+    "fronts",
     "read_trace",
     "regime",
     "statistics",

@@ -59,6 +59,7 @@ class Trace:
         for name in ("time", "spring_force", "displacement", "velocity", "drive_velocity", "attached"):
             if name in data:
                 check_numbers("measure", data[name])
+        data = of_the_whole(data)
         t = np.asarray(data["time"].values, dtype=float)
         if t.size < FEWEST_READINGS:
             raise InputError(
@@ -126,10 +127,20 @@ class Trace:
         )
 
 
+def of_the_whole(data: xr.Dataset) -> xr.Dataset:
+    """Return a run of an elastic slider with the means over its blocks; other data as they are."""
+    if "block" not in data.dims:
+        return data
+    return data.drop_vars([name for name in data.variables if "time" not in data[name].dims and name != "time"]).mean(
+        "block", keep_attrs=True
+    )
+
+
 def _contacts(data: xr.Dataset) -> int | None:
     """How many contacts a run was made with, as its provenance says; None for other data."""
     try:
-        count = read_provenance(data)["arguments"]["rig"]["method"]["count"]
+        rig = read_provenance(data)["arguments"]["rig"]
+        count = rig["method"]["count"] * rig["slider"].get("blocks", 1)
     except (InputError, KeyError, TypeError):
         return None
     return count if isinstance(count, int) and count > 0 else None

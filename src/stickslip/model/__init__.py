@@ -6,6 +6,7 @@ force ``f_s = 1``, hence stretchings in units of ``x_s = f_s/k``; everything per
 
 from stickslip.model.activation import Activation, Barrier, Bell, Parabolic
 from stickslip.model.ageing import ExponentialGrowth, Langevin, LogarithmicGrowth, Strengthening
+from stickslip.model.body import Chain, ElasticBody, Sheet
 from stickslip.model.delays import Delay, DelayModel, NegativeDelay, OnArrest, RandomDelay
 from stickslip.model.distributions import (
     Distribution,
@@ -28,24 +29,29 @@ from stickslip.model.methods import (
     Method,
     Output,
     PaperClosure,
+    Prestressed,
+    QuasiStatic,
     Start,
 )
 from stickslip.model.operation import Operation
-from stickslip.model.parameters import PARAMETERS, Parameter, parameter_named
+from stickslip.model.parameters import OF_BODIES, PARAMETERS, Parameter, parameter_named
 from stickslip.model.rig import Rig
 from stickslip.model.slider import Slider
 from stickslip.model.units import Scales
 
 __all__ = [
+    "OF_BODIES",
     "PARAMETERS",
     "Activation",
     "Barrier",
     "Bell",
+    "Chain",
     "Contacts",
     "Delay",
     "DelayModel",
     "Distribution",
     "Drive",
+    "ElasticBody",
     "Empirical",
     "Exponential",
     "ExponentialGrowth",
@@ -69,9 +75,12 @@ __all__ = [
     "Parabolic",
     "Parameter",
     "Piece",
+    "Prestressed",
+    "QuasiStatic",
     "RandomDelay",
     "Rig",
     "Scales",
+    "Sheet",
     "Slider",
     "Start",
     "SteadyState",

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
+import numpy as np
+
 from stickslip.errors import instance, number, sequence
 from stickslip.model.records import Number, check
 
@@ -16,7 +18,7 @@ class Contacts:
     Parameters
     ----------
     count : int
-        Number of contacts ``N``.
+        Number of contacts ``N``; of an elastic slider, those of each block.
     seed : int
         The same seed gives the same run, bit for bit, whatever is recorded. (With thresholds that age, other times
         of recording may be other steps, and give another run of the same distribution.)
@@ -76,7 +78,29 @@ class PaperClosure:
         check(self)
 
 
-Method = Contacts | MasterEquation | PaperClosure
+@dataclass(frozen=True)
+class QuasiStatic:
+    """Method: `count` contacts on each block of an elastic slider, event by event, in balance all the time.
+
+    Without inertia and damping: between events the body stands still but for the drive, and a slip is a cascade of
+    breaks in no time. Right where the drive is slow against everything else; hundreds of times faster there.
+
+    Parameters
+    ----------
+    count : int
+        Number of contacts of each block.
+    seed : int
+        The same seed gives the same run, bit for bit, and the same contacts as `Contacts`.
+    """
+
+    count: Annotated[int, Number(at_least=1, at_most=100_000_000, hint="number of contacts of a block")] = 100
+    seed: Annotated[int, Number(at_least=0, at_most=2**128)] = 0
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+Method = Contacts | MasterEquation | PaperClosure | QuasiStatic
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,14 +139,56 @@ class FromSliding:
 
     Parameters
     ----------
-    perturbation : float
-        Added to the slider's velocity, as a fraction of it: whether it decays or grows tells the stability.
+    perturbation : float or tuple of float
+        Added to the slider's velocity, as a fraction of it: whether it decays or grows tells the stability. For an
+        elastic slider one number for all blocks, or one for each.
     """
 
-    perturbation: Annotated[float, Number()] = 0.0
+    perturbation: float | tuple[float, ...] = 0.0
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "perturbation", _profile("FromSliding.perturbation", self.perturbation))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prestressed:
+    """Start: an elastic slider at rest on stretched contacts, in balance, and a push that sets it off.
+
+    All contacts of a block have the same stretching, whatever the interface's initial distribution. Driving springs
+    balance them with the drive at 0; a block without one is balanced by a constant force.
+
+    Parameters
+    ----------
+    stretching : float or tuple of float
+        Of the contacts, in ``x_s``: one for all blocks, or one for each.
+    push : float
+        Constant force on each of the first blocks besides, in ``f_s`` per contact.
+    pushed_blocks : int
+        How many are pushed; of a `Sheet`, in each row.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> ss.Prestressed(stretching=0.6, push=3.0, pushed_blocks=3).push
+    3.0
+    """
+
+    stretching: float | tuple[float, ...]
+    push: Annotated[float, Number("f_s", hint="force on each pushed block, per contact")] = 0.0
+    pushed_blocks: Annotated[int, Number(at_least=1, hint="number of pushed blocks")] = 1
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "stretching", _profile("Prestressed.stretching", self.stretching))
         check(self)
 
 
-Start = FromRest | FromSliding
+Start = FromRest | FromSliding | Prestressed
+
+
+def _profile(place: str, value: object) -> float | tuple[float, ...]:
+    """One number, or one for each block."""
+    if isinstance(value, int | float | np.number):
+        return number(place, value)
+    return tuple(
+        number(f"{place}[{i}]", x) for i, x in enumerate(sequence(place, value, "a number, or one for each block"))
+    )

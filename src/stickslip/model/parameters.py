@@ -156,10 +156,20 @@ CONTACT_STIFFNESS = _unit_of_the_rig("contact_stiffness", "k", "stiffness of the
 PARAMETERS: tuple[Parameter, ...] = (STIFFNESS, VELOCITY, MASS, DAMPING, DELAY, STD, AGEING)
 """The parameters that come with the package."""
 
+COUPLING = _of_slider("coupling", "k", "coupling of neighbouring blocks")
+"""Stiffness ``k_b/N`` between neighbouring blocks of an elastic slider."""
+LEAF = _of_slider("leaf", "k", "stiffness of the spring from each block to the drive")
+"""Stiffness of the springs by which the drive pulls all blocks."""
+SIDE = _of_slider("side", "k", "stiffness of the spring from the first block to the drive")
+"""Stiffness of the spring by which the drive pulls one end."""
+
+OF_BODIES: tuple[Parameter, ...] = (COUPLING, LEAF, SIDE)
+"""The parameters that elastic sliders have besides mass, damping and those of interface and drive."""
+
 UNITS_OF_A_RIG: tuple[Parameter, ...] = (LOAD, FRICTION, CONTACT_STIFFNESS)
 """Parameters of a rig in SI units that are 1 in natural ones, and are varied alone."""
 
-BY_NAME = {parameter.name: parameter for parameter in (*PARAMETERS, *UNITS_OF_A_RIG)}
+BY_NAME = {parameter.name: parameter for parameter in (*PARAMETERS, *OF_BODIES, *UNITS_OF_A_RIG)}
 """All that can be named, those that `register` added among them."""
 
 
@@ -171,7 +181,7 @@ def register(parameter: Parameter) -> Parameter:
     InputError
         If the name is that of a parameter that comes with the package.
     """
-    if any(parameter.name == known.name for known in (*PARAMETERS, *UNITS_OF_A_RIG)):
+    if any(parameter.name == known.name for known in (*PARAMETERS, *OF_BODIES, *UNITS_OF_A_RIG)):
         raise InputError(f"Parameter.name = {shown(parameter.name)}: comes with the package; choose another name")
     BY_NAME[parameter.name] = parameter
     return parameter

@@ -8,9 +8,21 @@ from typing import TYPE_CHECKING, Any
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError, instance, number, sequence, shown
+from stickslip.model.body import Chain, Sheet
 from stickslip.model.drive import Drive
 from stickslip.model.interface import Interface
-from stickslip.model.methods import Contacts, FromRest, FromSliding, MasterEquation, Method, Output, PaperClosure, Start
+from stickslip.model.methods import (
+    Contacts,
+    FromRest,
+    FromSliding,
+    MasterEquation,
+    Method,
+    Output,
+    PaperClosure,
+    Prestressed,
+    QuasiStatic,
+    Start,
+)
 from stickslip.model.operation import Operation
 from stickslip.model.parameters import PARAMETERS, Parameter, parameter_named
 from stickslip.model.quantities import read_quantity
@@ -87,15 +99,14 @@ class Rig(Answer):
     ----------
     interface : Interface
         The contacts.
-    slider : Slider or impedance
-        What the contacts hold, on its driving spring. For the linear stability of smooth sliding any mechanical
-        impedance
-        of `stickslip.stability` will do.
+    slider : Slider, Chain, Sheet or impedance
+        What the contacts hold, on its driving spring or springs; a `Chain` or a `Sheet` is elastic. For the linear
+        stability of smooth sliding any mechanical impedance of `stickslip.stability` will do.
     drive : Drive
         How the far end of the spring moves.
-    method : Contacts, MasterEquation or PaperClosure
+    method : Contacts, MasterEquation, QuasiStatic or PaperClosure
         How the rig is simulated, unless `simulate` is told otherwise; so with `start` and `output`.
-    start : FromRest or FromSliding
+    start : FromRest, FromSliding or Prestressed
         The state that a run starts from.
     output : Output
         What a run records.
@@ -142,12 +153,20 @@ class Rig(Answer):
 
     def __post_init__(self) -> None:
         instance("Rig.interface", self.interface, Interface, "an Interface")
-        if isinstance(self.slider, type) or not (hasattr(self.slider, "stiffness") or callable(self.slider)):
-            raise InputError(f"Rig.slider = {self.slider!r}: must be a Slider, or an impedance: a function of s")
+        known = hasattr(self.slider, "stiffness") or callable(self.slider) or isinstance(self.slider, Chain | Sheet)
+        if isinstance(self.slider, type) or not known:
+            raise InputError(
+                f"Rig.slider = {self.slider!r}: must be a Slider, a Chain or a Sheet, or an impedance: a function of s"
+            )
         instance("Rig.drive", self.drive, Drive, "a drive, made with constant() or ramp()")
-        methods = (Contacts, MasterEquation, PaperClosure)
+        methods = (Contacts, MasterEquation, QuasiStatic, PaperClosure)
         instance("Rig.method", self.method, methods, "Contacts(...) or MasterEquation(...)")
-        instance("Rig.start", self.start, (FromRest, FromSliding), "FromRest() or FromSliding()")
+        instance(
+            "Rig.start",
+            self.start,
+            (FromRest, FromSliding, Prestressed),
+            "FromRest(), FromSliding() or Prestressed(...)",
+        )
         instance("Rig.output", self.output, Output, "an Output")
         instance("Rig.operation", self.operation, Operation, "an Operation(...)")
         if self.scales is not None:

@@ -12,7 +12,9 @@ from stickslip.model.records import Number, check
 if TYPE_CHECKING:
     import xarray as xr
 
-Quantity = Literal["force", "length", "time", "velocity", "stiffness", "mass", "rate", "energy"]
+Quantity = Literal[
+    "force", "length", "time", "velocity", "stiffness", "mass", "rate", "energy", "viscosity", "modulus", "density"
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +66,12 @@ class Scales:
                 return 1.0 / self.time
             case "energy":
                 return self.force * self.stretching
+            case "viscosity":
+                return self.force * self.time / self.stretching
+            case "modulus":
+                return self.force / self.stretching**2
+            case "density":
+                return self.force * self.time**2 / self.stretching**4
             case _:
                 raise InputError(f"quantity = {quantity!r}: must be one of {', '.join(get_args(Quantity))}")
 
@@ -94,6 +102,9 @@ _SI_OF: dict[str, tuple[Quantity, int, str]] = {
     "1/time": ("rate", 1, "1/s"),
     "k": ("stiffness", 1, "N/m"),
     "f_s time^2/x_s": ("mass", 1, "kg"),
+    "f_s time/x_s": ("viscosity", 1, "N s/m"),
+    "f_s/x_s^2": ("modulus", 1, "Pa"),
+    "f_s time^2/x_s^4": ("density", 1, "kg/m^3"),
 }
 """Natural unit of a variable: its quantity, the power of it, and the SI unit."""
 SI: dict[Quantity, str] = {kind: unit for kind, power, unit in _SI_OF.values() if power == 1}

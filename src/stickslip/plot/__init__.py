@@ -15,6 +15,14 @@ Figures are plain `matplotlib.figure.Figure` objects, unknown to pyplot: nothing
 """
 
 from stickslip.plot.answers import chart, prediction
+from stickslip.plot.elastic import (
+    front_curve,
+    fronts,
+    precursor_lengths,
+    precursors,
+    slip_profiles,
+    spacetime,
+)
 from stickslip.plot.fits import fitted, slips
 from stickslip.plot.runs import (
     attached,
@@ -71,6 +79,8 @@ __all__ = [
     "energy",
     "fitted",
     "force_trace",
+    "front_curve",
+    "fronts",
     "house_style",
     "label",
     "legend_above",
@@ -79,11 +89,15 @@ __all__ = [
     "new_figure",
     "overview",
     "phase_portrait",
+    "precursor_lengths",
+    "precursors",
     "prediction",
     "rigid_curve",
     "save",
     "side_by_side",
+    "slip_profiles",
     "slips",
+    "spacetime",
     "stretchings",
     "sweep_picture",
     "unit_text",

@@ -172,6 +172,8 @@ def variable(data: xr.Dataset, name: str, along: str) -> xr.DataArray:
     if name not in data:
         there = ", ".join(map(str, data.data_vars)) or "none"
         raise InputError(f"plot: this Dataset has no variable {name}; it has: {there}")
+    if data[name].dims == (along, "block"):  # of an elastic slider, what its blocks do on average
+        return data[name].mean("block", keep_attrs=True)
     if data[name].dims != (along,):
         raise InputError(f"plot: {name} has the dimensions {data[name].dims}: must be along {along} alone; select one")
     if data.sizes[along] == 0:

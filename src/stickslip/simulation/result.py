@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stickslip.model import Slider
+from stickslip.model import ElasticBody, Sheet, Slider
 from stickslip.simulation.engines import Stretchings
+from stickslip.simulation.engines.blocks import FIELDS, SCALARS
 from stickslip.simulation.follow import Track
 
 if TYPE_CHECKING:
@@ -34,6 +35,16 @@ LABELS: Mapping[str, Mapping[str, str]] = {
     "damped_energy": {"units": "f_s x_s", "long_name": "energy dissipated by damping, per contact"},
     "broken_energy": {"units": "f_s x_s", "long_name": "energy lost by the contacts, per contact"},
     "stretching_density": {"units": "1/x_s", "long_name": "density of stretchings, per contact"},
+    "bulk_energy": {"units": "f_s x_s", "long_name": "energy of the springs between blocks, per contact of a block"},
+    "viscous_energy": {"units": "f_s x_s", "long_name": "energy dissipated between blocks, per contact of a block"},
+    "broken": {"units": "1", "long_name": "breaks since the start, per contact"},
+    "pulling_force": {"units": "f_s", "long_name": "force of the driving spring of a block, per contact"},
+    "preload": {"units": "f_s", "long_name": "force on a block by its springs, with block and drive at 0, per contact"},
+    "first_break": {"units": "time", "long_name": "time of the first break"},
+    "first_break_force": {"units": "f_s", "long_name": "spring force at the first break"},
+    "half_detached": {"units": "time", "long_name": "first time at which half of the contacts are detached"},
+    "block": {"units": "1", "long_name": "block"},
+    "pulled": {"units": "1", "long_name": "block that the drive pulls"},
     "x": {"units": "x_s", "long_name": "stretching"},
     "snapshot": {"units": "time", "long_name": "time of the snapshot"},
 }
@@ -67,26 +78,36 @@ def labelled(name: str, dims: str | tuple[str, ...], values: ArrayLike, units: s
     return dims, np.asarray(values), attributes
 
 
-def dataset_of(track: Track, slider: Slider, bins: int, provenance: str) -> xr.Dataset:
+def dataset_of(
+    track: Track, slider: Slider | ElasticBody, bins: int, provenance: str, marks: Mapping[str, Array] | None = None
+) -> xr.Dataset:
     """Return the Dataset of a run, in natural units.
 
     Parameters
     ----------
     track : Track
-    slider : Slider
+    slider : Slider, Chain or Sheet
     bins : int
         Of a snapshot.
     provenance : str
+    marks : mapping of str to ndarray, optional
+        What has happened once to each block of an elastic slider.
     """
     import xarray as xr
 
-    values = {name: track[name] for name in track.columns}
-    values["drive_velocity"] = track.drive_velocity
-    values["spring_force"] = slider.stiffness * (track.drive_position - values["displacement"])
-    values["kinetic_energy"] = 0.5 * slider.mass * values["velocity"] ** 2
-    values["spring_energy"] = 0.5 * values["spring_force"] ** 2 / slider.stiffness
-    variables = {name: labelled(name, "time", values[name]) for name in LABELS if name in values}
+    variables: dict[str, Labelled] = {}
     coordinates = {"time": labelled("time", "time", track.times)}
+    if isinstance(slider, ElasticBody):
+        values = {name: track.rows[:, i] for i, name in enumerate(SCALARS)}
+        values["drive_velocity"] = track.drive_velocity
+        variables = _of_blocks(track, slider, marks or {})
+        if "pulling_force" in variables:
+            values["spring_force"] = variables["pulling_force"][1].sum(axis=1)
+        coordinates |= _places(slider)
+    else:
+        values = {name: track[name] for name in track.columns}
+        values |= _of_slider(track, slider)
+    variables |= {name: labelled(name, "time", values[name]) for name in LABELS if name in values}
     if track.snapshots:
         times, seen = zip(*track.snapshots, strict=True)
         edges = _edges(seen, bins)
@@ -95,6 +116,49 @@ def dataset_of(track: Track, slider: Slider, bins: int, provenance: str) -> xr.D
         coordinates["snapshot"] = labelled("snapshot", "snapshot", times)
         coordinates["x"] = labelled("x", "x", 0.5 * (edges[1:] + edges[:-1]))
     return xr.Dataset(variables, coordinates, {"provenance": provenance})
+
+
+def _of_slider(track: Track, slider: Slider) -> dict[str, Array]:
+    """What follows from the motion of a rigid slider and its drive."""
+    spring_force = slider.stiffness * (track.drive_position - track["displacement"])
+    return {
+        "drive_velocity": track.drive_velocity,
+        "spring_force": spring_force,
+        "kinetic_energy": 0.5 * slider.mass * track["velocity"] ** 2,
+        "spring_energy": 0.5 * spring_force**2 / slider.stiffness,
+    }
+
+
+def _of_blocks(track: Track, body: ElasticBody, marks: Mapping[str, Array]) -> dict[str, Labelled]:
+    """What an elastic slider has for each block."""
+    fields = track.rows[:, len(SCALARS) :].reshape(len(track.rows), len(FIELDS), body.size)
+    found = {name: labelled(name, ("time", "block"), fields[:, i]) for i, name in enumerate(FIELDS)}
+    found |= {name: labelled(name, "block", values) for name, values in marks.items()}
+    pulled = np.flatnonzero(body.pulled)
+    if pulled.size:
+        stretched = track.drive_position[:, None] - found["displacement"][1][:, pulled]
+        force = body.pulled[pulled] * stretched + marks["preload"][pulled]
+        found["pulling_force"] = labelled("pulling_force", ("time", "pulled"), force)
+    for name, per_block in (
+        ("displacement", "displacement of a block"),
+        ("velocity", "velocity of a block"),
+        ("friction_force", "friction force of a block, per contact"),
+        ("attached", "fraction of attached contacts of a block"),
+    ):
+        found[name][2]["long_name"] = per_block
+    return found
+
+
+def _places(body: ElasticBody) -> dict[str, Labelled]:
+    """Coordinates of the blocks; those of a sheet have a row as well."""
+    number = np.arange(body.size)
+    found = {"block": labelled("block", "block", number)}
+    if body.pulled.any():
+        found["pulled"] = labelled("pulled", "pulled", np.flatnonzero(body.pulled))
+    if isinstance(body, Sheet):
+        found["along"] = labelled("place along the drive", "block", number % body.along, "1")
+        found["across"] = labelled("row", "block", number // body.along, "1")
+    return found
 
 
 def _edges(seen: Iterable[Stretchings], bins: int) -> Array:

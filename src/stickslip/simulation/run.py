@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError, instance
 from stickslip.io import datasets as store
-from stickslip.model import Interface, Method, Output, Slider, Start
+from stickslip.model import Chain, ElasticBody, Interface, Method, Output, Sheet, Slider, Start
 from stickslip.model.drive import Drive, constant
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress, reporting
@@ -37,6 +37,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+_NUMBERS = 2e6
+"""Samples of an elastic slider, times its blocks, if nothing is said."""
+
 
 def simulate(
     rig: Rig,
@@ -47,15 +50,15 @@ def simulate(
     progress: Progress | bool | None = None,
     long: bool = False,
 ) -> xr.Dataset:
-    """Pull a slider on an interface by a spring, Eq. (11).
+    """Pull a slider on an interface by a spring, Eq. (11); an elastic one by one spring or many.
 
     Parameters
     ----------
     rig : Rig
         Interface, slider and drive.
-    method : Contacts or MasterEquation, optional
+    method : Contacts, MasterEquation or QuasiStatic, optional
         By default the rig's own. Or, to compare with for `Langevin` ageing, `PaperClosure`.
-    start : FromRest or FromSliding, optional
+    start : FromRest, FromSliding or Prestressed, optional
         By default the rig's own.
     output : Output, optional
         Sampling and snapshots, in the rig's own units; by default the rig's own. It never changes the motion of
@@ -76,6 +79,12 @@ def simulate(
         that age ``work`` and the energies of contacts, damping and breaks are left out: breaks cannot be counted there
         (their rate diverges for newborns without strength).
 
+        Of a `Chain` or a `Sheet`, on ``time`` and ``block``: ``displacement``, ``velocity``, ``friction_force`` (per
+        contact of a block), ``attached``, and ``broken`` (breaks per contact since the start). ``spring_force`` and the
+        energies, ``bulk_energy`` and ``viscous_energy`` among them, are sums over blocks, per contact of a block;
+        ``pulling_force`` is that of each driving spring. Once for each ``block``: ``first_break`` (of infinitely many
+        contacts, that of a thousandth), ``first_break_force``, ``half_detached``. See `fronts` and `events`.
+
     Raises
     ------
     InputError
@@ -95,18 +104,18 @@ def simulate(
     told = rig.replace(**{name: value for name, value in changes.items() if value is not None})
     case = told.natural
     _check(case)
-    solver = engine_of(case.interface, case.method)
+    solver = engine_of(case.interface, case.method, case.slider)
     beginning = Beginning(case.interface, case.slider, case.velocity, case.start)
     instance("simulate: long", long, bool, "True or False")
     if not long:
-        estimate(told).check()
+        estimate(told).check(silent=not progress)
     times = _sample_times(case.slider, case.drive, case.output, solver.angle)
     with reporting(progress, "simulate") as report:
         engine = solver(beginning, case.method)
         origin = beginning.drive_position(engine.contact_force())
         track = follow(engine, case.drive, origin, times, case.output.snapshots, report)
     provenance = store.provenance("simulate", {"rig": told})
-    return rig.in_its_units(dataset_of(track, case.slider, case.output.bins, provenance))
+    return rig.in_its_units(dataset_of(track, case.slider, case.output.bins, provenance, engine.marks()))
 
 
 def pull_rigidly(interface: Interface, distance: float, velocity: float, method: Method, points: int) -> xr.Dataset:
@@ -187,24 +196,30 @@ def rig_of(run: xr.Dataset) -> Rig:
 
 def _check(rig: Rig) -> None:
     slider, drive, snapshots = rig.slider, rig.drive, rig.output.snapshots
-    instance("simulate: Rig.slider", slider, Slider, "a Slider; other impedances are for `stability`")
+    bodies = (Slider, Chain, Sheet)
+    instance("simulate: Rig.slider", slider, bodies, "a Slider or a Chain; other impedances are for `stability`")
     if slider.mass == 0:
         raise InputError("Slider.mass = 0: a simulation needs a mass above 0; the massless limit is for stability only")
     if snapshots and snapshots[-1] > drive.duration:
         raise InputError(f"Output.snapshots: {snapshots[-1]:g} lies beyond the end of the drive ({drive.duration:g})")
 
 
-def check_method(interface: Interface, method: object) -> None:
+def check_method(interface: Interface, method: object, slider: object = None) -> None:
     """Raise `InputError` if there is no engine for the method on the interface, or it cannot take it."""
-    engine_of(interface, method)
+    engine_of(interface, method, slider)
 
 
-def _sample_times(slider: Slider, drive: Drive, output: Output, angle: float) -> Array:
+def _sample_times(slider: Slider | ElasticBody, drive: Drive, output: Output, angle: float) -> Array:
     interval = output.interval
     if interval is None:
         # An angle (rad) of the fastest oscillation, within bounds on the size of the result.
-        fastest = math.sqrt((slider.stiffness + 1.0) / slider.mass)
-        count = min(max(drive.duration * fastest / angle, 2_000.0), 50_000.0)
+        most = 50_000.0
+        if isinstance(slider, Slider):
+            fastest = math.sqrt((slider.stiffness + 1.0) / slider.mass)
+        else:
+            fastest = math.sqrt((float(slider.pulled.mean()) + 1.0 + slider.coupling) / slider.mass)
+            most = min(max(_NUMBERS / slider.size, 200.0), most)
+        count = min(max(drive.duration * fastest / angle, min(2_000.0, most)), most)
         interval = drive.duration / math.ceil(count)
     count = drive.duration / interval
     if count > 50_000_000:

@@ -13,16 +13,21 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from stickslip.errors import InputError
-from stickslip.model import Contacts, FromSliding, Langevin, Slider
+from stickslip.model import Contacts, ElasticBody, FromSliding, Langevin, MasterEquation, QuasiStatic, Slider
 from stickslip.model.drive import Piece, Travel
 from stickslip.model.rig import Rig
 from stickslip.model.units import Quantity
+from stickslip.simulation.engines.blocks import ANGLE
 
 LONGEST = 3600.0
 """Seconds that a run may take without being asked for."""
 LARGEST = 4e9
 """Bytes that it may take."""
+MOST_BLOCK_STEPS = 1e9
+"""Steps of a block of an elastic slider that a run may take without telling how far it is."""
 
 _BREAK = 4e-7
 """Seconds a break of a contact takes."""
@@ -40,6 +45,14 @@ _SAMPLE = 1e-6, 200.0
 """Seconds and bytes a sample takes."""
 _CONTACT = 150.0
 """Bytes of a contact."""
+_BLOCK_STEP = 1.5e-8
+"""Seconds a step of a block of an elastic slider takes, where nothing breaks."""
+_COHORTS = 400
+"""Cohorts of such a block."""
+_BLOCK_CONTACT = 64.0
+"""Bytes of a contact of such a block."""
+_BLOCK_SAMPLE = 2e-8, 120.0
+"""Seconds and bytes a sample of such a block takes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,6 +90,7 @@ class Work:
 
     rig: Rig
     parts: tuple[Part, ...]
+    block_steps: float = 0.0
 
     @property
     def seconds(self) -> float:
@@ -93,6 +107,8 @@ class Work:
         seconds: float = LONGEST,
         bytes: float = LARGEST,
         otherwise: str = "ask for it all the same: long=True (--long)",
+        *,
+        silent: bool = False,
     ) -> None:
         """Raise `InputError` if the work is more than this; the message names what to change.
 
@@ -102,7 +118,14 @@ class Work:
             The most that is allowed.
         otherwise : str
             What else the user can do.
+        silent : bool
+            Whether the run says nothing of how far it is: then more than 1e9 steps of blocks are refused, too.
         """
+        if silent and self.block_steps > MOST_BLOCK_STEPS:
+            raise InputError(
+                f"drive duration = {self._said_time()}: {self.block_steps:.2g} steps of blocks would take about "
+                f"{_in_time(self.seconds)} without a word; pass progress=..., or ask for it all the same: long=True"
+            )
         if (excess := self.seconds / seconds) > 1:
             worst = max(self.parts, key=lambda part: part.seconds)
             amount, share = f"{worst.what} would take about {_in_time(self.seconds)}", worst.seconds / seconds
@@ -118,6 +141,9 @@ class Work:
             f"a drive {excess:.2g} times shorter; or {otherwise}",
             worst.key,
         )
+
+    def _said_time(self) -> str:
+        return self.rig.in_units(self.rig.drive.duration, "time")
 
     def _said(self, part: Part, value: float) -> str:
         return f"{value:.4g}" if part.quantity is None else self.rig.in_units(value, part.quantity)
@@ -136,6 +162,8 @@ def estimate(rig: Rig) -> Work:
         Its ``seconds``, ``bytes`` and parts.
     """
     slider, duration = rig.slider, rig.drive.duration
+    if isinstance(slider, ElasticBody):
+        return _of_blocks(rig, slider)
     distance = sum(_way(piece) for piece in rig.drive.pieces)
     parts = []
     path, turns = distance, 0.0
@@ -147,14 +175,18 @@ def estimate(rig: Rig) -> Work:
         rings = 1.0 / damping_ratio if damping_ratio > 0 else math.inf
         path += 0.1 * min(turns, distance * rings)
         if isinstance(rig.start, FromSliding):
-            path += abs(rig.start.perturbation * rig.drive.pieces[0].start) / frequency * min(turns, rings)
-        radian = _RADIAN[0] if isinstance(rig.method, Contacts) else _RADIAN[1]
+            path += (
+                abs(float(np.max(np.abs(rig.start.perturbation))) * rig.drive.pieces[0].start)
+                / frequency
+                * min(turns, rings)
+            )
+        radian = _RADIAN[0] if isinstance(rig.method, Contacts | QuasiStatic) else _RADIAN[1]
         words = f"{turns:.2g} rad of the slider's oscillation"
         parts.append(Part(key="slider.mass", value=slider.mass, quantity="mass", power=-0.5, what=words,
                           seconds=radian * turns))  # fmt: skip
     mean = rig.interface.threshold_distribution.moment(1)
     lives, ageing = path / mean, rig.interface.ageing
-    if isinstance(rig.method, Contacts):
+    if isinstance(rig.method, Contacts | QuasiStatic):
         count = rig.method.count
         each = _BREAK if ageing is None else _AGEING_BREAK
         parts.append(Part(key="simulation.contacts", value=count, quantity=None, power=1.0,
@@ -169,7 +201,10 @@ def estimate(rig: Rig) -> Work:
     if isinstance(ageing, Langevin):
         # Thresholds take steps that are short against their time of ageing, at rest as in motion.
         ages = duration * ageing.rate**2
-        each = _AGE * rig.method.count if isinstance(rig.method, Contacts) else _AGEING_COHORT * rig.method.cells**2
+        if isinstance(rig.method, Contacts | QuasiStatic):
+            each = _AGE * rig.method.count
+        else:
+            each = _AGEING_COHORT * rig.method.cells**2
         parts.append(Part(key="interface.ageing.time", value=ageing.rate**-2, quantity="time", power=-1.0,
                           what=f"{ages:.2g} times of ageing", seconds=each * ages))  # fmt: skip
     if (interval := rig.output.interval) is not None:
@@ -178,6 +213,33 @@ def estimate(rig: Rig) -> Work:
                           what=f"{samples:.2g} samples", seconds=_SAMPLE[0] * samples,
                           bytes=_SAMPLE[1] * samples))  # fmt: skip
     return Work(rig=rig, parts=tuple(parts))
+
+
+def _of_blocks(rig: Rig, body: ElasticBody) -> Work:
+    """What a run of an elastic slider would take."""
+    duration, method = rig.drive.duration, rig.method
+    path = sum(_way(piece) for piece in rig.drive.pieces)
+    path = max(path, 1.0)
+    lives = path / rig.interface.threshold_distribution.moment(1)
+    mean_coupling = 2.0 * float(body.links[1].sum()) / body.size
+    fastest = math.sqrt((float(body.pulled.max()) + 2.0 * mean_coupling + 1.0) / body.mass)
+    steps = 0.0 if isinstance(method, QuasiStatic) else body.size * duration * fastest / ANGLE
+    count = getattr(method, "count", _COHORTS)
+    what = "cohorts" if isinstance(method, MasterEquation) else "contacts"
+    each = _BREAK if not isinstance(method, QuasiStatic) else 4e-8 * body.size
+    parts = [
+        Part(key="slider.mass", value=body.mass, quantity="mass", power=-0.5, what=f"{steps:.2g} steps of blocks",
+             seconds=steps * (_BLOCK_STEP if what == "contacts" else 3e-9 * count)),
+        Part(key=f"simulation.{what}", value=count, quantity=None, power=1.0,
+             what=f"about {body.size * count * lives:.2g} breaks of {body.size * count:.2g} {what}",
+             seconds=each * body.size * count * lives, bytes=_BLOCK_CONTACT * body.size * count),
+    ]  # fmt: skip
+    if (interval := rig.output.interval) is not None:
+        samples = duration / interval * body.size
+        parts.append(Part(key="simulation.interval", value=interval, quantity="time", power=-1.0,
+                          what=f"{samples:.2g} samples of blocks", seconds=_BLOCK_SAMPLE[0] * samples,
+                          bytes=_BLOCK_SAMPLE[1] * samples))  # fmt: skip
+    return Work(rig=rig, parts=tuple(parts), block_steps=steps)
 
 
 def _way(piece: Piece) -> float:

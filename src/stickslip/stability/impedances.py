@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from stickslip.errors import InputError, number
-from stickslip.model import Slider
+from stickslip.model import ElasticBody, Slider
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
@@ -169,6 +169,10 @@ def impedance(body: Body) -> Impedance:
         return SpringMassDamper(stiffness=body.stiffness, mass=body.mass, damping=body.damping)
     if isinstance(body, SpringMassDamper | RadiationDamping | Modes):
         return body
+    if isinstance(body, ElasticBody):
+        raise InputError(
+            f"Rig.slider = {body!r}: a mode for each wavelength; modes() and critical_length() are for elastic sliders"
+        )
     if not callable(body):
         raise InputError(f"body = {body!r}: must be a Slider or an impedance, such as Modes(...) or a function of s")
     held = complex(np.asarray(body(np.zeros(1, dtype=complex))).ravel()[0])

@@ -15,7 +15,18 @@ from pydantic import Discriminator, Field, Tag, create_model
 
 from stickslip.errors import InputError, number, whole
 from stickslip.io.validation import Lag, Length, Mass, Part, Rate, Stiffness, Time, quantity
-from stickslip.model import PARAMETERS, Contacts, FromRest, FromSliding, MasterEquation, Method, Rig, Start
+from stickslip.model import (
+    OF_BODIES,
+    PARAMETERS,
+    Contacts,
+    FromRest,
+    FromSliding,
+    MasterEquation,
+    Method,
+    QuasiStatic,
+    Rig,
+    Start,
+)
 from stickslip.simulation import check_method
 from stickslip.sweep._refine import Refinement
 from stickslip.sweep._run import CYCLES, MAX_CASES, check_size
@@ -29,9 +40,12 @@ _Count = Annotated[int, Field(ge=1)]
 _Seed = Annotated[int, Field(ge=0, lt=2**53)]
 _Start = Literal["from rest", "sliding"]
 
-SETTABLE: tuple[str, ...] = tuple(parameter.name for parameter in PARAMETERS)
+SETTABLE: tuple[str, ...] = tuple(parameter.name for parameter in (*PARAMETERS, *OF_BODIES))
 AXES: dict[str, tuple[Any, str]] = {
     "stiffness": (Stiffness, "stiffness of the driving spring"),
+    "coupling": (Stiffness, "stiffness between neighbouring blocks"),
+    "leaf": (Stiffness, "stiffness of the spring from each block to the drive"),
+    "side": (Stiffness, "stiffness of the spring from the first block to the drive"),
     "velocity": (_Speed, "velocity of the drive"),
     "mass": (Mass, "mass of the slider"),
     "damping": (Rate, "damping eta"),
@@ -111,15 +125,15 @@ class Document(Part):
         if refinement is not None:
             self._check_refinement(given)
         method = study.rig.method
-        seed = method.seed if isinstance(method, Contacts) else 0
-        if isinstance(method, Contacts):
+        seed = method.seed if isinstance(method, Contacts | QuasiStatic) else 0
+        if isinstance(method, Contacts | QuasiStatic):
             study = replace(study, rig=study.rig.replace(method=replace(method, seed=0)))
         return {
             "name": self.name,
             "study": study,
             "axes": axes,
             "logarithmic": logarithmic,
-            "measures": self._measures(own_seed="seed" not in given and isinstance(method, Contacts)),
+            "measures": self._measures(own_seed="seed" not in given and isinstance(method, Contacts | QuasiStatic)),
             "seed": seed,
             "refinement": refinement,
             "max_cases": self.run.max_cases,
@@ -133,7 +147,7 @@ class Document(Part):
                     raise InputError(f"axes.{name}: changes nothing with the master equation; use method = 'contacts'")
         if len(rig.drive.pieces) > 1 or rig.drive.pieces[0].start != rig.drive.pieces[0].end:
             raise InputError("rig.drive.pieces: each run of a sweep holds one velocity; give drive.velocity")
-        check_method(rig.interface, method)
+        check_method(rig.interface, method, rig.slider)
         if rig.slider.mass == 0 and "mass" not in axes:
             raise InputError("rig.slider.mass = 0: a run needs a mass above 0")
         for name in axes:
@@ -152,12 +166,13 @@ class Document(Part):
 
     def _method(self, given: Method) -> Method:
         run = self.run
-        kind = run.method or ("contacts" if isinstance(given, Contacts) else "master equation")
-        if kind == "contacts":
+        kind = run.method or {Contacts: "contacts", QuasiStatic: "quasi-static"}.get(type(given), "master equation")
+        if kind != "master equation":
             if run.cells is not None:
                 raise InputError("run.cells: belongs to method = 'master equation'")
-            usual = given if isinstance(given, Contacts) else Contacts()
-            return Contacts(
+            usual = given if isinstance(given, Contacts | QuasiStatic) else Contacts()
+            made = Contacts if kind == "contacts" else QuasiStatic
+            return made(
                 usual.count if run.contacts is None else run.contacts, usual.seed if run.seed is None else run.seed
             )
         for key in ("contacts", "seed"):

@@ -26,7 +26,7 @@ from stickslip.errors import InputError
 from stickslip.io import datasets
 from stickslip.io import rig_files as rigs
 from stickslip.io.validation import read_toml, validate
-from stickslip.model import Rig, Slider, parameter_named
+from stickslip.model import Chain, Rig, Sheet, Slider, parameter_named
 from stickslip.sweep._executors import Workers
 from stickslip.sweep._file import AXES, SETTABLE, Document
 from stickslip.sweep._grid import open_sweep, run_cases
@@ -223,7 +223,7 @@ def sweep(
     >>> found["peak_to_peak"].dims, found["velocity"].units
     (('velocity', 'contacts'), 'm/s')
     """
-    if not isinstance(rig.slider, Slider):
+    if not isinstance(rig.slider, Slider | Chain | Sheet):
         raise InputError(f"rig.slider = {rig.slider!r}: must be a Slider; an impedance cannot be simulated")
     natural = rig.scales is None
     run: dict[str, Any] = {"cycles": runs.cycles, "extensions": runs.extensions, "max_cases": runs.max_cases}

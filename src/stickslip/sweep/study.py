@@ -8,7 +8,7 @@ from typing import Any, get_args
 
 from stickslip.measure import Regime, regime
 from stickslip.measure.verdict import Kind
-from stickslip.model import Contacts, FromRest, FromSliding, Method, Rig, Start, constant
+from stickslip.model import Contacts, FromRest, FromSliding, Method, QuasiStatic, Rig, Slider, Start, constant
 from stickslip.simulation import simulate
 
 KINDS: tuple[str, ...] = get_args(Kind)
@@ -55,10 +55,12 @@ class Study:
         seed = seed >> 10 if seed >= 2**53 else seed
         start, count = values.pop("start", self.start), values.pop("contacts", None)
         method = self.rig.method
-        if isinstance(method, Contacts):
-            method = Contacts(method.count if count is None else count, seed)
+        if isinstance(method, Contacts | QuasiStatic):
+            method = replace(method, count=method.count if count is None else count, seed=seed)
         rig = replace(self.rig.replace(**values).natural, method=method, start=_beginning(start, method))
-        distance = max(self.distance, self.cycles * (1.0 + 1.0 / rig.slider.stiffness))
+        slider = rig.slider
+        stiffness = slider.stiffness if isinstance(slider, Slider) else float(slider.pulled.mean())
+        distance = max(self.distance, self.cycles * (1.0 + 1.0 / stiffness))
         duration = max(distance / rig.velocity, self.duration)
         for extension in range(self.extensions + 1):
             drive = constant(rig.velocity, duration * 2.0**extension)
@@ -86,7 +88,7 @@ def _numbers(seen: Regime) -> dict[str, float]:
 def _beginning(start: str, method: Method) -> Start:
     if start == FROM_REST:
         return FromRest()
-    return FromSliding() if isinstance(method, Contacts) else FromSliding(perturbation=PERTURBATION)
+    return FromSliding() if isinstance(method, Contacts | QuasiStatic) else FromSliding(perturbation=PERTURBATION)
 
 
 MEASURES: dict[str, tuple[str, str]] = {

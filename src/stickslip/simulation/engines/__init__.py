@@ -1,6 +1,6 @@
 """The engines: one solver each, all behind the protocol of `base`, each registered for its method."""
 
-from stickslip.simulation.engines import events, growth, langevin, population
+from stickslip.simulation.engines import blocks, events, growth, langevin, population
 from stickslip.simulation.engines.base import (
     COLUMNS,
     ENGINES,
@@ -24,6 +24,7 @@ __all__ = [
     "Engine",
     "Leg",
     "Stretchings",
+    "blocks",
     "engine_of",
     "events",
     "growth",

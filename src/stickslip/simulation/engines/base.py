@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError, shown
-from stickslip.model import FromRest, FromSliding, Interface, Slider, Start
+from stickslip.model import ElasticBody, FromRest, FromSliding, Interface, Prestressed, QuasiStatic, Slider, Start
 from stickslip.model.newborn import mean_life
 
 if TYPE_CHECKING:
@@ -92,13 +92,22 @@ class Beginning:
     """What a run begins with; no slider is rigid motion, and the velocity is the drive's first."""
 
     interface: Interface
-    slider: Slider | None
+    slider: Slider | ElasticBody | None
     velocity: float
     start: Start = FromRest()
 
     def __post_init__(self) -> None:
-        if isinstance(self.start, FromRest):
+        elastic = isinstance(self.slider, ElasticBody)
+        if isinstance(self.start, Prestressed) and not elastic:
+            raise InputError(
+                "Prestressed: is for an elastic slider, a Chain or a Sheet; start FromRest() or FromSliding()"
+            )
+        if not isinstance(self.start, FromSliding):
             return
+        if isinstance(self.start.perturbation, tuple) and not elastic:
+            raise InputError(
+                "FromSliding.perturbation: one number for each block is for an elastic slider; give one number"
+            )
         if self.velocity <= 0:
             raise InputError(
                 f"FromSliding: the drive starts at velocity {self.velocity:g}: steady sliding needs one above 0"
@@ -116,7 +125,9 @@ class Beginning:
         """Velocity of the slider at time 0."""
         if self.slider is None:
             return self.velocity
-        return self.velocity * (1.0 + self.start.perturbation) if isinstance(self.start, FromSliding) else 0.0
+        if not isinstance(self.start, FromSliding) or isinstance(self.start.perturbation, tuple):
+            return 0.0
+        return self.velocity * (1.0 + self.start.perturbation)
 
     @property
     def attached(self) -> float:
@@ -129,7 +140,8 @@ class Beginning:
         if self.slider is None or not self.sliding:
             return 0.0
         drag = self.slider.mass * self.slider.damping * self.velocity
-        return (contact_force + drag) / self.slider.stiffness
+        pulled = self.slider.stiffness if isinstance(self.slider, Slider) else float(self.slider.pulled.mean())
+        return (contact_force + drag) / pulled
 
 
 class Engine(Protocol):
@@ -145,7 +157,7 @@ class Engine(Protocol):
     """Default distance of samples, in radians of the fastest oscillation of the slider."""
     mechanisms: ClassVar[frozenset[str]] = frozenset()
     """What it takes of `Interface.mechanisms`; the rest is refused before it is asked."""
-    slider: SliderConstants
+    slider: SliderConstants | ElasticBody
 
     @staticmethod
     def check(interface: Interface, method: Any) -> None:
@@ -173,6 +185,10 @@ class Engine(Protocol):
         """
         ...
 
+    def marks(self) -> dict[str, Array]:
+        """Return what has happened once to each block of an elastic slider, by the name it has in a run."""
+        return {}
+
     def copy(self) -> Self:
         """Return an engine in the same state that goes its own way."""
         return copy.deepcopy(self)
@@ -184,11 +200,13 @@ class Engine(Protocol):
 
 E = TypeVar("E", bound=type)
 
-ENGINES: dict[tuple[type, type, type], type[Engine]] = {}
-"""The engines by kind of method, of ageing and of thermal activation; `solves` adds to it."""
+ENGINES: dict[tuple[type, type, type, bool], type[Engine]] = {}
+"""Engines by kind of method, of ageing, of thermal activation, and whether for elastic sliders; `solves` adds to it."""
 
 
-def solves(method: type, *ageing: type, temperature: tuple[type, ...] = (type(None),)) -> Callable[[E], E]:
+def solves(
+    method: type, *ageing: type, temperature: tuple[type, ...] = (type(None),), elastic: bool = False
+) -> Callable[[E], E]:
     """Register an engine: for a method, on contacts with one of these kinds of ageing; by default without ageing.
 
     Parameters
@@ -199,6 +217,8 @@ def solves(method: type, *ageing: type, temperature: tuple[type, ...] = (type(No
         Ageing models, ``type(None)`` among them if it takes contacts that do not age as well.
     temperature : tuple of type
         Kinds of thermal activation; by default none.
+    elastic : bool
+        Whether it is for elastic sliders; by default for rigid ones.
 
     Returns
     -------
@@ -209,14 +229,14 @@ def solves(method: type, *ageing: type, temperature: tuple[type, ...] = (type(No
     def register(engine: E) -> E:
         for kind in ageing or (type(None),):
             for activation in temperature:
-                ENGINES[method, kind, activation] = engine
+                ENGINES[method, kind, activation, elastic] = engine
         return engine
 
     return register
 
 
-def engine_of(interface: Interface, method: object) -> type[Engine]:
-    """Return the engine for a method on an interface.
+def engine_of(interface: Interface, method: object, slider: object = None) -> type[Engine]:
+    """Return the engine for a method on an interface, under a slider.
 
     Raises
     ------
@@ -224,17 +244,26 @@ def engine_of(interface: Interface, method: object) -> type[Engine]:
         If there is none, or it cannot take the interface.
     """
     name, ageing, temperature = type(method).__name__, interface.ageing, interface.temperature
-    engine = ENGINES.get((type(method), type(ageing), type(temperature)))
+    elastic = isinstance(slider, ElasticBody)
+    engine = ENGINES.get((type(method), type(ageing), type(temperature), elastic))
     if engine is not None:
         interface.allow(engine.mechanisms, name)
         engine.check(interface, method)
         return engine
+    if elastic and any(kind is type(method) for kind, _, _, _ in ENGINES):
+        body, known = type(slider).__name__, sorted({kind.__name__ for kind, _, _, bound in ENGINES if bound})
+        if name not in known:
+            raise InputError(f"method = {name}: is not for a {body}; use {' or '.join(known)}")
+        field = "ageing" if ageing is not None else "temperature"
+        raise InputError(f"Interface.{field} = {ageing or temperature}: not available with a {body}; leave it out")
+    if isinstance(method, QuasiStatic):
+        raise InputError("QuasiStatic: is for an elastic slider, a Chain; use Contacts or MasterEquation")
     if temperature is not None:
         also = "" if ageing is None else f" and ageing = {ageing}"
         raise InputError(f"Interface.temperature = {temperature}{also}: not available with {name}")
     if ageing is not None:
         raise InputError(f"Interface.ageing = {ageing}: not available with {name}; use Contacts")
-    kinds = " or ".join(sorted(kind.__name__ for taken, kind, _ in ENGINES if taken is type(method)))
+    kinds = " or ".join(sorted(kind.__name__ for taken, kind, _, _ in ENGINES if taken is type(method)))
     if kinds:
         raise InputError(f"{name}: is for thresholds that age by {kinds}; use MasterEquation")
     raise InputError(f"method = {shown(method)}: is no method of simulation; use Contacts or MasterEquation")
@@ -245,11 +274,12 @@ def engine_of(interface: Interface, method: object) -> type[Engine]:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def slider_constants(slider: Slider | None) -> SliderConstants:
+def slider_constants(slider: Slider | ElasticBody | None) -> SliderConstants:
     """Return a slider as the kernels take it; none is rigid motion."""
     from stickslip.kernels.oscillator import RIGID
     from stickslip.kernels.oscillator import Slider as SliderConstants
 
+    assert not isinstance(slider, ElasticBody)
     return RIGID if slider is None else SliderConstants(slider.stiffness, slider.mass, slider.damping)
 
 

@@ -1,0 +1,292 @@
+"""How fast a slip front runs along an elastic slider, and the prestress below which there is none."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any, Literal, get_args
+
+from scipy.optimize import brentq, minimize_scalar
+
+from stickslip.elastic.lattice import Groups, continuum_prestress, lattice_prestress
+from stickslip.elastic.precursors import elastic_parts, screening_length
+from stickslip.elastic.threshold_front import Medium, shoot, threshold
+from stickslip.errors import InputError, number, shown
+from stickslip.model import Chain, Interface, Rig, Sheet
+
+Blocks = Literal["lattice", "continuum"]
+
+SLOWEST = 0.01
+"""Speed, in units of that of sound, below which no front in a lattice is looked for."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Front:
+    """A steady slip front, as theory has it; ``float(front)`` is its speed.
+
+    Parameters
+    ----------
+    speed : float
+        In blocks per time of the rig's own units; 0 if there is no front.
+    sound_speed : float
+        In the same unit.
+    prestress : float
+        What was asked for: from 0, the sliding force, to 1, the mean threshold.
+    threshold : float
+        The prestress below which there is no front in a bar of fine blocks.
+    screening_length : float
+        In blocks.
+    blocks : {"lattice", "continuum"}
+        What the theory takes the blocks for.
+    caveats : tuple of str
+        What of the rig lies outside the range of the theory.
+    """
+
+    speed: float
+    sound_speed: float
+    prestress: float
+    threshold: float
+    screening_length: float
+    blocks: Blocks
+    caveats: tuple[str, ...] = ()
+
+    @property
+    def exists(self) -> bool:
+        """Whether there is a front."""
+        return self.speed > 0
+
+    def __float__(self) -> float:
+        return self.speed
+
+    def __str__(self) -> str:
+        if not self.exists:
+            why = (
+                f"fronts need more than {self.threshold:.4g}"
+                if self.prestress <= self.threshold
+                else f"above the threshold of fine blocks, {self.threshold:.4g}, but these blocks pin it"
+            )
+            said = f"no front at a prestress of {self.prestress:.4g}: {why}"
+        else:
+            kind = "faster than" if self.speed > self.sound_speed else "slower than"
+            said = (
+                f"front at {self.speed:.6g} blocks per time, {self.speed / self.sound_speed:.4g} times the speed of "
+                f"sound ({kind} sound), at a prestress of {self.prestress:.4g} ({self.blocks})"
+            )
+        return "; ".join([said, *self.caveats])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields by name."""
+        return asdict(self)
+
+
+def front_speed(rig: Rig, *, prestress: float, blocks: Blocks | None = None) -> Front:
+    """Return the speed of a steady slip front along an elastic slider whose contacts are stretched alike.
+
+    Behind the front contacts are detached and slide under `Interface.sliding_force`; none re-attaches as it passes.
+
+    Where all thresholds are alike the front in a chain of blocks is known exactly (Wiener-Hopf), with leaf springs,
+    damping, bulk viscosity and contacts of any stiffness; with a distribution of thresholds, in the continuum only.
+
+    Parameters
+    ----------
+    rig : Rig
+        With a `Chain`, or a `Sheet`, along which a straight front runs. Its number of blocks, its ends, its side spring
+        and the drive do not matter.
+    prestress : float
+        Force of the contacts ahead of the front, above the sliding force ``f_d`` and in units of its difference from
+        the mean threshold: ``(tau_0 - f_d)/(f_s - f_d)``, between 0 and 1.
+    blocks : {"lattice", "continuum"}, optional
+        Whether blocks are what they are or small compared with the screening length; by default "lattice" if all
+        thresholds are alike, else "continuum".
+
+    Returns
+    -------
+    Front
+        With a speed of 0 if there is no front: below `front_threshold`, or where blocks pin it.
+
+    Raises
+    ------
+    InputError
+        If the interface has a mechanism that the theory leaves out, or the thresholds have a standard deviation and
+        the lattice is asked for; in the continuum, if they have one and the bulk is viscous.
+
+    Notes
+    -----
+    On a lattice to 1e-6, down to a hundredth of the speed of sound; with a distribution of thresholds to 1e-6, in
+    the limit of a long screening length and many contacts per block. At the same prestress there may be slower steady
+    fronts on a lattice; it is the fastest that is returned.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.0), delay=ss.Delay(float("inf")))
+    >>> bar = ss.Chain(blocks=400, coupling=4.0, mass=4.0, damping=0.3, leaf=0.2)
+    >>> rig = ss.Rig(interface, bar, ss.constant(velocity=0.0, duration=1.0))
+    >>> print(ss.front_speed(rig, prestress=0.6))
+    front at 0.686408 blocks per time, 0.6864 times the speed of sound (slower than sound), at a prestress of 0.6 \
+(lattice); slow fronts feel the blocks: the screening length is 1.848 of them
+    """
+    body, interface = elastic_parts(rig, "front_speed")
+    tau = number("prestress", prestress, above=0, below=1, hint="(tau_0 - f_d)/(f_s - f_d)")
+    alike = interface.threshold_distribution.single
+    if blocks is not None and blocks not in get_args(Blocks):
+        raise InputError(f"blocks = {shown(blocks)}: must be one of {', '.join(get_args(Blocks))}")
+    if blocks == "lattice" and not alike:
+        raise InputError(
+            "blocks = 'lattice': known only where all thresholds are alike; give thresholds without standard "
+            "deviation, or blocks='continuum'"
+        )
+    kind: Blocks = blocks or ("lattice" if alike else "continuum")
+    if not alike:
+        speed = _of_distribution(body, interface, tau)
+    elif kind == "lattice":
+        speed = _on_lattice(tau, groups(body))
+    else:
+        speed = _in_continuum(tau, groups(body))
+    natural = Front(
+        speed=speed * body.sound_speed,
+        sound_speed=body.sound_speed,
+        prestress=tau,
+        threshold=_threshold(body, interface),
+        screening_length=float(screening_length(rig)),
+        blocks=kind,
+    )
+    rate = rig.unit("1/time")
+    return Front(
+        **{
+            **natural.to_dict(),
+            "speed": natural.speed * rate,
+            "sound_speed": natural.sound_speed * rate,
+            "caveats": _caveats(natural, interface),
+        }
+    )
+
+
+def front_threshold(rig: Rig) -> float:
+    """Return the smallest prestress at which a slip front advances: where the work to spare is none.
+
+    Where all thresholds are alike, Griffith's ``sqrt(K/(K + k))`` with leaf springs `K`; else from equal areas above
+    and below the force of the contacts as they break. In the continuum; blocks of more than half a screening length
+    pin fronts somewhat above.
+
+    Parameters
+    ----------
+    rig : Rig
+        With a `Chain` or a `Sheet`.
+
+    Returns
+    -------
+    float
+        As `prestress` of `front_speed`: above the sliding force, in units of its difference from the mean threshold.
+        Infinite if the thresholds are so scattered that there are no fronts.
+
+    Raises
+    ------
+    InputError
+        If the interface has a mechanism that the theory leaves out.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(float("inf")))
+    >>> bar = ss.Chain(blocks=400, coupling=25.0, mass=25.0, damping=0.2, leaf=0.25)
+    >>> round(ss.front_threshold(ss.Rig(interface, bar, ss.constant(velocity=0.0, duration=1.0))), 6)
+    0.449444
+    """
+    return _threshold(*elastic_parts(rig, "front_threshold"))
+
+
+def groups(body: Chain | Sheet) -> Groups:
+    """Return what a front along a body depends on."""
+    impedance = math.sqrt(body.mass * body.coupling)
+    return Groups(
+        contacts=1.0 / body.coupling,
+        leaf=body.leaf / body.coupling,
+        damping=body.damping * body.mass / impedance,
+        viscosity=body.viscosity / impedance,
+    )
+
+
+def _threshold(body: Chain | Sheet, interface: Interface) -> float:
+    thresholds, sliding = interface.threshold_distribution, interface.sliding_force
+    if thresholds.single:
+        return math.sqrt(body.leaf / (1.0 + body.leaf))
+    found = threshold(Medium(thresholds, sliding, body.leaf))
+    return (found - sliding) / (thresholds.moment(1) - sliding)
+
+
+def _on_lattice(tau: float, chain: Groups) -> float:
+    """Speed of the fastest front, in units of that of sound; 0 if there is none."""
+
+    def lack(speed: float) -> float:
+        return lattice_prestress(speed, chain) - tau
+
+    low = high = 1.0
+    if lack(1.0) < 0:
+        while lack(high) < 0:
+            low, high = high, 1.25 * high
+    else:
+        before = math.inf
+        while (here := lack(low)) > 0:
+            if here > before:  # slower fronts need more: the lattice holds them
+                lowest = minimize_scalar(lack, bounds=(low, low / 0.94**2), method="bounded", options={"xatol": 1e-9})
+                if lowest.fun > 0:
+                    return 0.0
+                low = float(lowest.x)
+                break
+            if low < SLOWEST:
+                return 0.0
+            high, low, before = low, 0.94 * low, here
+        if lack(high) < 0:
+            high /= 0.94
+    return float(brentq(lack, low, high, xtol=1e-13, rtol=1e-12))
+
+
+def _in_continuum(tau: float, chain: Groups) -> float:
+    """Speed of the front, in units of that of sound; 0 if there is none."""
+    if tau <= math.sqrt(chain.leaf / (chain.leaf + chain.contacts)):
+        return 0.0
+    if chain.viscosity == 0 and chain.damping == 0:
+        return 1.0
+
+    def lack(speed: float) -> float:
+        return continuum_prestress(speed, chain) - tau
+
+    low, high = 0.5, 1.0
+    while lack(low) > 0:
+        low *= 0.5
+    while lack(high) < 0:
+        high *= 2.0
+    return float(brentq(lack, low, high, xtol=1e-14, rtol=1e-12))
+
+
+def _of_distribution(body: Chain | Sheet, interface: Interface, tau: float) -> float:
+    if body.viscosity > 0:
+        raise InputError(
+            f"{type(body).__name__}.viscosity = {body.viscosity:g}: fronts in a viscous bar are known only where all "
+            "thresholds are alike; give thresholds without standard deviation, or no viscosity"
+        )
+    thresholds, sliding = interface.threshold_distribution, interface.sliding_force
+    force = sliding + tau * (thresholds.moment(1) - sliding)
+    eigenvalue = shoot(Medium(thresholds, sliding, body.leaf), force)
+    if math.isinf(eigenvalue):
+        raise InputError(
+            f"prestress = {tau:g}: the contacts are past their largest force there and give way by themselves; lower it"
+        )
+    if eigenvalue == 0:
+        return 0.0
+    return 1.0 / math.sqrt(1.0 + body.mass * body.damping**2 / eigenvalue**2)
+
+
+def _caveats(front: Front, interface: Interface) -> tuple[str, ...]:
+    found = []
+    length = front.screening_length
+    if length < 2:
+        found.append(f"slow fronts feel the blocks: the screening length is {length:.4g} of them")
+    delay = interface.delay.moment(1)
+    if front.exists and delay * front.speed < 10 * length:
+        found.append(
+            f"contacts re-attach within the front, after {delay:g} on average: the theory leaves that out; it needs a "
+            f"delay of more than {10 * length / front.speed:.3g}"
+        )
+    return tuple(found)

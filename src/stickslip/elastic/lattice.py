@@ -1,0 +1,133 @@
+"""Steady fronts in a chain whose contacts all break at one threshold and stay detached, by the Wiener-Hopf method.
+
+In units of the block spacing and of the time that sound takes from block to block, with ``T = 1/v``,
+
+    L0(s) = s^2 + alpha s + Kh + (1 + zeta s)(2 - 2 cosh sT),    L1 = L0 + kappa,    G = L0/L1 = G+ G-
+
+are the stiffnesses that a wave of the front's speed meets behind and ahead of it. A front of speed `v` needs the
+prestress ``G-(0) = sqrt(G(0)) exp((1/pi) Int_0^inf arg G(i w) dw/w)``, of the kind ``(tau_0 - f_d)/(f_s - f_d)``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Groups(NamedTuple):
+    """What a front in a chain depends on, in units of the block spacing, the coupling and the speed of sound."""
+
+    contacts: float
+    """``kappa = 1/k_b``: the contacts against the bulk."""
+    leaf: float
+    """``Kh = K/k_b``: the leaf springs against the bulk."""
+    damping: float
+    """``alpha = eta sqrt(M/k_b)``."""
+    viscosity: float
+    """``zeta = c_b/sqrt(M k_b)``."""
+
+
+# Tanh-sinh nodes and weights on (0, 1): they crowd at the ends, where the phase of a chain without damping jumps.
+_T = np.linspace(-4.6, 4.6, 401)
+_NODES = 1.0 / (1.0 + np.exp(-np.pi * np.sinh(_T)))
+_WEIGHTS = (_T[1] - _T[0]) * np.pi * np.cosh(_T) * _NODES * _NODES[::-1]
+
+SMOOTH = 2000.0
+"""Frequency beyond which the phase is averaged over the waves of the lattice; its error is 1/SMOOTH^2."""
+
+
+@lru_cache(maxsize=4096)
+def lattice_prestress(speed: float, groups: Groups) -> float:
+    """Return the prestress of a front of a given speed in a chain; both in units of the front's own.
+
+    Parameters
+    ----------
+    speed : float
+        Of the front, in units of the speed of sound.
+    groups : Groups
+        The chain.
+
+    Returns
+    -------
+    float
+        ``(tau_0 - f_d)/(f_s - f_d)``, from 0 to 1; to 1e-7 down to a speed of a hundredth of that of sound.
+    """
+    kappa, leaf, alpha, zeta = groups
+    period = 1.0 / speed
+    # G has a zero of this order at s = 0, which belongs to G+; it is divided out as s/(s + 1).
+    order = 0 if leaf > 0 else 1 if alpha > 0 else 2
+    slope = (leaf, alpha, 1.0 - period * period)[order]
+    if slope <= 0:  # nothing resists behind the front, and nothing drains what it radiates ahead
+        return 0.0
+    edges, rough = _panels(groups, period)
+
+    def phase(w: Array) -> Array:
+        wave = np.where(w > rough, 2.0, 4.0 * np.sin(0.5 * w * period) ** 2)
+        loss, held = w * (alpha + zeta * wave), wave - w * w + leaf
+        divided = order * np.arctan2(1.0, w)
+        return np.asarray(np.arctan2(loss, held) - np.arctan2(loss, held + kappa) - divided)
+
+    low, width = edges[:-1, None], np.diff(edges)[:, None]
+    w = low + width * _NODES
+    inside = float(np.sum(phase(w) / w * width * _WEIGHTS))
+    beyond = float(np.sum(phase(edges[-1] / _NODES) / _NODES * _WEIGHTS))
+    return math.sqrt(slope / (leaf + kappa)) * math.exp((inside + beyond) / math.pi)
+
+
+def _panels(groups: Groups, period: float) -> tuple[Array, float]:
+    """Frequencies between which the phase is smooth, from 0 on, and the one beyond which it is averaged."""
+    turns = np.empty(0)
+    if period > 1.0:  # where the real part of L0 turns back: w = T sin(wT)
+        grid = np.linspace(0.0, period, int(8 * period * period) + 200)[1:]
+        turns = _zeros(lambda w: period * np.sin(w * period) - w, grid)
+    marks = [turns]
+    for held in (groups.leaf, groups.leaf + groups.contacts):
+        ends = np.concatenate([[1e-12], turns, [1.001 * math.sqrt(held + 4.0)]])
+        marks.append(_zeros(lambda w, held=held: held - w * w + 4.0 * np.sin(0.5 * w * period) ** 2, ends))  # type: ignore[misc]
+    steps = np.unique(np.concatenate(marks))
+    if groups.damping == 0 and groups.viscosity == 0:  # the phase is constant between its steps
+        return np.concatenate([[0.0], steps]), math.inf
+    rough = SMOOTH * min(1.0, math.sqrt(groups.viscosity)) if groups.viscosity > 0 else 20.0
+    rough = max(rough, 20.0)
+    start = float(np.max(steps, initial=1.0, where=steps < rough))
+    panels = [start]
+    while panels[-1] < rough:
+        panels.append(panels[-1] + min(panels[-1], 25.0 / period))
+    return np.unique(np.concatenate([[0.0], steps, panels])), panels[-1]
+
+
+def _zeros(function: Callable[[Array], Array], grid: Array) -> Array:
+    """Zeros of a function between neighbours of a grid where its sign changes, by bisection."""
+    value = function(grid)
+    at = np.flatnonzero(value[:-1] * value[1:] < 0)
+    low, high, sign = grid[at], grid[at + 1], np.sign(value[at])
+    for _ in range(56):
+        middle = 0.5 * (low + high)
+        same = function(middle) * sign > 0
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    return np.asarray(0.5 * (low + high))
+
+
+def continuum_prestress(speed: float, groups: Groups) -> float:
+    """Return the prestress of a front of a given speed in a bar: many blocks to a screening length.
+
+    ``L0`` and ``L1`` are cubics then, and the prestress is the ratio of their only roots with a positive real part;
+    without bulk viscosity ``[alpha + sqrt(alpha^2 + Kh B)]/[alpha + sqrt(alpha^2 + (Kh + kappa) B)]``, ``B = 4 (1/v^2
+    - 1)``, for speeds below that of sound.
+    """
+    kappa, leaf, alpha, zeta = groups
+    bend = 1.0 / speed**2
+    if zeta == 0:
+        sharp = 4.0 * (bend - 1.0)
+        ahead, behind = (alpha + math.sqrt(alpha**2 + held * sharp) for held in (leaf + kappa, leaf))
+        return behind / ahead if ahead > 0 else 1.0
+    roots = (np.roots([-zeta * bend, 1.0 - bend, alpha, held]) for held in (leaf, leaf + kappa))
+    behind, ahead = (float(np.max(root.real[np.abs(root.imag) <= 1e-9 * np.abs(root)], initial=0.0)) for root in roots)
+    return behind / ahead

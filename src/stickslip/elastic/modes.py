@@ -1,0 +1,283 @@
+"""Linear stability of an elastic slider in smooth sliding: a mode for each wavelength, and which of them grow.
+
+All blocks slide alike, so the contacts of each answer with the same dynamic stiffness ``kappa(s)``, and every
+eigenvector of the springs is a mode of its own:
+
+    M s^2 + M eta s + Lambda_m + (c_b/k_b) lambda_m s + kappa(s) = 0
+
+with ``Lambda_m`` its stiffness, ``lambda_m`` the part of it that is the bulk's. Each mode is thus a rigid slider on a
+spring ``Lambda_m``, with the viscosity of the bulk added to its damping.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh_tridiagonal
+from scipy.optimize import brentq
+
+from stickslip.errors import InputError, UndecidedError, instance, whole
+from stickslip.model import Chain, Rig, Sheet
+from stickslip.stability.critical import critical_spring
+from stickslip.stability.impedances import SpringMassDamper
+from stickslip.stability.modes import rightmost_root
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CriticalLength:
+    """How long an elastic slider, and how long a wave on it, has to be to lose stability; lengths in blocks.
+
+    Parameters
+    ----------
+    stiffness : float
+        ``K_c(v)``, below which a mode grows, in the rig's own units; 0 if none does.
+    wavelength : float
+        Shortest wavelength that grows; infinite if none does.
+    length : float
+        Length beyond which a slider that is pulled at one end is unstable, in the continuum with that end held: a
+        quarter of `wavelength` if it is long, ``(pi/2) sqrt(k_b/K_c)``.
+    blocks : int
+        The same for the rig's own chain with its side spring: smallest number of blocks that is unstable; 0 if there is
+        none, or the chain is not pulled at one end only.
+    """
+
+    stiffness: float
+    wavelength: float
+    length: float
+    blocks: int
+
+    def __str__(self) -> str:
+        if not math.isfinite(self.wavelength):
+            return "smooth sliding is stable at every wavelength"
+        said = f"waves longer than {self.wavelength:.4g} blocks grow"
+        return said + (f"; pulled at one end, unstable from {self.blocks} blocks on" if self.blocks else "")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields by name."""
+        return asdict(self)
+
+
+def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
+    """Return the modes of an elastic slider in smooth sliding, softest first, and how each grows or decays.
+
+    Parameters
+    ----------
+    rig : Rig
+        With a `Chain` or a `Sheet`; it slides at the first velocity of the drive.
+    count : int
+        How many modes, at most; softer modes lose stability first.
+
+    Returns
+    -------
+    Dataset
+        Along `mode`: `stiffness` ``Lambda_m`` and `coupling`, the bulk's part of it; `wavelength` in blocks (infinite
+        if all blocks move alike, NaN if the mode does not reach into the bulk; of a sheet, along the drive); `growth`
+        and `frequency`, real part and angular frequency of the rightmost root. In the rig's own units.
+
+    Raises
+    ------
+    InputError
+        If the slider is rigid, nothing holds it, or there is no steady sliding.
+
+    Notes
+    -----
+    Exact, but with a side spring and bulk viscosity together: they do not share their eigenvectors, and the viscosity
+    of a mode is taken to first order.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
+    >>> ring = ss.Chain(blocks=8, coupling=2.0, mass=1e-4, damping=42.426, leaf=3.0, ends="periodic")
+    >>> found = ss.modes(ss.Rig(interface, ring, ss.constant(velocity=1.5)), count=2)
+    >>> found.stiffness.values.round(4).tolist(), found.growth.values.round(4).tolist()
+    ([3.0, 4.1716], [-0.0538, -0.0957])
+    """
+    import xarray as xr
+
+    body = _elastic(rig, "modes")
+    wanted = whole("count", count, at_least=1, hint="number of modes")
+    stiffness, coupling, wavelength = _springs(body, wanted)
+    if not stiffness[0] > 0:
+        raise InputError(
+            f"Rig.slider = {body!r}: nothing holds the slider, a mode has no stiffness; give leaf or side springs"
+        )
+    natural = rig.natural
+    roots: dict[SpringMassDamper, complex] = {}  # modes come in pairs of one stiffness
+    each = [_mode(body, s, c) for s, c in zip(stiffness.tolist(), coupling.tolist(), strict=True)]
+    for slider in each:
+        if slider not in roots:
+            roots[slider] = rightmost_root(replace(natural, slider=slider))
+    root = np.array([roots[slider] for slider in each])
+
+    def column(values: Array, unit: str, title: str) -> tuple[str, Array, dict[str, str]]:
+        return "mode", values * rig.unit(unit), {"long_name": title, "units": rig.unit_name(unit)}
+
+    return xr.Dataset(
+        {
+            "stiffness": column(stiffness, "k", "stiffness of the mode"),
+            "coupling": column(coupling, "k", "part of the stiffness that is the bulk's"),
+            "wavelength": ("mode", wavelength, {"long_name": "wavelength", "units": "blocks"}),
+            "growth": column(root.real, "1/time", "growth rate"),
+            "frequency": column(root.imag, "1/time", "angular frequency"),
+        },
+        coords={"mode": np.arange(len(each))},
+    )
+
+
+def critical_length(rig: Rig) -> CriticalLength:
+    """Return the shortest wavelength that grows in smooth sliding, and from which length on a slider is unstable.
+
+    The modes that grow are those softer than ``K_c(v)``, the critical spring of the rigid slider. Waves of wavenumber
+    `q` have the stiffness ``K + 4 k_b sin^2(q/2)``: long waves go first.
+
+    Parameters
+    ----------
+    rig : Rig
+        With a `Chain`; it slides at the first velocity of the drive. Its number of blocks does not matter.
+
+    Returns
+    -------
+    CriticalLength
+
+    Raises
+    ------
+    InputError
+        If the slider is no chain, or there is no steady sliding.
+    UndecidedError
+        If there is no critical spring as far as one can see.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
+    >>> bar = ss.Chain(blocks=8, coupling=80.0, mass=1e-4, damping=42.426, side=40.0)
+    >>> print(ss.critical_length(ss.Rig(interface, bar, ss.constant(velocity=1.5))))
+    waves longer than 37.62 blocks grow; pulled at one end, unstable from 8 blocks on
+    """
+    body = _elastic(rig, "critical_length")
+    if not isinstance(body, Chain):
+        raise InputError(f"Rig.slider = {body!r}: critical_length needs a Chain; the modes of a Sheet are in modes()")
+    natural = rig.natural
+
+    def spare(coupling: float) -> float:
+        """How far a wave of this stiffness of the bulk is from being stable, with the viscosity that it meets."""
+        held = critical_spring(replace(natural, slider=_mode(body, 1.0, coupling)))
+        return held - body.leaf - coupling
+
+    softest = spare(0.0)
+    critical = softest + body.leaf
+    if softest <= 0:
+        return CriticalLength(stiffness=critical * rig.unit("k"), wavelength=math.inf, length=math.inf, blocks=0)
+    # Viscosity adds damping, which may lower K_c and cannot raise the stiffness that the bulk itself needs.
+    reach = softest if body.viscosity == 0 else _last_positive(spare, softest)
+    critical = body.leaf + reach
+    sine = math.sqrt(reach / (4.0 * body.coupling))
+    return CriticalLength(
+        stiffness=critical * rig.unit("k"),
+        wavelength=math.pi / math.asin(sine) if sine < 1 else 2.0,
+        length=0.5 * math.pi * math.sqrt(body.coupling / reach),
+        blocks=_first_unstable(body, spare) if body.side > 0 and body.leaf == 0 and body.ends == "free" else 0,
+    )
+
+
+def _last_positive(spare: Any, softest: float) -> float:
+    top = softest
+    while spare(top) > 0:
+        top *= 2.0
+    return float(brentq(spare, 0.0, top, rtol=1e-10))
+
+
+def _first_unstable(chain: Chain, spare: Any) -> int:
+    """Smallest number of blocks whose softest mode grows: it softens with every block."""
+
+    def grows(blocks: int) -> bool:
+        stiffness, coupling, _ = _springs(replace(chain, blocks=blocks), 1)
+        return bool(spare(float(coupling[0])) + float(coupling[0]) > float(stiffness[0]))
+
+    high = 1
+    while not grows(high):
+        high *= 2
+        if high > 1 << 20:
+            raise UndecidedError("critical_length: no number of blocks below a million is unstable")
+    low = high // 2
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if grows(middle) else (middle, high)
+    return high
+
+
+def _elastic(rig: Rig, who: str) -> Chain | Sheet:
+    instance("rig", rig, Rig, "a Rig(interface, Chain(...), drive)")
+    body = rig.natural.slider
+    if not isinstance(body, Chain | Sheet):
+        raise InputError(f"Rig.slider = {body!r}: {who} needs an elastic slider; give a Chain(...) or a Sheet(...)")
+    return body
+
+
+def _mode(body: Chain | Sheet, stiffness: float, coupling: float) -> SpringMassDamper:
+    """Return the rigid slider that a mode amounts to."""
+    viscous = body.viscosity / body.coupling * coupling
+    return SpringMassDamper(stiffness=stiffness, mass=body.mass, damping=body.damping + viscous / body.mass)
+
+
+def _springs(body: Chain | Sheet, count: int) -> tuple[Array, Array, Array]:
+    """Stiffness of each mode, the bulk's part of it, and its wavelength along the drive, softest first."""
+    if isinstance(body, Chain):
+        stiffness, coupling = _row(body.blocks, body.coupling, body.side, body.ends == "periodic", count)
+        along = stiffness
+    else:
+        ring = body.ends == "periodic"
+        row, bulk = _row(body.along, body.coupling, body.side, ring, count)
+        beside, _ = _row(body.across, body.shear, 0.0, ring, count)
+        total = (row[:, None] + beside).ravel()
+        chosen = np.argsort(total, kind="stable")[:count]
+        stiffness, coupling = total[chosen], (bulk[:, None] + beside).ravel()[chosen]
+        along = np.repeat(row, beside.size)[chosen]
+    # sin(q/2) in the bulk; a mode stiffer than any wave is held to the end with the spring.
+    sine = np.sqrt(along / (4.0 * body.coupling))
+    with np.errstate(divide="ignore"):
+        wavelength = np.where(sine > 1, np.nan, np.pi / np.arcsin(np.minimum(sine, 1.0)))
+    return stiffness + body.leaf, coupling, wavelength
+
+
+def _row(blocks: int, coupling: float, side: float, ring: bool, count: int) -> tuple[Array, Array]:
+    """Stiffness of the softest modes of a row of blocks without leaf springs, and the bulk's part of it."""
+    count = min(count, blocks)
+    if ring and blocks > 2 and side == 0:
+        turns = (np.arange(count) + 1) // 2
+        bulk = 4.0 * coupling * np.sin(np.pi * turns / blocks) ** 2
+        return bulk, bulk
+    if side == 0:
+        bulk = 4.0 * coupling * np.sin(0.5 * np.pi * np.arange(count) / blocks) ** 2
+        return bulk, bulk
+    if ring and blocks > 2:
+        if blocks > 4096:
+            raise InputError(
+                f"Rig.slider: {blocks} blocks in a ring with a side spring: more than 4096 are not computed; "
+                "take free ends, or fewer blocks"
+            )
+        matrix = coupling * (2.0 * np.eye(blocks) - np.roll(np.eye(blocks), 1, 0) - np.roll(np.eye(blocks), -1, 0))
+        matrix[0, 0] += side
+        stiffness, shape = np.linalg.eigh(matrix)
+        stiffness, first = stiffness[:count], shape[0, :count]
+    else:
+        diagonal = np.full(blocks, 2.0 * coupling)
+        diagonal[0], diagonal[-1] = coupling, coupling
+        if blocks == 1:
+            diagonal[0] = 0.0
+        diagonal[0] += side
+        stiffness, shape = eigh_tridiagonal(
+            diagonal, np.full(blocks - 1, -coupling), select="i", select_range=(0, count - 1)
+        )
+        first = shape[0]
+    return np.asarray(stiffness), np.asarray(stiffness - side * first**2)

@@ -1,0 +1,144 @@
+"""Statics of an elastic slider: how far a force reaches, and how far slip precursors run under a slow side drive."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stickslip.errors import InputError, instance
+from stickslip.model import Chain, Interface, Rig, Sheet
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def elastic_parts(rig: Rig, who: str) -> tuple[Chain | Sheet, Interface]:
+    """Return the body and the interface of a rig with an elastic slider, in natural units.
+
+    Raises
+    ------
+    InputError
+        If its slider is rigid, or contacts do more than break, slide and stay detached.
+    """
+    instance("rig", rig, Rig, "a Rig(interface, Chain(...), drive)")
+    natural = rig.natural
+    body, interface = natural.slider, natural.interface
+    if not isinstance(body, Chain | Sheet):
+        raise InputError(f"Rig.slider = {body!r}: {who} needs an elastic slider; give a Chain(...) or a Sheet(...)")
+    interface.allow(("sliding_force", "on_arrest"), who)
+    if interface.ageing is not None:
+        raise InputError(f"Interface.ageing = {interface.ageing!r}: not available with {who}; leave it out")
+    strength = interface.threshold_distribution.moment(1)
+    if interface.sliding_force >= strength:
+        raise InputError(
+            f"Interface.sliding_force = {interface.sliding_force:g}: must be below the mean threshold, {strength:g}, "
+            f"for {who}"
+        )
+    return body, interface
+
+
+def screening_length(rig: Rig) -> float:
+    """Return the distance along an elastic slider over which attached contacts take up a force, in blocks.
+
+    ``1/arccosh(1 + (k + K)/(2 k_b))`` with leaf springs `K`, which tends to ``sqrt(k_b/(k + K))`` where it is long.
+    Keep it above 2 blocks: below, the blocks themselves hold fronts back.
+
+    Parameters
+    ----------
+    rig : Rig
+        With a `Chain` or a `Sheet` (along its rows).
+
+    Returns
+    -------
+    float
+        The displacement of stuck blocks falls by a factor `e` over it.
+
+    Raises
+    ------
+    InputError
+        If the slider is rigid.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.0))
+    >>> bar = ss.Chain(blocks=100, coupling=47.0, mass=1.0, damping=0.1, leaf=0.02)
+    >>> round(ss.screening_length(ss.Rig(interface, bar, ss.constant(velocity=0.0, duration=1.0))), 2)
+    6.79
+    """
+    body, _ = elastic_parts(rig, "screening_length")
+    return 1.0 / math.acosh(1.0 + (1.0 + body.leaf) / (2.0 * body.coupling))
+
+
+def precursor_force(rig: Rig) -> xr.DataArray:
+    """Return the driving force at which slip, let in slowly from one end, has reached each block of a chain.
+
+    All thresholds alike, no re-attachment, a slow drive on block 0 alone. With slip as far as block `l`
+
+        F(l) = f_d l + f_s [1 + k_b (1 - rho_(n-l))]
+
+    in units of the strength ``N f_s`` of the contacts of one block, where ``rho_m`` is the displacement of the second
+    of `m` stuck blocks over that of the first. Precursors lengthen with the force by ``1/f_d`` blocks for each
+    ``N f_s``; the greatest force over the number of blocks is the static friction of the slider.
+
+    Parameters
+    ----------
+    rig : Rig
+        With a `Chain` with free ends and a side spring, and without leaf springs.
+
+    Returns
+    -------
+    DataArray
+        The force at each `tip`, the number of blocks that slide before the next breaks loose; per contact of one block,
+        in the rig's own units.
+
+    Raises
+    ------
+    InputError
+        If the chain is pulled otherwise, or the thresholds have a standard deviation.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> interface = ss.Interface(
+    ...     thresholds=ss.Gaussian(mean=1.0, std=0.0), delay=ss.Delay(float("inf")), sliding_force=0.425
+    ... )
+    >>> bar = ss.Chain(blocks=50, coupling=4.0, mass=4.0, damping=0.1, side=4.0)
+    >>> force = ss.precursor_force(ss.Rig(interface, bar, ss.constant(velocity=0.0, duration=1.0)))
+    >>> round(float(force.sel(tip=10)), 6), round(float(force.max()) / bar.blocks, 6)
+    (6.811553, 0.444328)
+    """
+    import xarray as xr
+
+    body, interface = elastic_parts(rig, "precursor_force")
+    if not isinstance(body, Chain) or body.leaf > 0 or body.side == 0 or body.ends != "free":
+        raise InputError(
+            f"Rig.slider = {body!r}: precursor_force needs a Chain that is pulled at one end only; give "
+            "Chain(side=..., leaf=0.0, ends='free')"
+        )
+    thresholds = interface.threshold_distribution
+    if not thresholds.single:
+        raise InputError(
+            f"Interface.thresholds = {interface.thresholds}: precursor_force needs all thresholds alike; "
+            "give them no standard deviation"
+        )
+    strength, tip = thresholds.moment(1), np.arange(body.blocks)
+    held = np.array([1.0 - rho for rho in _screening(body.coupling, body.blocks)])[::-1]
+    force = interface.sliding_force * tip + strength * (1.0 + body.coupling * held)
+    return xr.DataArray(
+        force * rig.unit("f_s"),
+        coords={"tip": ("tip", tip, {"long_name": "blocks that slide", "units": "1"})},
+        dims="tip",
+        name="force",
+        attrs={"long_name": "driving force", "units": rig.unit_name("f_s")},
+    )
+
+
+def _screening(coupling: float, blocks: int) -> list[float]:
+    """Displacement of the second of m stuck blocks over that of the first, m = 1 ... blocks; 1 where there is none."""
+    found = [1.0]
+    for _ in range(1, blocks):
+        found.append(coupling / (1.0 + coupling * (2.0 - found[-1])))
+    return found

@@ -1,0 +1,267 @@
+"""N contacts on each block of an elastic slider: every break and re-attachment located inside the step of `leapfrog`.
+
+What happens to the contacts of a block while it drifts is found in order of time: the next break where it passes the
+nearest breaking position, the next re-attachment at its time. An event that changes the force by ``dF`` a fraction
+``theta`` into a step of length ``h`` is made up for by an impulse ``dF (1/2 - theta) h``, which keeps the scheme second
+order whatever the number of events. A block in whose reach nothing happens costs three comparisons, however many
+contacts it has.
+
+Per block: births and thresholds of all contacts, and three tournaments (`tournament`) over them, for breaks ahead and
+behind and for re-attachments. What a contact loses when it attaches counts as broken.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._jit import bare, inlined
+from .leapfrog import (
+    BLOCK,
+    BROKEN,
+    DRIVE_FORCE,
+    ON_THE_WAY,
+    SPENT,
+    STEP,
+    TIME,
+    Motion,
+    Piece,
+    Sampling,
+    at_rest,
+    begin_step,
+    end_step,
+    slide,
+)
+from .network import Network
+from .tournament import enter, play, smallest, tournaments, winner
+
+Floats = NDArray[np.float64]
+Counts = NDArray[np.int64]
+
+# Why `advance` returned, besides REACHED_END and CONDITION_HELD of `leapfrog`.
+THRESHOLDS_USED_UP, DELAYS_USED_UP, BUDGET_SPENT = range(3, 6)
+
+
+class Draws(NamedTuple):
+    """Random numbers of each block in the order of use, shape (n, any); the delay of all, or NaN to take the drawn."""
+
+    thresholds: Floats
+    delays: Floats
+    fixed_delay: float
+
+
+class Contacts(NamedTuple):
+    """The contacts of n blocks, N each; shapes (n, N), tournaments (n, some 8/7 N), and (n,) for what is next."""
+
+    birth: Floats
+    threshold: Floats  # 0 marks a detached contact
+    tree_ahead: Floats
+    tree_behind: Floats
+    tree_attach: Floats
+    ahead: Floats
+    behind: Floats
+    next_attach: Floats
+    impulse: Floats  # of the events of a step
+    breaks: Counts
+    attached: Counts
+    next_threshold: Counts
+    next_delay: Counts
+
+
+class State(NamedTuple):
+    """All that the next step needs."""
+
+    motion: Motion
+    contacts: Contacts
+
+
+def make_state(
+    birth: Floats, threshold: Floats, waiting: Floats, X: Floats, V: Floats, sliding: float, anchored: Floats
+) -> State:
+    """Return the state of n blocks.
+
+    Parameters
+    ----------
+    birth, threshold : ndarray, shape (n, N)
+        Where each contact has no stretching, and its threshold; 0 for a detached one.
+    waiting : ndarray, shape (n, N)
+        Times at which detached contacts re-attach, infinite for those that do not.
+    X, V, sliding, anchored
+        As in `leapfrog.at_rest`.
+    """
+    n, N = birth.shape
+    attached = threshold > 0
+    motion = at_rest(X, V, sliding, anchored)
+    ahead, behind, attach = tournaments(n, N), tournaments(n, N), tournaments(n, N)
+    ahead[:, :N] = np.where(attached, birth + threshold, np.inf)
+    behind[:, :N] = np.where(attached, threshold - birth, np.inf)
+    attach[:, :N] = waiting
+    for tree in (ahead, behind, attach):
+        play(tree, N)
+    contacts = Contacts(
+        birth=birth,
+        threshold=threshold,
+        tree_ahead=ahead,
+        tree_behind=behind,
+        tree_attach=attach,
+        ahead=ahead[:, -1].copy(),
+        behind=behind[:, -1].copy(),
+        next_attach=attach[:, -1].copy(),
+        impulse=np.zeros(n),
+        breaks=np.zeros(n, np.int64),
+        attached=attached.sum(axis=1),
+        next_threshold=np.zeros(n, np.int64),
+        next_delay=np.zeros(n, np.int64),
+    )
+    state = State(motion, contacts)
+    motion.blocks.held[:] = attached.sum(axis=1) / N
+    for j in range(n):
+        _sum_again(state, j)
+    return state
+
+
+@bare
+def _sum_again(state: State, j: int) -> None:
+    """Sum the birth positions of a block afresh: rounding cannot pile up."""
+    contacts, N = state.contacts, state.contacts.birth.shape[1]
+    total, squares = 0.0, 0.0
+    for i in range(N):
+        if contacts.threshold[j, i] > 0.0:
+            total += contacts.birth[j, i]
+            squares += contacts.birth[j, i] * contacts.birth[j, i]
+    state.motion.blocks.births[j] = total / N
+    state.motion.blocks.squares[j] = squares / N
+
+
+@inlined
+def look_ahead(contacts: Contacts, j: int) -> None:
+    """Find what is next on a block."""
+    contacts.ahead[j] = smallest(contacts.tree_ahead[j])
+    contacts.behind[j] = smallest(contacts.tree_behind[j])
+    contacts.next_attach[j] = smallest(contacts.tree_attach[j])
+
+
+@inlined
+def break_contact(state: State, j: int, slot: int, time: float, force: float, delay: float) -> float:
+    """A contact breaks and from now on slides with `force`; what the block's friction force gains."""
+    contacts, blocks = state.contacts, state.motion.blocks
+    N = contacts.birth.shape[1]
+    b, threshold = contacts.birth[j, slot], contacts.threshold[j, slot]
+    contacts.threshold[j, slot] = 0.0
+    contacts.attached[j] -= 1
+    contacts.breaks[j] += 1
+    blocks.births[j] -= b / N
+    blocks.squares[j] -= b * b / N
+    blocks.held[j] = contacts.attached[j] / N
+    blocks.broken[j] = contacts.breaks[j] / N
+    if contacts.breaks[j] == 1:
+        blocks.first_break[j] = time
+        blocks.first_force[j] = state.motion.scalar[DRIVE_FORCE]
+    if blocks.half_detached[j] != blocks.half_detached[j] and 2 * contacts.attached[j] <= N:
+        blocks.half_detached[j] = time
+    state.motion.scalar[BROKEN] += 0.5 * (threshold * threshold - force * force) / N
+    enter(contacts.tree_ahead[j], N, slot, np.inf)
+    enter(contacts.tree_behind[j], N, slot, np.inf)
+    enter(contacts.tree_attach[j], N, slot, time + delay)
+    if contacts.breaks[j] % (8 * N) == 0:
+        _sum_again(state, j)
+    return float((force - threshold) / N)
+
+
+@inlined
+def attach_contact(state: State, j: int, X: float, threshold: float, force: float) -> float:
+    """The contact that is due, which slid with `force`, attaches unstretched; what the block's friction force gains."""
+    contacts, blocks = state.contacts, state.motion.blocks
+    N = contacts.birth.shape[1]
+    slot = winner(contacts.tree_attach[j], N)
+    contacts.birth[j, slot], contacts.threshold[j, slot] = X, threshold
+    contacts.attached[j] += 1
+    blocks.births[j] += X / N
+    blocks.squares[j] += X * X / N
+    blocks.held[j] = contacts.attached[j] / N
+    state.motion.scalar[BROKEN] += 0.5 * force * force / N
+    enter(contacts.tree_ahead[j], N, slot, X + threshold)
+    enter(contacts.tree_behind[j], N, slot, threshold - X)
+    enter(contacts.tree_attach[j], N, slot, np.inf)
+    return float(-force / N)
+
+
+@bare
+def _drift(state: State, j: int, h: float, inverse_mass: float, sliding: float, draws: Draws) -> int:
+    """Let a block drift through all events of its contacts in a step; ON_THE_WAY when all has gone well."""
+    contacts, blocks = state.contacts, state.motion.blocks
+    X, V, t = blocks.X[j], blocks.V[j], state.motion.scalar[TIME]
+    why = ON_THE_WAY
+    while True:
+        until_break = np.inf
+        if V > 0.0:
+            until_break = max((smallest(contacts.tree_ahead[j]) - X) / V, 0.0)
+        elif V < 0.0:
+            until_break = max((smallest(contacts.tree_behind[j]) + X) / -V, 0.0)
+        until_attach = max(smallest(contacts.tree_attach[j]) - t, 0.0)
+        at = min(until_break, until_attach)
+        if not at <= h:
+            break
+        x = X + V * at
+        if until_attach <= until_break:
+            if contacts.next_threshold[j] == draws.thresholds.shape[1]:
+                why = THRESHOLDS_USED_UP
+                break
+            threshold = draws.thresholds[j, contacts.next_threshold[j]]
+            contacts.next_threshold[j] += 1
+            gain = attach_contact(state, j, x, threshold, slide(state.motion, j, x, sliding))
+        else:
+            delay = draws.fixed_delay
+            if delay != delay:
+                if contacts.next_delay[j] == draws.delays.shape[1]:
+                    why = DELAYS_USED_UP
+                    break
+                delay = draws.delays[j, contacts.next_delay[j]]
+                contacts.next_delay[j] += 1
+            force = slide(state.motion, j, x, sliding)
+            if V > 0.0:
+                gain = break_contact(
+                    state, j, winner(contacts.tree_ahead[j], contacts.birth.shape[1]), t + at, force, delay
+                )
+            else:
+                gain = -break_contact(
+                    state, j, winner(contacts.tree_behind[j], contacts.birth.shape[1]), t + at, -force, delay
+                )
+        contacts.impulse[j] -= gain * (0.5 * h - at) * inverse_mass
+        state.motion.counts[SPENT] += 8
+    look_ahead(contacts, j)
+    if why == ON_THE_WAY:
+        blocks.X[j] = X + h * V
+        blocks.V[j] = V + contacts.impulse[j]
+        contacts.impulse[j] = 0.0
+    return why
+
+
+@bare
+def advance(
+    state: State, network: Network, piece: Piece, sampling: Sampling, draws: Draws, sliding: float, budget: int
+) -> int:
+    """Go on to the end of a piece, or until `budget` steps of blocks, and events at eight each, are spent."""
+    blocks, contacts, counts, scalar = state.motion.blocks, state.contacts, state.motion.counts, state.motion.scalar
+    n = blocks.X.size
+    inverse_mass = 1.0 / network.mass
+    last = counts[SPENT] + budget
+    while counts[SPENT] < last:
+        if counts[BLOCK] < 0:
+            why = begin_step(state.motion, network, piece, sampling, sliding)
+            if why != ON_THE_WAY:
+                return why
+        h = scalar[STEP]
+        soon = scalar[TIME] + h
+        for j in range(counts[BLOCK], n):
+            X = blocks.X[j] + h * blocks.V[j]
+            if contacts.ahead[j] > X and contacts.behind[j] > -X and soon < contacts.next_attach[j]:
+                blocks.X[j] = X
+            else:
+                why = _drift(state, j, h, inverse_mass, sliding, draws)
+                if why != ON_THE_WAY:
+                    counts[BLOCK] = j
+                    return why
+        end_step(state.motion, piece)
+        counts[SPENT] += n
+    return BUDGET_SPENT

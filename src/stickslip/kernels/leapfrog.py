@@ -1,0 +1,296 @@
+"""Blocks in motion: leapfrog, kick and drift, with what goes with it: dashpots, energies, samples, pieces of the drive.
+
+What the contacts of a block do while it drifts is for another kernel to say (`blocks`, `block_cohorts`); here they are
+three sums: the attached fraction, and the births of those attached, plain and squared. The contacts that are detached
+slide together, one elastic and plastic element a block: stretched as an attached contact would be, up to the force
+``f_d``. What it dissipates counts as broken.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._jit import bare, inlined
+from .drive import NOWHERE, Quadratic, Stop, drive_at, holds
+from .network import Network, Pull, energies, stretch
+
+Floats = NDArray[np.float64]
+Counts = NDArray[np.int64]
+
+SCALARS = 9
+"""Numbers that a sample begins with, summed over blocks: spring force, work of drive and push, kinetic energy, energies
+of the driving springs, of the springs between blocks and of the contacts, and what was lost to damping, in dashpots and
+in contacts."""
+FIELDS = 5
+"""Then come numbers of all blocks: displacement, velocity, friction force, attached fraction, breaks per contact."""
+
+
+class Sampling(NamedTuple):
+    """Rising times at which to sample, shape (k,), and the samples, shape (k, ``SCALARS + FIELDS n``)."""
+
+    times: Floats
+    samples: Floats
+
+
+class Piece(NamedTuple):
+    """A piece of the drive up to `end`, or to a condition seen at a sample, in steps of at most `longest`."""
+
+    drive: Quadratic
+    end: float
+    stop: Stop
+    longest: float
+
+
+class Blocks(NamedTuple):
+    """What each block has, shape (n,): motion, sums over its contacts, and what has been."""
+
+    X: Floats
+    V: Floats  # half a step behind the displacement, but at rest between pieces
+    V_now: Floats  # at the time of the displacement
+    held: Floats  # attached fraction
+    births: Floats  # sum of birth positions over N
+    squares: Floats  # sum of their squares over N
+    anchor: Floats  # where the element of the detached contacts has no force
+    broken: Floats  # breaks per contact since the start
+    first_break: Floats
+    first_force: Floats
+    half_detached: Floats
+
+
+class Motion(NamedTuple):
+    """All that the next step needs, the contacts aside."""
+
+    blocks: Blocks
+    scalar: Floats
+    counts: Counts
+    rows: Floats  # shape (2, width): the last two moments between which a sample may lie
+    Z: Floats  # shape (2, n): work space of the dashpots
+
+
+TIME, STEP, DRIVE_FORCE, WORK, DAMPED, VISCOUS, BROKEN, LAST_DAMPED, LAST_VISCOUS, DT, ROW_TIME = range(11)
+SAMPLE, BLOCK, SPENT, HAS_ROW, MODE = range(5)
+
+# What `begin_step` finds.
+ON_THE_WAY, REACHED_END, CONDITION_HELD = range(3)
+
+
+def at_rest(X: Floats, V: Floats, sliding: float, anchored: Floats) -> Motion:
+    """Return blocks between two steps, their contacts still to be summed.
+
+    Parameters
+    ----------
+    X, V : ndarray, shape (n,)
+        Displacements and velocities at time 0.
+    sliding : float
+        Force of a detached contact while it slides.
+    anchored : ndarray, shape (n,)
+        Stretching of the element of the detached contacts.
+    """
+    n = X.size
+    blocks = Blocks(
+        X=X.astype(float),
+        V=V.astype(float),
+        V_now=V.astype(float),
+        held=np.zeros(n),
+        births=np.zeros(n),
+        squares=np.zeros(n),
+        anchor=X - np.clip(anchored, -sliding, sliding),
+        broken=np.zeros(n),
+        first_break=np.full(n, np.nan),
+        first_force=np.full(n, np.nan),
+        half_detached=np.full(n, np.nan),
+    )
+    motion = Motion(blocks, np.zeros(11), np.zeros(5, np.int64), np.zeros((2, SCALARS + FIELDS * n)), np.zeros((2, n)))
+    motion.counts[BLOCK] = -1
+    return motion
+
+
+@inlined
+def element(blocks: Blocks, j: int, X: float, sliding: float) -> float:
+    """Force of a detached contact with the block at `X`."""
+    return float(min(max(X - blocks.anchor[j], -sliding), sliding))
+
+
+@inlined
+def slide(motion: Motion, j: int, X: float, sliding: float) -> float:
+    """Take the detached contacts of a block along to `X`; the force of each."""
+    blocks = motion.blocks
+    e = X - blocks.anchor[j]
+    force = min(max(e, -sliding), sliding)
+    slip = e - force
+    blocks.anchor[j] += slip
+    motion.scalar[BROKEN] += (1.0 - blocks.held[j]) * force * slip
+    return float(force)
+
+
+@bare
+def kick(motion: Motion, network: Network, piece: Piece, before: float, after: float, sliding: float) -> None:
+    """Kick all blocks by their forces over half of the step before and half of the one after."""
+    blocks, scalar = motion.blocks, motion.scalar
+    n = blocks.X.size
+    D, _ = drive_at(piece.drive, scalar[TIME])
+    span = 0.5 * (before + after)
+    brake = 0.5 * network.damping * span
+    kept, share = (1.0 - brake) / (1.0 + brake), span / ((1.0 + brake) * network.mass)
+    part = before / (before + after) if span > 0.0 else 1.0
+    damped, pulled = 0.0, 0.0
+    viscous = network.lag > 0.0
+    Z, W = motion.Z[0], motion.Z[1]
+    if viscous:  # the velocities now, foretold with the dashpots as they last were; then kicked by those
+        for j in range(n):
+            W[j] = blocks.X[j] + network.lag * blocks.V[j]
+        for j in range(n):
+            X = blocks.X[j]
+            force = network.pull[j] * (D - X) + network.load[j] - blocks.held[j] * X + blocks.births[j]
+            if sliding > 0.0:
+                force -= (1.0 - blocks.held[j]) * element(blocks, j, X, sliding)
+            after_V = kept * blocks.V[j] + share * (force + stretch(network, W, j))
+            Z[j] = X + network.lag * (blocks.V[j] + part * (after_V - blocks.V[j]))
+    else:
+        Z = blocks.X
+    for j in range(n):
+        X, V = blocks.X[j], blocks.V[j]
+        force = network.pull[j] * (D - X)
+        pulled += force
+        force += network.load[j] - blocks.held[j] * X + blocks.births[j] + stretch(network, Z, j)
+        if sliding > 0.0:
+            force -= (1.0 - blocks.held[j]) * slide(motion, j, X, sliding)
+        kicked = kept * V + share * force
+        blocks.V[j] = kicked
+        blocks.V_now[j] = V + part * (kicked - V)
+        damped += (V + kicked) * (V + kicked)
+    lost = 0.25 * network.mass * network.damping * damped * span
+    scalar[DAMPED] += lost
+    scalar[LAST_DAMPED] = lost * (1.0 - part)
+    if viscous:
+        rubbed = 0.0
+        for j in range(n):
+            rubbed -= blocks.V_now[j] * (stretch(network, Z, j) - stretch(network, blocks.X, j))
+        scalar[VISCOUS] += rubbed * span
+        scalar[LAST_VISCOUS] = rubbed * span * (1.0 - part)
+    for j in range(n):
+        pulled += network.load[j] - network.push[j]
+    D_before, _ = drive_at(piece.drive, scalar[TIME] - before)
+    scalar[WORK] += 0.5 * (scalar[DRIVE_FORCE] + pulled) * (D - D_before)
+    scalar[DRIVE_FORCE] = pulled
+
+
+@bare
+def record(motion: Motion, network: Network, piece: Piece, row: Floats, sliding: float) -> None:
+    """Fill a row with what is now, after the kick."""
+    blocks, scalar = motion.blocks, motion.scalar
+    n = blocks.X.size
+    D, _ = drive_at(piece.drive, scalar[TIME])
+    here: Pull = energies(network, blocks.X, blocks.V_now, D)
+    stored = 0.0
+    first = SCALARS
+    for j in range(n):
+        X, held = blocks.X[j], blocks.held[j]
+        force = element(blocks, j, X, sliding)
+        row[first + j] = X
+        row[first + n + j] = blocks.V_now[j]
+        row[first + 2 * n + j] = held * X - blocks.births[j] + (1.0 - held) * force
+        row[first + 3 * n + j] = held
+        row[first + 4 * n + j] = blocks.broken[j]
+        stored += held * X * X - 2.0 * X * blocks.births[j] + blocks.squares[j] + (1.0 - held) * force * force
+    row[0], row[1] = here.force, scalar[WORK] + here.pushed
+    row[2], row[3], row[4], row[5] = here.kinetic, here.springs, here.bulk, 0.5 * stored
+    row[6], row[7] = scalar[DAMPED] - scalar[LAST_DAMPED], scalar[VISCOUS] - scalar[LAST_VISCOUS]
+    row[8] = scalar[BROKEN]
+
+
+@bare
+def _interpolate(motion: Motion, row: Floats, fraction: float, span: float) -> None:
+    """Fill a row between the last two: displacements by the cubic that has their velocities, the rest linearly."""
+    n = motion.blocks.X.size
+    before, after = motion.rows[0], motion.rows[1]
+    for i in range(row.size):
+        row[i] = before[i] + fraction * (after[i] - before[i])
+    u, w = fraction, 1.0 - fraction
+    for i in range(SCALARS, SCALARS + n):
+        rise = after[i] - before[i]
+        row[i] += u * w * (w * (span * before[i + n] - rise) - u * (span * after[i + n] - rise))
+
+
+@bare
+def _sample(
+    motion: Motion, network: Network, piece: Piece, sampling: Sampling, next_time: float, sliding: float
+) -> int:
+    """Fill the samples that lie between the last two moments; which one of them holds the condition, or -1."""
+    counts, now = motion.counts, motion.scalar[TIME]
+    k, n = counts[SAMPLE], motion.blocks.X.size
+    if k == sampling.times.size or sampling.times[k] > max(now, next_time):
+        counts[HAS_ROW] = 0
+        return -1
+    record(motion, network, piece, motion.rows[1], sliding)
+    found = -1
+    while k < sampling.times.size and sampling.times[k] <= now:
+        fraction, span = 1.0, 0.0
+        if counts[HAS_ROW] == 1 and now > motion.scalar[ROW_TIME]:
+            span = now - motion.scalar[ROW_TIME]
+            fraction = (sampling.times[k] - motion.scalar[ROW_TIME]) / span
+        _interpolate(motion, sampling.samples[k], fraction, span)
+        k += 1
+        if piece.stop.kind != NOWHERE:
+            mean = 0.0
+            for j in range(n):
+                mean += motion.blocks.X[j]
+            if holds(piece.stop, mean / n, motion.rows[1, 0]):
+                found = k - 1
+                break
+    counts[SAMPLE] = k
+    for i in range(motion.rows.shape[1]):
+        motion.rows[0, i] = motion.rows[1, i]
+    motion.scalar[ROW_TIME] = now
+    counts[HAS_ROW] = 1
+    return found
+
+
+@bare
+def begin_step(motion: Motion, network: Network, piece: Piece, sampling: Sampling, sliding: float) -> int:
+    """Sample, kick, and set the length of the next step; or come to rest at the end, or where a condition holds."""
+    scalar, counts = motion.scalar, motion.counts
+    before, t = scalar[STEP], scalar[TIME]
+    left = piece.end - t
+    if before == 0.0 and left > 0.0:  # a piece begins: equal steps
+        scalar[DT] = left / math.ceil(left / piece.longest * (1.0 - 1e-12))
+    h = scalar[DT] if left > scalar[DT] * (1.0 + 1e-6) else left
+    if piece.stop.kind != NOWHERE:  # where a condition is looked for, steps end at the samples
+        k = counts[SAMPLE]
+        while k < sampling.times.size and sampling.times[k] <= t:
+            k += 1
+        if k < sampling.times.size:
+            h = min(h, sampling.times[k] - t)
+    kick(motion, network, piece, before, h, sliding)
+    if _sample(motion, network, piece, sampling, t + h, sliding) >= 0:
+        _rest(motion)
+        return CONDITION_HELD
+    if left <= 0.0:
+        _rest(motion)
+        return REACHED_END
+    scalar[STEP] = h
+    counts[BLOCK] = 0
+    return ON_THE_WAY
+
+
+@inlined
+def end_step(motion: Motion, piece: Piece) -> None:
+    """All blocks have drifted."""
+    scalar, counts = motion.scalar, motion.counts
+    soon = scalar[TIME] + scalar[STEP]
+    scalar[TIME] = piece.end if piece.end - soon < 1e-6 * scalar[STEP] else soon
+    counts[BLOCK] = -1
+
+
+@inlined
+def _rest(motion: Motion) -> None:
+    """Bring the velocities to the time of the displacements."""
+    for j in range(motion.blocks.X.size):
+        motion.blocks.V[j] = motion.blocks.V_now[j]
+    scalar = motion.scalar
+    scalar[STEP] = 0.0
+    scalar[DAMPED] -= scalar[LAST_DAMPED]
+    scalar[VISCOUS] -= scalar[LAST_VISCOUS]
+    scalar[LAST_DAMPED] = scalar[LAST_VISCOUS] = 0.0

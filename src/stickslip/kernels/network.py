@@ -1,0 +1,94 @@
+"""An elastic body: blocks of equal mass, the springs and dashpots between them, and the springs that pull them.
+
+One abstraction for all bodies: a chain, a sheet, anything whose blocks have as many neighbours each. Forces are per
+contact of a block, as is its mass.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._jit import bare, inlined
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.int32]
+
+
+class Network(NamedTuple):
+    """What does not change: ``M X'' + M eta X' = pull (D - X) + load + sum of spring (1 + lag d/dt) (X_l - X) - F_c``.
+
+    Attributes
+    ----------
+    neighbour : ndarray of int, shape (n, m)
+        Neighbours of each block; where there are fewer than `m`, the block itself.
+    spring : ndarray, shape (n, m)
+        Stiffness towards each; 0 where there is none.
+    pull : ndarray, shape (n,)
+        Stiffness of the spring by which the drive pulls each block.
+    load : ndarray, shape (n,)
+        Constant force on each block: what its driving spring carries with drive and block at 0, and what pushes.
+    push : ndarray, shape (n,)
+        What part of `load` does work as the block moves: all that is not the force of a driving spring.
+    mass, damping, lag : float
+        ``M``, ``eta``, and the viscosity of a spring over its stiffness.
+    """
+
+    neighbour: Indices
+    spring: Floats
+    pull: Floats
+    load: Floats
+    push: Floats
+    mass: float
+    damping: float
+    lag: float
+
+
+class Pull(NamedTuple):
+    """Energies of the body at a moment, and the force of the driving springs, summed over blocks."""
+
+    force: float
+    kinetic: float
+    springs: float
+    bulk: float
+    pushed: float
+
+
+def fastest(network: Network, contacts: float = 1.0) -> float:
+    """Bound on the angular frequencies of the body with all of its contacts attached (Gershgorin's)."""
+    per_block = network.pull + 2.0 * network.spring.sum(axis=1) + contacts
+    return math.sqrt(float(per_block.max()) / network.mass)
+
+
+def stiffest_dashpot(network: Network) -> float:
+    """Bound on the rates at which the dashpots between blocks slow them down."""
+    return 2.0 * network.lag * float(network.spring.sum(axis=1).max()) / network.mass
+
+
+@inlined
+def stretch(network: Network, Z: Floats, j: int) -> float:
+    """Force of the neighbours on block `j` at displacements `Z`."""
+    force = 0.0
+    for m in range(network.spring.shape[1]):
+        force += network.spring[j, m] * (Z[network.neighbour[j, m]] - Z[j])
+    return force
+
+
+@bare
+def energies(network: Network, X: Floats, V: Floats, D: float) -> Pull:
+    """Energies at displacements `X` and velocities `V`, and the force of the driving springs."""
+    force, kinetic, springs, bulk, pushed = 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(X.size):
+        kinetic += V[j] * V[j]
+        if network.pull[j] > 0.0:
+            f = network.pull[j] * (D - X[j]) + network.load[j] - network.push[j]
+            force += f
+            springs += f * f / network.pull[j]
+        else:
+            force += network.load[j] - network.push[j]
+        for m in range(network.spring.shape[1]):
+            y = X[network.neighbour[j, m]] - X[j]
+            bulk += network.spring[j, m] * y * y
+        pushed += network.push[j] * X[j]
+    return Pull(force, 0.5 * network.mass * kinetic, 0.5 * springs, 0.25 * bulk, pushed)

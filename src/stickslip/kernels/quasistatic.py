@@ -1,0 +1,319 @@
+"""A chain on contacts in balance all the time: from event to event, without inertia and without steps.
+
+Between two events the displacements are linear in the position of the drive, by one tridiagonal system. A break or a
+re-attachment leaves a force out of balance; the drive then stands still while it is let go, evenly and along a straight
+line, and the first contact that reaches its threshold on the way breaks there. So a slip is a cascade of breaks in no
+time, each at its threshold; what is let go counts as damped.
+
+The state is that of `blocks`, and so is what a break does. The element of the detached contacts is elastic, and adds to
+the stiffness of its block, unless it slides on the way ahead.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._jit import bare, inlined
+from .blocks import (
+    BUDGET_SPENT,
+    DELAYS_USED_UP,
+    THRESHOLDS_USED_UP,
+    Draws,
+    State,
+    attach_contact,
+    break_contact,
+    look_ahead,
+)
+from .drive import NOWHERE, drive_at, holds
+from .leapfrog import (
+    BLOCK,
+    CONDITION_HELD,
+    DAMPED,
+    DRIVE_FORCE,
+    MODE,
+    ON_THE_WAY,
+    REACHED_END,
+    SAMPLE,
+    SPENT,
+    TIME,
+    WORK,
+    Piece,
+    Sampling,
+    element,
+    record,
+    slide,
+)
+from .network import Network, stretch
+from .tournament import smallest, winner
+
+Floats = NDArray[np.float64]
+
+LET_GO, DRIVEN = range(2)
+_ON_THE_EDGE = 1e-10
+"""An element this near to its sliding force slides, if it is pulled that way."""
+
+
+@inlined
+def _solve(diagonal: Floats, coupling: float, right: Floats, Y: Floats, work: Floats) -> None:
+    """Solve the tridiagonal system with ``-coupling`` beside the diagonal."""
+    n = Y.size
+    work[0] = -coupling / diagonal[0]
+    Y[0] = right[0] / diagonal[0]
+    for j in range(1, n):
+        inverse = 1.0 / (diagonal[j] + coupling * work[j - 1])
+        work[j] = -coupling * inverse
+        Y[j] = (right[j] + coupling * Y[j - 1]) * inverse
+    for j in range(n - 2, -1, -1):
+        Y[j] -= work[j] * Y[j + 1]
+
+
+@inlined
+def _solve_ring(diagonal: Floats, coupling: float, right: Floats, Y: Floats, work: Floats) -> None:
+    """Solve it with the two corners of a ring: as a chain, and a correction of rank one."""
+    n, first, last = Y.size, diagonal[0], diagonal[Y.size - 1]
+    diagonal[0] += coupling
+    diagonal[n - 1] += coupling
+    _solve(diagonal, coupling, right, Y, work[0])
+    for j in range(n):
+        work[1, j] = 0.0
+    work[1, 0], work[1, n - 1] = -coupling, -coupling
+    _solve(diagonal, coupling, work[1], work[2], work[0])
+    diagonal[0], diagonal[n - 1] = first, last
+    factor = (Y[0] + Y[n - 1]) / (1.0 + work[2, 0] + work[2, n - 1])
+    for j in range(n):
+        Y[j] -= factor * work[2, j]
+
+
+@bare
+def _answer(
+    state: State, network: Network, ring: bool, sliding: float, right: Floats, way: float, room: Floats
+) -> None:
+    """How the blocks move (``room[0]``) as forces `right` are added; `way` is the sign of the path."""
+    blocks = state.motion.blocks
+    n = blocks.X.size
+    Y, diagonal, stuck = room[0], room[1], room[2]
+    coupling = network.spring[0, network.spring.shape[1] - 1] if n > 1 else 0.0
+    for m in range(network.spring.shape[1]):
+        coupling = max(coupling, network.spring[0, m])
+    for j in range(n):
+        if sliding > 0.0 and blocks.held[j] < 1.0:
+            e = blocks.X[j] - blocks.anchor[j]
+            stuck[j] = 1.0 if abs(e) < sliding * (1.0 - _ON_THE_EDGE) or way * e * right[j] < 0.0 else 0.0
+        else:
+            stuck[j] = 0.0
+    for _ in range(64):  # which elements slide depends on the answer
+        for j in range(n):
+            bonds = 0.0
+            for m in range(network.spring.shape[1]):
+                bonds += network.spring[j, m]
+            diagonal[j] = network.pull[j] + bonds + blocks.held[j] + stuck[j] * (1.0 - blocks.held[j])
+        if ring:
+            _solve_ring(diagonal, coupling, right, Y, room[3:6])
+        else:
+            _solve(diagonal, coupling, right, Y, room[3])
+        changed = False
+        if sliding > 0.0:
+            for j in range(n):
+                e = blocks.X[j] - blocks.anchor[j]
+                if blocks.held[j] < 1.0 and abs(e) >= sliding * (1.0 - _ON_THE_EDGE):
+                    should = 1.0 if way * e * Y[j] < 0.0 else 0.0
+                    if should != stuck[j]:
+                        stuck[j] = should
+                        changed = True
+        if not changed:
+            break
+
+
+@bare
+def _first(state: State, sliding: float, way: float, most: float, room: Floats) -> tuple[float, int, int]:
+    """How far along ``way * room[0]`` the first event lies, at most `most`; on which block, and 1 if it is a break."""
+    blocks = state.motion.blocks
+    Y, stuck = room[0], room[2]
+    nearest, block, kind = most, -1, 0
+    for j in range(blocks.X.size):
+        y = way * Y[j]
+        if y > 0.0:
+            if state.contacts.ahead[j] - blocks.X[j] < nearest * y:
+                nearest, block, kind = max((state.contacts.ahead[j] - blocks.X[j]) / y, 0.0), j, 1
+        elif y < 0.0 and state.contacts.behind[j] + blocks.X[j] < -nearest * y:
+            nearest, block, kind = max((state.contacts.behind[j] + blocks.X[j]) / -y, 0.0), j, 1
+        if stuck[j] > 0.0 and y != 0.0:
+            left = sliding - math.copysign(1.0, y) * (blocks.X[j] - blocks.anchor[j])
+            if left < nearest * abs(y):
+                nearest, block, kind = max(left / abs(y), 0.0), j, 0
+    return nearest, block, kind
+
+
+@bare
+def _go(state: State, network: Network, sliding: float, amount: float, time: float, piece: Piece, room: Floats) -> None:
+    """Move all blocks along, and the drive to where it is at `time`."""
+    blocks, scalar = state.motion.blocks, state.motion.scalar
+    before, _ = drive_at(piece.drive, scalar[TIME])
+    D, _ = drive_at(piece.drive, time)
+    force = 0.0
+    for j in range(blocks.X.size):
+        blocks.X[j] += amount * room[0, j]
+        if sliding > 0.0:
+            slide(state.motion, j, blocks.X[j], sliding)
+        force += network.pull[j] * (D - blocks.X[j]) + network.load[j] - network.push[j]
+    scalar[WORK] += 0.5 * (scalar[DRIVE_FORCE] + force) * (D - before)
+    scalar[DRIVE_FORCE] = force
+    scalar[TIME] = time
+
+
+@inlined
+def _time_of(piece: Piece, now: float, distance: float) -> float:
+    """When the drive has gone a signed distance further."""
+    _, v = drive_at(piece.drive, now)
+    root = math.sqrt(max(v * v + 2.0 * piece.drive.acceleration * distance, 0.0))
+    return now + 2.0 * distance / (v + math.copysign(root, distance))
+
+
+@bare
+def _break_there(state: State, j: int, way: float, sliding: float, draws: Draws) -> int:
+    """Break all contacts of a block at their thresholds where it stands, moving this way."""
+    blocks = state.motion.blocks
+    X = blocks.X[j] = state.contacts.ahead[j] if way > 0.0 else -state.contacts.behind[j]
+    tree = state.contacts.tree_ahead[j] if way > 0.0 else state.contacts.tree_behind[j]
+    why = ON_THE_WAY
+    while smallest(tree) <= way * X:
+        delay = draws.fixed_delay
+        if delay != delay:
+            if state.contacts.next_delay[j] == draws.delays.shape[1]:
+                why = DELAYS_USED_UP
+                break
+            delay = draws.delays[j, state.contacts.next_delay[j]]
+            state.contacts.next_delay[j] += 1
+        force = slide(state.motion, j, X, sliding)
+        break_contact(
+            state, j, winner(tree, state.contacts.birth.shape[1]), state.motion.scalar[TIME], way * force, delay
+        )
+        state.motion.counts[MODE] = LET_GO
+    look_ahead(state.contacts, j)
+    return why
+
+
+@bare
+def _attach_due(state: State, sliding: float, draws: Draws) -> int:
+    """Attach what is due."""
+    blocks, now = state.motion.blocks, state.motion.scalar[TIME]
+    for j in range(blocks.X.size):
+        while state.contacts.next_attach[j] <= now:
+            if state.contacts.next_threshold[j] == draws.thresholds.shape[1]:
+                state.motion.counts[BLOCK] = j
+                return THRESHOLDS_USED_UP
+            threshold = draws.thresholds[j, state.contacts.next_threshold[j]]
+            state.contacts.next_threshold[j] += 1
+            force = slide(state.motion, j, blocks.X[j], sliding)
+            attach_contact(state, j, blocks.X[j], threshold, force)
+            look_ahead(state.contacts, j)
+            state.motion.counts[MODE] = LET_GO
+    return ON_THE_WAY
+
+
+@bare
+def _out_of_balance(state: State, network: Network, piece: Piece, sliding: float, right: Floats) -> None:
+    """Forces on the blocks that nothing balances."""
+    blocks = state.motion.blocks
+    D, _ = drive_at(piece.drive, state.motion.scalar[TIME])
+    for j in range(blocks.X.size):
+        X, held = blocks.X[j], blocks.held[j]
+        force = network.pull[j] * (D - X) + network.load[j] - held * X + blocks.births[j]
+        right[j] = force - (1.0 - held) * element(blocks, j, X, sliding) + stretch(network, blocks.X, j)
+
+
+@bare
+def _let_go(
+    state: State, network: Network, ring: bool, piece: Piece, sliding: float, draws: Draws, room: Floats
+) -> int:
+    """Let go of what is out of balance, as far as the first event; that happens."""
+    blocks, scalar, counts = state.motion.blocks, state.motion.scalar, state.motion.counts
+    right = room[6]
+    _out_of_balance(state, network, piece, sliding, right)
+    _answer(state, network, ring, sliding, right, 1.0, room)
+    part, j, is_break = _first(state, sliding, 1.0, 1.0, room)
+    power = 0.0
+    for i in range(blocks.X.size):
+        power += right[i] * room[0, i]
+    scalar[DAMPED] += power * part * (1.0 - 0.5 * part)
+    _go(state, network, sliding, part, scalar[TIME], piece, room)
+    if j < 0:
+        counts[MODE] = DRIVEN
+    elif is_break == 1:
+        counts[BLOCK] = j
+        return _break_there(state, j, math.copysign(1.0, room[0, j]), sliding, draws)
+    return ON_THE_WAY
+
+
+@bare
+def advance(
+    state: State,
+    network: Network,
+    ring: bool,
+    piece: Piece,
+    sampling: Sampling,
+    draws: Draws,
+    sliding: float,
+    budget: int,
+    room: Floats,
+) -> int:
+    """Go on to the end of a piece, or until `budget` events times blocks are spent; why it returned.
+
+    The state is that of `blocks.make_state`; `room` has shape (7, n).
+    """
+    blocks, scalar, counts = state.motion.blocks, state.motion.scalar, state.motion.counts
+    n = blocks.X.size
+    spent = counts[SPENT]
+    while counts[SPENT] - spent <= budget:
+        counts[SPENT] += n
+        why = _attach_due(state, sliding, draws)
+        if why != ON_THE_WAY:
+            return why
+        if counts[MODE] == LET_GO:
+            why = _let_go(state, network, ring, piece, sliding, draws, room)
+            if why != ON_THE_WAY:
+                return why
+            continue
+        # As far as the drive goes one way, or to the next re-attachment.
+        now = scalar[TIME]
+        D, v = drive_at(piece.drive, now)
+        until = piece.end
+        for j in range(n):
+            until = min(until, state.contacts.next_attach[j])
+        turn = -v / piece.drive.acceleration if piece.drive.acceleration != 0.0 else -1.0
+        if 0.0 < turn < until - now:
+            until = now + turn
+        D_until, _ = drive_at(piece.drive, until)
+        way = math.copysign(1.0, D_until - D)
+        _answer(state, network, ring, sliding, network.pull, way, room)
+        distance, j, is_break = _first(state, sliding, way, abs(D_until - D), room)
+        event = _time_of(piece, now, way * distance) if j >= 0 and distance > 0.0 else (now if j >= 0 else until)
+        event = min(event, until)
+        while counts[SAMPLE] < sampling.times.size and sampling.times[counts[SAMPLE]] <= event:
+            k = counts[SAMPLE]
+            D_before, _ = drive_at(piece.drive, scalar[TIME])
+            D_then, v_then = drive_at(piece.drive, sampling.times[k])
+            _go(state, network, sliding, D_then - D_before, max(sampling.times[k], scalar[TIME]), piece, room)
+            for i in range(n):
+                blocks.V_now[i] = v_then * room[0, i]
+            record(state.motion, network, piece, sampling.samples[k], sliding)
+            counts[SAMPLE] += 1
+            if piece.stop.kind != NOWHERE:
+                mean = 0.0
+                for i in range(n):
+                    mean += blocks.X[i]
+                if holds(piece.stop, mean / n, sampling.samples[k, 0]):
+                    return CONDITION_HELD
+        D_before, _ = drive_at(piece.drive, scalar[TIME])
+        D_then, _ = drive_at(piece.drive, event)
+        _go(state, network, sliding, D_then - D_before, event, piece, room)
+        if j >= 0:
+            if is_break == 1:
+                counts[BLOCK] = j
+                why = _break_there(state, j, math.copysign(1.0, way * room[0, j]), sliding, draws)
+                if why != ON_THE_WAY:
+                    return why
+        elif event >= piece.end:
+            return REACHED_END
+    return BUDGET_SPENT

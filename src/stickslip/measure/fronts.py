@@ -1,0 +1,273 @@
+"""Fronts and events of an elastic slider: where contacts broke, in which order, and how fast that went on."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from scipy import ndimage
+
+from stickslip.errors import InputError, instance, number
+from stickslip.measure.arrays import Array
+
+WAIT = 10.0
+"""A front has stopped where the next block breaks only after so many times what blocks before took."""
+_BEFORE = 20
+"""How many blocks before."""
+_WINDOW = 2
+"""Blocks on either side from which the speed at a block is read."""
+_FEWEST = 5
+"""Blocks from which a speed is read."""
+FAST = 10.0
+"""Blocks in an event are so many times faster than the drive."""
+_SLOWEST = 0.01
+"""Where the drive stands still: than this part of the fastest block of the run."""
+_BREAKING = 0.01
+"""A block that holds takes part only while it breaks more than this part of its contacts from sample to sample."""
+
+
+def fronts(run: xr.Dataset) -> xr.Dataset:
+    """Return where and how fast contacts first broke along an elastic slider.
+
+    The front starts on the block that breaks first and runs to either side. It stops where the next block breaks only
+    after ten times what each of the twenty blocks before took (their median); what goes on from there is a front of its
+    own, slower or faster.
+
+    Parameters
+    ----------
+    run : Dataset
+        Of a `Chain`, or one row of a `Sheet`, as `simulate` returns it.
+
+    Returns
+    -------
+    Dataset
+        Along ``block``: `first_break` and `half_detached` (times), and `speed`, blocks per time, from the first breaks
+        of five blocks around. Along ``front``, in order of time: `first_block`, `last_block` (where it stopped, or the
+        end), `blocks`, `start`, `end`, and its mean `front_speed` (NaN below five blocks).
+
+    Raises
+    ------
+    InputError
+        If it is no run of an elastic slider.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> stiff = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.0), delay=ss.Delay(float("inf")))
+    >>> bar = ss.Chain(blocks=100, coupling=1.0, mass=1.0, damping=0.0)
+    >>> rig = ss.Rig(stiff, bar, ss.constant(0.0, duration=100), method=ss.Contacts(10),
+    ...              start=ss.Prestressed(stretching=0.7, push=3.0, pushed_blocks=3))
+    >>> found = ss.fronts(ss.simulate(rig))
+    >>> int(found.blocks[0])
+    100
+    """
+    _check(run, "fronts", "first_break")
+    time, half = (np.asarray(run[name].values, dtype=float) for name in ("first_break", "half_detached"))
+    unit = str(run["first_break"].attrs.get("units", ""))
+    rows = []
+    if np.isfinite(time).any():
+        origin = int(np.nanargmin(time))
+        rows = [*_pieces(time, origin, 1), *_pieces(time, origin, -1)]
+        rows.sort(key=lambda row: row[3])
+    columns = np.array(rows, dtype=float).reshape(len(rows), 6).T
+    names = (
+        ("first_block", "1", "block on which the front starts"),
+        ("last_block", "1", "last block that it reaches"),
+        ("blocks", "1", "blocks that it passes"),
+        ("start", unit, "time of its first break"),
+        ("end", unit, "time at which it reaches its last block"),
+        ("front_speed", f"1/{unit}", "speed of the front, in blocks"),
+    )
+    found = {
+        name: ("front", column.astype(int) if name.startswith(("first", "last", "bl")) else column, _words(kind, text))
+        for (name, kind, text), column in zip(names, columns, strict=True)
+    }
+    return xr.Dataset(
+        {
+            "first_break": ("block", time, dict(run["first_break"].attrs)),
+            "half_detached": ("block", half, dict(run["half_detached"].attrs)),
+            "speed": ("block", local_speed(time), _words(f"1/{unit}", "speed of the front, in blocks")),
+            **found,
+        },
+        {"block": run["block"]},
+    )
+
+
+def local_speed(time: Array) -> Array:
+    """Speed at which a front passes each block, from its times at five blocks around; NaN where one is missing."""
+    size = time.size
+    speed = np.full(size, np.nan)
+    if size > 2 * _WINDOW:
+        offset = np.arange(-_WINDOW, _WINDOW + 1)
+        around = np.lib.stride_tricks.sliding_window_view(time, offset.size)
+        slope = np.abs(around @ offset) / float(offset @ offset)
+        with np.errstate(divide="ignore"):
+            speed[_WINDOW : size - _WINDOW] = np.where(slope > 0, 1.0 / slope, np.inf)
+        speed[~np.isfinite(time)] = np.nan
+    return speed
+
+
+def _pieces(time: Array, origin: int, way: int) -> list[tuple[float, ...]]:
+    """Fronts that run one way from a block: first and last block, their count, start, end and speed."""
+    line = time[origin::way]
+    missing = ~np.isfinite(line)
+    line = line[: int(np.argmax(missing)) if missing.any() else line.size]
+    waits = np.diff(line)
+    starts = [0]
+    for i in range(1, waits.size):
+        before = np.abs(waits[max(starts[-1], i - _BEFORE) : i])
+        if before.size >= _FEWEST and waits[i] > WAIT * float(np.median(before)):
+            starts.append(i + 1)
+    ends = [*(start - 1 for start in starts[1:]), line.size - 1]
+    found: list[tuple[float, ...]] = []
+    for start, end in zip(starts, ends, strict=True):
+        if way < 0 and end == 0:
+            continue  # the front that runs the other way holds this block
+        speed = np.nan
+        if end - start + 1 >= _FEWEST:
+            # The first fifth is still getting under way.
+            first = start + (end - start) // 5
+            slope = np.polyfit(line[first : end + 1] - line[first], np.arange(end + 1 - first), 1)[0]
+            speed = abs(float(slope))
+        found.append((origin + way * start, origin + way * end, end - start + 1, line[start], line[end], speed))
+    return found
+
+
+def events(run: xr.Dataset, *, velocity: float | None = None) -> xr.Dataset:
+    """Return one row per event of an elastic slider: a slip of neighbouring blocks, together or one after the other.
+
+    A block slips while it moves faster than `velocity` and its contacts break, or most of them are detached. It takes
+    part if it then breaks at least half of its contacts, or had been detached before; an event has at least one block
+    that breaks. Times are those of the samples of the run: record it often enough to see an event grow.
+
+    Parameters
+    ----------
+    run : Dataset
+        Of a `Chain` or a `Sheet`, as `simulate` returns it.
+    velocity : float, optional
+        In the unit of the run, from sample to sample; by default ten times the largest velocity of the drive, or a
+        hundredth of that of the fastest block if the drive stands still.
+
+    Returns
+    -------
+    Dataset
+        Along ``event``, in order of time: `start`, `end`, `first_block`, `blocks`, `moment` (slip summed over blocks),
+        `drop` of the spring force, `peak_velocity` of a block, and `front_speed`, blocks per time (NaN below five
+        blocks; from a chain only).
+
+    Raises
+    ------
+    InputError
+        If it is no run of an elastic slider.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.05), delay=ss.Delay(100.0), sliding_force=0.425)
+    >>> bar = ss.Chain(blocks=40, coupling=4.0, mass=1.0, damping=0.1, side=4.0)
+    >>> rig = ss.Rig(interface, bar, ss.constant(2e-3, duration=2e4), method=ss.QuasiStatic(50, seed=1))
+    >>> ss.events(ss.simulate(rig)).sizes["event"] > 3
+    True
+    """
+    _check(run, "events", "broken")
+    time = np.asarray(run["time"].values, dtype=float)
+    if time.size < 3:
+        raise InputError("events: needs a run of at least three samples; record it more often")
+    broken, X, V, force, attached = (
+        np.asarray(run[name].values, dtype=float)
+        for name in ("broken", "displacement", "velocity", "spring_force", "attached")
+    )
+    speed = np.abs(np.diff(X, axis=0)) / np.diff(time)[:, None]
+    if velocity is None:
+        drive = float(np.abs(run["drive_velocity"].values).max())
+        velocity = FAST * drive if drive > 0 else _SLOWEST * float(speed.max(initial=0.0))
+    else:
+        velocity = number("events: velocity", velocity, above=0)
+    breaking = np.diff(broken, axis=0) > _BREAKING
+    active = (speed > velocity) & (breaking | (np.minimum(attached[1:], attached[:-1]) < 0.5))
+    shape = _shape(run)
+    grid = active.reshape(active.shape[0], *shape)
+    # What lies within a sample and a block of each other is one event.
+    labels, count = ndimage.label(ndimage.binary_dilation(grid, np.ones((3,) * grid.ndim)), np.ones((3,) * grid.ndim))
+    labels = np.where(active, np.asarray(labels).reshape(active.shape), 0)
+    rows = []
+    for label, where in enumerate(ndimage.find_objects(labels, count), start=1):
+        if where is None:
+            continue
+        first, last = where[0].start, where[0].stop
+        mine = labels[first:last] == label
+        gone = (np.diff(broken[first : last + 1], axis=0) * mine).sum(axis=0)
+        if not (gone >= 0.5).any():
+            continue
+        part = np.flatnonzero(mine.any(axis=0) & ((gone >= 0.5) | (attached[first] < 0.5)))
+        arrival = _half_times(time[first : last + 1], X[first : last + 1, part])
+        origin = part[int(np.argmin(arrival))]
+        rows.append(
+            (
+                time[first],
+                time[last],
+                origin,
+                part.size,
+                float((X[last] - X[first])[part].sum()),
+                force[first] - force[last],
+                float(np.abs(V[first : last + 1][:, part]).max()),
+                _speed(arrival) if len(shape) == 1 else np.nan,
+            )
+        )
+    rows.sort()
+    units = {
+        name: str(run[name].attrs.get("units", "")) for name in ("time", "displacement", "velocity", "spring_force")
+    }
+    names = (
+        ("start", units["time"], "time at which the event starts"),
+        ("end", units["time"], "time at which it ends"),
+        ("first_block", "1", "block that slips first"),
+        ("blocks", "1", "blocks that take part"),
+        ("moment", units["displacement"], "slip, summed over blocks"),
+        ("drop", units["spring_force"], "drop of the spring force"),
+        ("peak_velocity", units["velocity"], "largest velocity of a block"),
+        ("front_speed", f"1/{units['time']}", "speed of the front, in blocks"),
+    )
+    columns = np.array(rows, dtype=float).reshape(len(rows), len(names)).T
+    table = {
+        name: ("event", column.astype(int) if name in ("first_block", "blocks") else column, _words(unit, text))
+        for (name, unit, text), column in zip(names, columns, strict=True)
+    }
+    return xr.Dataset(table, {"event": np.arange(len(rows))}, {"count": len(rows), "velocity": float(velocity)})
+
+
+def _check(run: xr.Dataset, who: str, needed: str) -> None:
+    instance(f"{who}: run", run, xr.Dataset, "a Dataset, as simulate() returns it")
+    if needed not in run or "block" not in run[needed].dims:
+        raise InputError(f"{who}: needs a run of an elastic slider, a Chain or a Sheet")
+
+
+def _words(unit: str, text: str) -> dict[str, str]:
+    return {"units": unit, "long_name": text}
+
+
+def _shape(run: xr.Dataset) -> tuple[int, ...]:
+    """Blocks in a row, or rows and blocks in each."""
+    size = run.sizes["block"]
+    along = int(run["along"].max()) + 1 if "along" in run.coords else size
+    return (size,) if along == size else (size // along, along)
+
+
+def _half_times(time: Array, X: Array) -> Array:
+    """When each block has gone half of its way."""
+    level = 0.5 * (X[0] + X[-1])
+    after = np.maximum(np.argmax((X - level) * (X[-1] - X[0]) >= 0, axis=0), 1)
+    block = np.arange(X.shape[1])
+    low, high = X[after - 1, block], X[after, block]
+    part = np.where(high != low, (level - low) / np.where(high != low, high - low, 1.0), 1.0)
+    return np.asarray(time[after - 1] + part * (time[after] - time[after - 1]))
+
+
+def _speed(arrival: Array) -> float:
+    """Blocks per time from the block that slips first, to the side where more blocks follow."""
+    origin = int(np.argmin(arrival))
+    sides = (arrival[origin:], arrival[: origin + 1][::-1])
+    side = max(sides, key=len)
+    if side.size < _FEWEST or not side[-1] > side[0]:
+        return float("nan")
+    slope = np.polyfit(np.arange(side.size), side, 1)[0]
+    return abs(1.0 / float(slope)) if slope != 0 else float("nan")

@@ -1,0 +1,305 @@
+"""Pictures of elastic sliders: fronts in space and time, their speed, and the precursors of sliding."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+import matplotlib as mpl
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.ticker import MaxNLocator
+
+from stickslip import measure
+from stickslip.elastic import Front, front_speed, front_threshold, precursor_force
+from stickslip.errors import InputError, shown
+from stickslip.measure.arrays import check_numbers
+from stickslip.model import Chain, Delay, Gaussian, Prestressed, Rig
+from stickslip.plot.style import (
+    BLACK,
+    BLUE,
+    COLUMN,
+    GREY,
+    ORANGE,
+    PAGE,
+    VERMILLION,
+    dress,
+    envelope,
+    house_style,
+    label,
+    legend_above,
+    new_axes,
+    variable,
+)
+from stickslip.simulation import rig_of
+
+What = Literal["attached", "velocity", "force"]
+
+_FIELDS = {"attached": "attached", "velocity": "velocity", "force": "friction_force"}
+_MOST_ROWS = 1200
+_DECADES = 4.0
+"""Of slip velocity in a picture, below the largest."""
+
+
+@house_style()
+def spacetime(run: xr.Dataset, what: What = "attached", ax: Axes | None = None) -> Axes:
+    """Draw what happens on each block of an elastic slider, blocks to the right and time upwards.
+
+    Parameters
+    ----------
+    run : Dataset
+        A run of a `Chain`, or one row of a `Sheet`; select a time first to see one event: ``run.sel(time=slice(0,
+        200))``.
+    what : {"attached", "velocity", "force"}
+        Fraction of attached contacts, relative to that of each block at the beginning of what is drawn; velocity of
+        the blocks, in decades; or friction force.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
+
+    Raises
+    ------
+    InputError
+        If it is no run of a chain.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> stiff = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.0), delay=ss.Delay(float("inf")))
+    >>> bar = ss.Chain(blocks=100, coupling=1.0, mass=1.0, damping=0.0)
+    >>> push = ss.Prestressed(stretching=0.7, push=3.0, pushed_blocks=3)
+    >>> rig = ss.Rig(stiff, bar, ss.constant(0.0, duration=100), method=ss.Contacts(10), start=push)
+    >>> ss.plot.spacetime(ss.simulate(rig)).get_xlabel()
+    'block'
+    """
+    if what not in _FIELDS:
+        raise InputError(f"spacetime: what = {shown(what)}: must be one of {', '.join(_FIELDS)}")
+    field = _on_blocks(run, _FIELDS[what])
+    time = np.asarray(field["time"].values, dtype=float)
+    values = np.asarray(field.values, dtype=float)
+    rows = max(1, -(-time.size // _MOST_ROWS))
+    starts = np.arange(0, time.size, rows)
+    pick = np.maximum if what == "velocity" else np.add
+    values = np.abs(values) if what == "velocity" else values
+    drawn = pick.reduceat(values, starts, axis=0)
+    if what != "velocity":
+        drawn /= np.diff(np.append(starts, time.size))[:, None]
+    norm: Normalize
+    if what == "velocity":
+        top = float(drawn.max()) or 1.0
+        norm, cmap, text = LogNorm(top / 10.0**_DECADES, top), "inferno", label(field, most=32)
+        drawn = np.maximum(drawn, top / 10.0**_DECADES)
+    elif what == "attached":
+        before = np.where(values[0] > 0, values[0], 1.0)
+        drawn = drawn / before
+        norm, cmap, text = Normalize(float(drawn.min()), float(drawn.max())), "cividis", "attached, relative to before"
+    else:
+        norm, cmap, text = Normalize(float(drawn.min()), float(drawn.max())), "cividis", label(field, most=32)
+    ax = new_axes(COLUMN * 1.35, 3.2) if ax is None else ax
+    edges = np.append(time[starts], time[-1])
+    block = np.asarray(field["block"].values, dtype=float)
+    mesh = ax.pcolormesh(
+        np.append(block, block[-1] + 1) - 0.5, edges, drawn, norm=norm, cmap=cmap, shading="flat", rasterized=True
+    )
+    ax.figure.colorbar(mesh, ax=ax, pad=0.02, label=text)
+    dress(ax.yaxis, field["time"])
+    ax.set_xlabel("block")
+    return ax
+
+
+@house_style()
+def fronts(run: xr.Dataset, ax: Axes | None = None) -> Axes:
+    """Draw how fast contacts first broke along an elastic slider, with the speed of sound.
+
+    Parameters
+    ----------
+    run : Dataset
+        A run of a `Chain`.
+    ax : Axes, optional
+    """
+    found = measure.fronts(run)
+    rig = rig_of(run)
+    speed = found["speed"]
+    ax = new_axes() if ax is None else ax
+    seen = np.isfinite(speed.values) & (speed.values > 0)
+    ax.semilogy(speed["block"].values[seen], speed.values[seen], ".", color=BLUE, markersize=3, label="first breaks")
+    sound = _chain(rig).sound_speed * rig.unit("1/time")
+    ax.axhline(sound, color=GREY, linewidth=0.9, linestyle=(0, (4, 2)), label="sound")
+    stops = found.isel(front=found["blocks"].values[: found.sizes["front"]] > 0)
+    ends = [int(x) for x in stops["last_block"].values[:-1]]
+    for end in ends:
+        ax.axvline(end, color=VERMILLION, linewidth=0.8, label="arrest" if end == ends[0] else None)
+    ax.set(xlabel="block", ylabel=_speed_label(rig), xlim=(-0.5, run.sizes["block"] - 0.5))
+    legend_above(ax)
+    return ax
+
+
+@house_style()
+def front_curve(data: xr.Dataset | Rig, ax: Axes | None = None) -> Axes:
+    """Draw the speed of fronts against the prestress ahead of them: theory, and what a run with a profile of it met.
+
+    Parameters
+    ----------
+    data : Dataset or Rig
+        A run of a `Chain` from a `Prestressed` start, whose local speeds are drawn against the local prestress, with
+        the exact curve; or a rig, for the curve alone.
+    ax : Axes, optional
+    """
+    rig = data if isinstance(data, Rig) else rig_of(data)
+    chain, interface = _chain(rig), rig.natural.interface
+    start = rig.start
+    if isinstance(data, xr.Dataset) and not isinstance(start, Prestressed):
+        raise InputError(f"front_curve: Rig.start = {start!r}: needs a run from a Prestressed start, or a rig")
+    least = front_threshold(rig)
+    theory: list[Front] = []
+    for tau in least + (0.98 - least) * np.linspace(0.0, 1.0, 41)[1:] ** 2:
+        try:
+            theory.append(front_speed(rig, prestress=float(tau)))
+        except InputError:  # from here on contacts give way by themselves
+            break
+    if not theory:
+        raise InputError(f"front_curve: Interface.thresholds = {interface.thresholds}: no prestress has a front")
+    prestress, speed = (np.array([getattr(front, name) for front in theory]) for name in ("prestress", "speed"))
+    ax = new_axes() if ax is None else ax
+    if isinstance(data, xr.Dataset) and isinstance(start, Prestressed):
+        found = measure.fronts(data)
+        stretching = np.broadcast_to(np.asarray(start.stretching, dtype=float), chain.blocks)
+        sliding, strength = interface.sliding_force, interface.threshold_distribution.moment(1)
+        local = (stretching - sliding) / (strength - sliding)
+        first = found.isel(front=0)
+        inside = np.arange(chain.blocks) > start.pushed_blocks + 10
+        inside &= np.arange(chain.blocks) < int(first["last_block"]) - 10
+        ax.plot(local[inside], found["speed"].values[inside], ".", color=BLUE, markersize=3, label="along the run")
+    there = speed > 0
+    ax.plot(prestress[there], speed[there], color=BLACK, label=f"theory ({theory[0].blocks})")
+    ax.axhline(chain.sound_speed * rig.unit("1/time"), color=GREY, linewidth=0.9, linestyle=(0, (4, 2)), label="sound")
+    ax.axvline(least, color=ORANGE, linewidth=0.9, label="threshold")
+    ax.set(xlabel="prestress, from sliding force to strength", xlim=(0, 1), ylim=(0, None), ylabel=_speed_label(rig))
+    legend_above(ax, columns=2)
+    return ax
+
+
+@house_style()
+def precursors(run: xr.Dataset, ax: Axes | None = None, *, fewest: int = 3) -> Axes:
+    """Draw the driving force against time, each precursor a dot with the number of blocks that it reaches.
+
+    Parameters
+    ----------
+    run : Dataset
+        A run of a `Chain` pulled at one end.
+    ax : Axes, optional
+    fewest : int
+        Blocks of the shortest precursor that is marked.
+    """
+    force = variable(run, "spring_force", "time")
+    found = _events(run, fewest)
+    ax = new_axes(PAGE, 2.6) if ax is None else ax
+    ax.plot(*envelope(run["time"].to_numpy(), force.to_numpy()), color=GREY, linewidth=0.9)
+    reach = found["reach"].values
+    at = np.interp(found["start"].values, run["time"].values, force.values)
+    whole = found["blocks"].values >= run.sizes["block"]
+    for kind, colour, text in ((~whole, BLUE, "precursor, with its length"), (whole, VERMILLION, "slip of all blocks")):
+        if kind.any():
+            ax.plot(found["start"].values[kind], at[kind], "o", color=colour, markersize=3.5, label=text)
+    for x, y, blocks in zip(found["start"].values[~whole], at[~whole], reach[~whole], strict=True):
+        ax.annotate(f"{blocks}", (x, y), (0, 4), textcoords="offset points", ha="center", fontsize=7)
+    dress(ax.xaxis, run["time"])
+    dress(ax.yaxis, force)
+    ax.margins(x=0.01)
+    legend_above(ax)
+    return ax
+
+
+@house_style()
+def precursor_lengths(run: xr.Dataset, ax: Axes | None = None, *, fewest: int = 3) -> Axes:
+    """Draw how far each precursor ran against the driving force at which it did, with the exact curve.
+
+    The curve is that of a first slow pull, all thresholds at their mean and without re-attachment.
+
+    Parameters
+    ----------
+    run : Dataset
+        A run of a `Chain` pulled at one end.
+    ax : Axes, optional
+    fewest : int
+        Blocks of the shortest precursor that is drawn.
+    """
+    force = variable(run, "spring_force", "time")
+    found = _events(run, fewest)
+    rig = rig_of(run)
+    at = np.interp(found["start"].values, run["time"].values, force.values)
+    ax = new_axes() if ax is None else ax
+    ax.plot(at, found["reach"].values, "o", color=BLUE, markersize=3.5, label="events of the run")
+    thresholds = rig.interface.threshold_distribution
+    alike = replace(rig.interface, thresholds=Gaussian(mean=thresholds.moment(1), std=0.0), delay=Delay(float("inf")))
+    exact = precursor_force(replace(rig, interface=alike))
+    rising = slice(0, int(exact.values.argmax()) + 1)
+    ax.plot(exact.values[rising], exact["tip"].values[rising], color=BLACK, label="theory")
+    dress(ax.xaxis, force)
+    ax.set(ylabel="blocks that slip", ylim=(0, run.sizes["block"] * 1.03))
+    ax.yaxis.set_major_locator(MaxNLocator(integer=True))
+    legend_above(ax)
+    return ax
+
+
+@house_style()
+def slip_profiles(run: xr.Dataset, ax: Axes | None = None, *, fewest: int = 3) -> Axes:
+    """Draw how far each block slipped in each event, early events dark and late ones bright.
+
+    Parameters
+    ----------
+    run : Dataset
+        A run of a `Chain`.
+    ax : Axes, optional
+    fewest : int
+        Blocks of the smallest event that is drawn.
+    """
+    moved = _on_blocks(run, "displacement")
+    found = _events(run, fewest)
+    if found.sizes["event"] == 0:
+        raise InputError(f"slip_profiles: the run holds no event of {fewest} blocks or more; run it for longer")
+    ax = new_axes() if ax is None else ax
+    colours = mpl.colormaps["cividis"](np.linspace(0.0, 0.9, found.sizes["event"]))
+    for start, end, colour in zip(found["start"].values, found["end"].values, colours, strict=True):
+        slip = moved.sel(time=end, method="nearest").values - moved.sel(time=start, method="nearest").values
+        ax.plot(moved["block"], slip, color=colour, linewidth=0.9)
+    dress(ax.yaxis, (moved - moved[0]).assign_attrs(moved.attrs | {"long_name": "slip in an event"}))
+    ax.set(xlabel="block", xlim=(0, run.sizes["block"] - 1))
+    ax.set_ylim(bottom=0)
+    return ax
+
+
+def _events(run: xr.Dataset, fewest: int) -> xr.Dataset:
+    """Events of at least so many blocks, with `reach`: up to which block, counted from 1, contacts broke in each."""
+    found = measure.events(run)
+    found = found.isel(event=np.flatnonzero(found["blocks"].values >= fewest))
+    broken, reach = _on_blocks(run, "broken"), []
+    for start, end in zip(found["start"].values, found["end"].values, strict=True):
+        gone = broken.sel(time=end, method="nearest").values - broken.sel(time=start, method="nearest").values
+        reach.append(int(np.flatnonzero(gone >= 0.5).max(initial=-1)) + 1)
+    return found.assign(reach=("event", np.array(reach, dtype=int)))
+
+
+def _speed_label(rig: Rig) -> str:
+    return f"front speed (blocks per {'time unit' if rig.scales is None else 's'})"
+
+
+def _chain(rig: Rig) -> Chain:
+    body = rig.natural.slider
+    if not isinstance(body, Chain):
+        raise InputError(f"plot: Rig.slider = {body!r}: this picture is of a Chain")
+    return body
+
+
+def _on_blocks(run: xr.Dataset, name: str) -> xr.DataArray:
+    """Take a variable of each block along time, or complain."""
+    if name not in run or set(run[name].dims) != {"time", "block"}:
+        raise InputError(f"plot: this Dataset has no {name} of each block; give a run of a Chain")
+    if run.sizes["time"] < 2:
+        raise InputError("plot: the run holds fewer than two samples; select a longer time")
+    across = run.coords.get("across")
+    if across is not None and np.unique(across).size > 1:
+        raise InputError("plot: a Sheet has many rows; select one: run.isel(block=run.across == 0)")
+    check_numbers("plot", run[name])
+    return run[name].transpose("time", "block")

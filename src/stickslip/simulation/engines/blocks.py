@@ -1,0 +1,458 @@
+"""Elastic sliders: N contacts on each block, breaks located inside the steps: `stickslip.kernels.blocks`."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip.errors import InputError
+from stickslip.model import (
+    Chain,
+    Contacts,
+    Delay,
+    ElasticBody,
+    Interface,
+    MasterEquation,
+    Prestressed,
+    QuasiStatic,
+    Sheet,
+)
+from stickslip.model.distribution import check_density
+from stickslip.simulation.engines.base import Advance, Beginning, Engine, Leg, Stretchings, looks_aside, solves
+from stickslip.simulation.engines.beginnings import first_contacts, initial_nodes, survival_table
+
+if TYPE_CHECKING:
+    from stickslip.kernels.leapfrog import Motion, Piece, Sampling
+    from stickslip.kernels.network import Network
+
+Array = NDArray[np.float64]
+
+SCALARS = (
+    "spring_force",
+    "work",
+    "kinetic_energy",
+    "spring_energy",
+    "bulk_energy",
+    "contact_energy",
+    "damped_energy",
+    "viscous_energy",
+    "broken_energy",
+)
+"""What samples of an elastic slider begin with, summed over its blocks."""
+FIELDS = ("displacement", "velocity", "friction_force", "attached", "broken")
+"""What they go on with, each for all blocks."""
+
+MOST_CONTACTS = 100_000_000
+"""Of all blocks: some 6 GB."""
+ANGLE = 0.05
+"""Longest step, in radians of the body's fastest oscillation: speeds of fronts to 1e-4."""
+_DASHPOT = 0.2
+"""Longest step against the fastest decay in the dashpots."""
+_POOL = 256
+"""Random numbers drawn at once for a block. The same seed gives another run with another length."""
+_MOST_HISTORY = 2e8
+"""Steps of a block in the longest delay: 1.6 GB."""
+_BUDGET = 2_000_000
+"""Events, or eight steps of a block each, in an advance: some 50 to 200 ms."""
+
+
+def balanced(beginning: Beginning) -> tuple[Array, Array, Array]:
+    """Constant forces on the blocks: all of them, and those that no driving spring carries; and the prestress."""
+    body, start = beginning.slider, beginning.start
+    assert isinstance(body, ElasticBody)
+    if not isinstance(start, Prestressed):
+        if not body.pulled.any():
+            raise nothing_pulls(body)
+        return np.zeros(body.size), np.zeros(body.size), np.zeros(body.size)
+    stretching = per_block("Prestressed.stretching", start.stretching, body)
+    distribution = beginning.interface.threshold_distribution
+    beyond = distribution.survival(np.abs(stretching)) < 1e-9
+    if beyond.any():
+        raise InputError(
+            f"Prestressed.stretching: {stretching[beyond][0]:g} on block {int(np.argmax(beyond))} is not below the "
+            f"thresholds ({distribution}); give less"
+        )
+    along = body.along if isinstance(body, Sheet) else body.blocks
+    if start.pushed_blocks > along:
+        raise InputError(f"Prestressed.pushed_blocks = {start.pushed_blocks}: must be at most {along}, all there are")
+    push = np.where(np.arange(body.size) % along < start.pushed_blocks, start.push, 0.0)
+    return stretching + push, push + np.where(body.pulled > 0, 0.0, stretching), stretching
+
+
+def per_block(place: str, value: float | tuple[float, ...], body: ElasticBody) -> Array:
+    """One number for all blocks, or one for each, as one for each."""
+    if isinstance(value, tuple) and len(value) != body.size:
+        raise InputError(f"{place}: has {len(value)} numbers for {body.size} blocks; give one, or one for each")
+    return np.array(np.broadcast_to(np.asarray(value, dtype=float), body.size))
+
+
+def network_of(body: ElasticBody, load: Array, push: Array) -> Network:
+    """Return a body as the kernels take it."""
+    from stickslip.kernels.network import Network
+
+    pairs, stiffness = body.links
+    ends = np.concatenate([pairs, pairs[:, ::-1]])
+    order = np.argsort(ends[:, 0], kind="stable")
+    first, second, stiff = ends[order, 0], ends[order, 1], np.tile(stiffness, 2)[order]
+    place = np.arange(first.size) - np.searchsorted(first, first)
+    most = int(place.max(initial=0)) + 1
+    neighbour = np.repeat(np.arange(body.size, dtype=np.int32)[:, None], most, axis=1)
+    spring = np.zeros((body.size, most))
+    neighbour[first, place], spring[first, place] = second, stiff
+    return Network(neighbour, spring, body.pulled, load, push, body.mass, body.damping, body.viscosity / body.coupling)
+
+
+def settled(beginning: Beginning, friction: Array) -> Array:
+    """Displacements of the blocks at the start, in balance with their friction if they slide, else 0."""
+    from scipy import sparse
+    from scipy.sparse.linalg import spsolve
+
+    body = beginning.slider
+    assert isinstance(body, ElasticBody)
+    if not beginning.sliding:
+        return np.zeros(body.size)
+    force = friction + body.mass * body.damping * beginning.velocity
+    pairs, stiffness = body.links
+    rows, columns = np.concatenate([pairs, pairs[:, ::-1]]).T
+    coupling = sparse.coo_array((np.tile(stiffness, 2), (rows, columns)), shape=(body.size, body.size)).tocsc()
+    held = sparse.diags_array(body.pulled + coupling.sum(axis=0)) - coupling
+    drive = float(force.sum() / body.pulled.sum())
+    return np.asarray(spsolve(held.tocsc(), body.pulled * drive - force)).reshape(body.size)
+
+
+def nothing_pulls(body: ElasticBody) -> InputError:
+    """Say that no spring holds a body."""
+    name = type(body).__name__
+    return InputError(f"{name}.leaf = 0 and {name}.side = 0: nothing pulls it; give one, or start Prestressed(...)")
+
+
+def first_velocities(beginning: Beginning, body: ElasticBody) -> Array:
+    """Velocities of the blocks at the start."""
+    if not beginning.sliding:
+        return np.zeros(body.size)
+    perturbation = per_block("FromSliding.perturbation", getattr(beginning.start, "perturbation", 0.0), body)
+    return np.asarray(beginning.velocity * (1.0 + perturbation))
+
+
+def longest_step(network: Network) -> float:
+    """Longest step of a body's motion."""
+    from stickslip.kernels.network import fastest, stiffest_dashpot
+
+    rate = stiffest_dashpot(network)
+    return min(ANGLE / fastest(network), _DASHPOT / rate if rate > 0 else math.inf)
+
+
+def check_size(body: ElasticBody, count: int) -> None:
+    """Raise `InputError` for more contacts than can be held."""
+    if body.size * count > MOST_CONTACTS:
+        raise InputError(
+            f"Contacts.count = {count}: {body.size} blocks would have {body.size * count:.2g} contacts; "
+            f"give at most {MOST_CONTACTS // body.size} ({MOST_CONTACTS:.0e} in all)",
+            "Contacts.count",
+        )
+
+
+class Streams:
+    """Random numbers of each block, which do not depend on how many blocks there are."""
+
+    def __init__(self, interface: Interface, seed: int, blocks: int) -> None:
+        from stickslip.kernels.blocks import Draws
+
+        self._distribution, self._delay, self._seed = interface.threshold_distribution, interface.delay, seed
+        self._generators: dict[tuple[int, int], np.random.Generator] = {}
+        fixed = self._delay.time if isinstance(self._delay, Delay) else math.nan
+        delays = np.empty((blocks, _POOL if math.isnan(fixed) else 0))
+        self.draws = Draws(np.empty((blocks, _POOL)), delays, fixed)
+
+    def of(self, block: int, kind: int) -> np.random.Generator:
+        """One of a block's streams: of initial stretchings, of thresholds, and of delays."""
+        known = self._generators.get((block, kind))
+        if known is None:
+            # What SeedSequence(seed).spawn(blocks)[block].spawn(3)[kind] is, without the others.
+            seed = np.random.SeedSequence(self._seed, spawn_key=(block, kind))
+            known = np.random.Generator(np.random.PCG64(seed))
+            if kind:
+                self._generators[block, kind] = known
+        return known
+
+    def refill_thresholds(self, block: int) -> None:
+        """Draw thresholds for a block."""
+        self.draws.thresholds[block] = self._distribution.sample(self.of(block, 1), _POOL)
+
+    def refill_delays(self, block: int) -> None:
+        """Draw delays for a block."""
+        self.draws.delays[block] = self._delay.sample(self.of(block, 2), _POOL)
+
+
+def contacts_of(beginning: Beginning, streams: Streams, count: int, prestress: Array) -> tuple[Array, Array, Array]:
+    """Stretchings, thresholds and times of re-attachment of the contacts of all blocks, shape (blocks, count) each."""
+    body = beginning.slider
+    assert isinstance(body, ElasticBody)
+    x, threshold = np.empty((2, body.size, count))
+    waiting = np.full((body.size, count), np.inf)
+    distribution = beginning.interface.threshold_distribution
+    for j in range(body.size):
+        rng = streams.of(j, 0)
+        if isinstance(beginning.start, Prestressed):
+            x[j] = prestress[j]
+            threshold[j] = distribution.sample_beyond(rng, np.abs(x[j]))
+        else:
+            x[j], threshold[j], pending = first_contacts(beginning, count, rng)
+            waiting[j, count - pending.size :] = pending
+    return x, threshold, waiting
+
+
+class ElasticEngine(Engine):
+    """What engines of elastic sliders share: their motion, whatever the contacts are."""
+
+    angle = 0.1
+    mechanisms = frozenset({"sliding_force"})
+    slider: ElasticBody
+    _network: Network
+    _motion: Motion
+    _sliding: float
+
+    @property
+    def columns(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Sums over blocks, then fields of all blocks."""
+        return SCALARS + tuple(name for name in FIELDS for _ in range(self.slider.size))
+
+    def here(self) -> tuple[float, float]:
+        """Time, and mean displacement of the blocks."""
+        from stickslip.kernels import leapfrog
+
+        return float(self._motion.scalar[leapfrog.TIME]), float(self._motion.blocks.X.mean())
+
+    def contact_force(self) -> float:
+        """Mean friction force of the blocks now, per contact."""
+        blocks = self._motion.blocks
+        element = np.clip(blocks.X - blocks.anchor, -self._sliding, self._sliding)
+        return float(np.mean(blocks.held * blocks.X - blocks.births + (1.0 - blocks.held) * element))
+
+    def marks(self) -> dict[str, Array]:
+        """Return when each block first broke, at which spring force, was half detached; and its preload."""
+        blocks = self._motion.blocks
+        return {
+            "first_break": blocks.first_break.copy(),
+            "first_break_force": blocks.first_force.copy(),
+            "half_detached": blocks.half_detached.copy(),
+            "preload": self._network.load - self._network.push,
+        }
+
+    @abstractmethod
+    def _move(self, piece: Piece, sampling: Sampling) -> int:
+        """Go on, and say why it ends."""
+
+    def longest_step(self) -> float:
+        """Longest step in time."""
+        return longest_step(self._network)
+
+    def advance(self, leg: Leg) -> Advance:
+        """Go on by some steps."""
+        from stickslip.kernels import leapfrog
+        from stickslip.kernels.blocks import BUDGET_SPENT
+
+        before = self.copy() if leg.looks else self
+        sampling = leapfrog.Sampling(leg.times, np.empty((leg.times.size, self._motion.rows.shape[1])))
+        self._motion.counts[leapfrog.SAMPLE] = 0
+        why = self._move(leapfrog.Piece(leg.drive, leg.end, leg.stop, self.longest_step()), sampling)
+        rows = sampling.samples[: self._motion.counts[leapfrog.SAMPLE]]
+        seen = looks_aside(before, leg, self.here()[0]) if leg.looks else ()
+        return Advance(rows, seen, over=why != BUDGET_SPENT)
+
+
+class BlocksOfContacts(ElasticEngine):
+    """Blocks with N contacts each, fed with random numbers block by block; how they move is for a class to say."""
+
+    def __init__(self, beginning: Beginning, method: Contacts | QuasiStatic) -> None:
+        from stickslip.kernels import blocks as kernel
+
+        body = beginning.slider
+        assert isinstance(body, ElasticBody)
+        self.slider = body
+        check_size(body, method.count)
+        load, push, prestress = balanced(beginning)
+        self._network = network_of(body, load, push)
+        self._sliding = beginning.interface.sliding_force
+        self._streams = Streams(beginning.interface, method.seed, body.size)
+        x, threshold, waiting = contacts_of(beginning, self._streams, method.count, prestress)
+        anchored = np.full(body.size, self._sliding) if beginning.sliding else prestress
+        element = np.clip(anchored, -self._sliding, self._sliding)
+        X = settled(beginning, np.where(threshold > 0, x, element[:, None]).mean(axis=1))
+        V = first_velocities(beginning, body)
+        self._state = kernel.make_state(X[:, None] - x, threshold, waiting, X, V, self._sliding, anchored)
+        self._motion = self._state.motion
+        self._state.contacts.next_threshold[:] = self._streams.draws.thresholds.shape[1]
+        self._state.contacts.next_delay[:] = self._streams.draws.delays.shape[1]
+
+    def stretchings(self) -> Stretchings:
+        """Stretchings of the attached contacts of all blocks now."""
+        contacts = self._state.contacts
+        x = (self._motion.blocks.X[:, None] - contacts.birth)[contacts.threshold > 0]
+        return Stretchings(x, np.full(x.size, 1.0 / contacts.birth.size), cells=False)
+
+    @abstractmethod
+    def _advance(self, piece: Piece, sampling: Sampling) -> int:
+        """Go on as far as the random numbers last."""
+
+    def _move(self, piece: Piece, sampling: Sampling) -> int:
+        from stickslip.kernels import blocks as kernel
+        from stickslip.kernels.leapfrog import BLOCK
+
+        contacts = self._state.contacts
+        while True:
+            why = self._advance(piece, sampling)
+            block = int(self._motion.counts[BLOCK])
+            if why == kernel.THRESHOLDS_USED_UP:
+                self._streams.refill_thresholds(block)
+                contacts.next_threshold[block] = 0
+            elif why == kernel.DELAYS_USED_UP:
+                self._streams.refill_delays(block)
+                contacts.next_delay[block] = 0
+            else:
+                return why
+
+
+@solves(Contacts, elastic=True)
+class Blocks(BlocksOfContacts):
+    """Blocks with inertia, in steps of time; breaks are located inside them."""
+
+    def _advance(self, piece: Piece, sampling: Sampling) -> int:
+        from stickslip.kernels import blocks as kernel
+
+        return kernel.advance(self._state, self._network, piece, sampling, self._streams.draws, self._sliding, _BUDGET)
+
+
+@solves(QuasiStatic, elastic=True)
+class BalancedBlocks(BlocksOfContacts):
+    """Blocks in balance all the time, from event to event: `stickslip.kernels.quasistatic`."""
+
+    def __init__(self, beginning: Beginning, method: QuasiStatic) -> None:
+        body = beginning.slider
+        if not isinstance(body, Chain):
+            raise InputError("QuasiStatic: is for a Chain; use Contacts")
+        if not body.pulled.any():
+            raise InputError(
+                "Chain.leaf = 0 and Chain.side = 0: nothing holds it in balance; give one, or use Contacts"
+            )
+        super().__init__(beginning, method)
+        self._ring = body.ends == "periodic" and body.blocks > 2
+        self._room = np.zeros((7, body.blocks))
+
+    def longest_step(self) -> float:
+        """Any step will do."""
+        return math.inf
+
+    def _advance(self, piece: Piece, sampling: Sampling) -> int:
+        from stickslip.kernels import quasistatic as kernel
+
+        return kernel.advance(
+            self._state,
+            self._network,
+            self._ring,
+            piece,
+            sampling,
+            self._streams.draws,
+            self._sliding,
+            _BUDGET,
+            self._room,
+        )
+
+
+@solves(MasterEquation, elastic=True)
+class BlocksOfCohorts(ElasticEngine):
+    """Blocks with infinitely many contacts each, in cohorts: `stickslip.kernels.block_cohorts`."""
+
+    def __init__(self, beginning: Beginning, method: MasterEquation) -> None:
+        from stickslip.kernels import block_cohorts as kernel
+        from stickslip.kernels.cohorts import smooth_sliding, tabulate
+        from stickslip.kernels.leapfrog import at_rest
+
+        body, interface = beginning.slider, beginning.interface
+        assert isinstance(body, ElasticBody)
+        self.slider, self._sliding = body, interface.sliding_force
+        load, push, prestress = balanced(beginning)
+        self._network = network_of(body, load, push)
+        distribution = interface.threshold_distribution
+        table = tabulate(*survival_table(distribution))
+        self._thresholds = kernel.Thresholds(table, _weakest(table.survival, table.spacing))
+        self._cells = float(method.cells)
+        past_rate = 0.0
+        if beginning.sliding:
+            x, fraction = smooth_sliding(table, self._cells, beginning.attached)
+            past_rate = beginning.attached * beginning.velocity / distribution.moment(1)
+        elif isinstance(beginning.start, Prestressed):
+            x, fraction = np.zeros(1), np.ones(1)
+        else:
+            x, fraction = initial_nodes(interface)
+        x = prestress[:, None] + x
+        self._delays = kernel.Delays(*interface.delay.quadrature(), past_rate)
+        anchored = np.full(body.size, self._sliding) if beginning.sliding else prestress
+        friction = (x * fraction).sum(axis=1) + (1.0 - fraction.sum()) * np.clip(
+            anchored, -self._sliding, self._sliding
+        )
+        X = settled(beginning, friction)
+        steps = float(self._delays.time.max(initial=0.0)) / self.longest_step()
+        if steps * body.size > _MOST_HISTORY:
+            raise InputError(
+                f"Interface.delay: {steps:.2g} steps in the longest delay, for {body.size} blocks; use Contacts(...), "
+                "or make the delay shorter or the blocks heavier"
+            )
+        motion = at_rest(X, first_velocities(beginning, body), self._sliding, anchored)
+        fractions = np.broadcast_to(fraction, x.shape)
+        room = int(2.0 * self._cells * table.spacing * table.survival.size) + x.shape[1] + 64
+        self._state = kernel.make_state(
+            motion, X[:, None] - x, fractions, self._thresholds, self._delays, room, int(1.05 * steps) + 64
+        )
+        self._motion = motion
+
+    @staticmethod
+    def check(interface: Interface, method: MasterEquation) -> None:
+        """Raise `InputError` for thresholds without a density, and for the paper's approximation."""
+        check_density(interface.threshold_distribution)
+        if method.memoryless:
+            raise InputError("MasterEquation.memoryless: is for a rigid slider; leave it out")
+
+    def longest_step(self) -> float:
+        """Longest step in time; finer cohorts come with finer steps."""
+        return longest_step(self._network) * min(1.0, 400.0 / self._cells)
+
+    def stretchings(self) -> Stretchings:
+        """Stretchings of the cohorts of all blocks now."""
+        from stickslip.kernels import block_cohorts as kernel
+
+        cohort = self._state.cohorts.cohort
+        alive = cohort[:, kernel.ALIVE] * (np.arange(cohort.shape[2]) < self._state.cohorts.used[:, :1])
+        x = self._motion.blocks.X[:, None] - cohort[:, kernel.BIRTH]
+        return Stretchings(x[alive > 0], alive[alive > 0] / self.slider.size, cells=True)
+
+    def _move(self, piece: Piece, sampling: Sampling) -> int:
+        from stickslip.kernels import block_cohorts as kernel
+
+        while True:
+            why = kernel.advance(
+                self._state,
+                self._network,
+                piece,
+                sampling,
+                self._thresholds,
+                self._delays,
+                self._sliding,
+                0.5 / self._cells,
+                50 * _BUDGET,
+            )
+            if why == kernel.NO_ROOM:
+                self._state = kernel.with_room(self._state)
+            elif why == kernel.NO_HISTORY:
+                self._state = kernel.with_history(self._state)
+            else:
+                return why
+
+
+def _weakest(survival: Array, spacing: float) -> float:
+    """Stretching up to which next to no threshold lies."""
+    return spacing * max(int(np.argmax(survival < 1.0 - 1e-15)) - 1, 0)

@@ -1,0 +1,557 @@
+"""Elastic sliders: blocks on contacts, against closed forms, rigid runs and each other."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import stickslip as ss
+from stickslip.io import rig_files
+
+NEVER = math.inf
+TENTH = ss.Gaussian(mean=1.0, std=0.1)
+
+
+def alike(sliding_force: float = 0.0, delay: ss.model.DelayModel = ss.Delay(NEVER)) -> ss.Interface:
+    """Contacts whose thresholds are all the same."""
+    return ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.0), delay=delay, sliding_force=sliding_force)
+
+
+def energy_defect(run: xr.Dataset) -> float:
+    """What is missing in the balance of energy, over the largest work."""
+    kept = run.kinetic_energy + run.spring_energy + run.bulk_energy + run.contact_energy
+    lost = run.damped_energy + run.viscous_energy + run.broken_energy
+    defect = kept + lost - run.work
+    return float(np.abs(defect - defect[0]).max() / np.abs(run.work).max())
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Fronts against the exact speed on the lattice
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def front(kappa: float, tau: float, K: float = 0.0, alpha: float = 0.0, zeta: float = 0.0, f_d: float = 0.0,
+          exact: float = 1.0) -> xr.Dataset:  # fmt: skip
+    """A front along a chain of homogeneous prestress, in lattice units: sound takes 1 a block."""
+    k_b, blocks = 1.0 / kappa, 400
+    bar = ss.Chain(blocks=blocks, coupling=k_b, mass=k_b, damping=alpha, viscosity=zeta * k_b, leaf=K * k_b)
+    rig = ss.Rig(
+        alike(f_d),
+        bar,
+        ss.constant(0.0, duration=1.05 * blocks / min(exact, 1.0)),
+        method=ss.Contacts(20, seed=1),
+        start=ss.Prestressed(stretching=f_d + (1.0 - f_d) * tau, push=3.0, pushed_blocks=3),
+        output=ss.Output(interval=5.0),
+    )
+    return ss.simulate(rig)
+
+
+@pytest.mark.parametrize(
+    ("case", "exact"),
+    [
+        # Stiff contacts, nearly Amontons-Coulomb; without and with a sliding force.
+        ({"kappa": 100, "tau": 0.5}, 1.147892),
+        ({"kappa": 100, "tau": 0.7, "f_d": 0.425}, 1.395127),
+        # Soft contacts, no leaf springs: supersonic.
+        ({"kappa": 1, "tau": 0.5}, 1.038784),
+        ({"kappa": 1, "tau": 0.7, "f_d": 0.425}, 1.090758),
+        ({"kappa": 1, "tau": 0.9}, 1.234012),
+        # Dashpots in the bulk.
+        ({"kappa": 1, "tau": 0.5, "zeta": 0.3162}, 1.14625),
+        # Leaf springs and damping: slower than sound.
+        ({"kappa": 0.25, "tau": 0.6, "K": 0.05, "alpha": 0.3}, 0.68641),
+        ({"kappa": 0.04, "tau": 0.5, "K": 0.01, "alpha": 0.2, "f_d": 0.425}, 0.18355),
+        ({"kappa": 0.01, "tau": 0.6, "K": 0.0025, "alpha": 0.1}, 0.49821),
+    ],
+)
+def test_front_speed(case: dict[str, float], exact: float) -> None:
+    run = front(exact=exact, **case)
+    block = np.arange(240, 380)
+    speed = np.polyfit(run.first_break.values[block], block, 1)[0]
+    assert speed == pytest.approx(exact, rel=2e-4)
+    assert energy_defect(run) < 1e-4
+    found = ss.fronts(run)
+    assert found.sizes["front"] == 1
+    assert int(found.blocks[0]) == 400
+    assert float(found.speed[300]) == pytest.approx(exact, rel=1e-2)
+
+
+def test_a_prestress_below_the_threshold_of_fronts_stops_the_front() -> None:
+    K, kappa = 0.05, 0.25  # of the coupling: Griffith's prestress is sqrt(K/(K + kappa)) = .41
+    run = front(kappa, 0.35, K=K, alpha=0.3)
+    assert int(ss.fronts(run).last_block[0]) < 20
+    assert np.isnan(run.first_break[-1])
+
+
+def slow_front(prestress_beyond: float, f_d: float, duration: float) -> xr.Dataset:
+    """A fast front that stops where the prestress falls; contacts that re-attach let it go on, slowly."""
+    ahead = np.where(np.arange(260) < 100, 0.7, prestress_beyond)
+    rig = ss.Rig(
+        alike(f_d, ss.RandomDelay(mean=720.0, std=216.0, negative="redraw")),
+        ss.Chain(blocks=260, coupling=25.0, mass=25.0, damping=0.2, leaf=0.25),
+        ss.constant(0.0, duration=duration),
+        method=ss.Contacts(100, seed=1),
+        start=ss.Prestressed(stretching=tuple(f_d + (1.0 - f_d) * ahead), push=3.0, pushed_blocks=3),
+        output=ss.Output(interval=5.0),
+    )
+    return ss.simulate(rig, long=True)
+
+
+@pytest.mark.parametrize(
+    ("beyond", "arrest", "slow", "within"),
+    [(0.44, 114, 0.0260, 0.0010), pytest.param(0.40, 108, 0.0142, 0.0006, marks=pytest.mark.slow)],
+)
+def test_slow_front_by_slow_slip(beyond: float, arrest: int, slow: float, within: float) -> None:
+    run = slow_front(beyond, 0.425, 2600.0)
+    broke = run.first_break.values
+    block = np.arange(60, 95)
+    assert np.polyfit(broke[block], block, 1)[0] == pytest.approx(0.6965, abs=0.002)
+    found = ss.fronts(run)
+    assert abs(int(found.last_block[0]) + 1 - arrest) <= 1
+    block = np.arange(arrest + 8, arrest + 28)
+    assert np.polyfit(broke[block], block, 1)[0] == pytest.approx(slow, abs=within)
+    assert float(found.front_speed[1]) == pytest.approx(slow, rel=0.1)
+
+
+def test_without_a_sliding_force_there_is_no_slow_front() -> None:
+    run = slow_front(0.44, 0.0, 1500.0)
+    assert np.isfinite(run.first_break).sum() == 114
+    assert float(run.first_break.max()) < 250.0
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Against the rigid slider
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def test_one_block_is_the_rigid_slider_of_the_master_equation() -> None:
+    interface = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.2))
+    drive, output = ss.constant(1.0, duration=10.0), ss.Output(interval=1e-2)
+    slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0)
+    block = ss.Chain(blocks=1, coupling=1.0, mass=1e-4, damping=200.0, leaf=2.0)
+    rigid = ss.simulate(ss.Rig(interface, slider, drive, output=output))
+    run = ss.simulate(ss.Rig(interface, block, drive, output=output))
+    assert np.abs(run.displacement[:, 0] - rigid.displacement).max() < 5e-3
+    assert np.abs(run.attached[:, 0] - rigid.attached).max() < 2e-2
+    assert energy_defect(run) < 1e-5
+
+
+def period_and_swing(run: xr.Dataset) -> tuple[float, float]:
+    """Mean period of the spring force after t = 10, and its peak-to-peak value, per block."""
+    late = run.sel(time=slice(10.0, None))
+    force, t = late.spring_force.values / run.sizes.get("block", 1), late.time.values
+    middle = 0.5 * (force.max() + force.min())
+    falls = np.flatnonzero((force[1:] < middle) & (force[:-1] >= middle))
+    return float(np.diff(t[falls]).mean()), float(force.max() - force.min())
+
+
+@pytest.mark.parametrize(("blocks", "coupling", "count"), [(1, 1.0, 10_000), (8, 1000.0, 1_250)])
+def test_rigid_limits_slip_like_one_slider(blocks: int, coupling: float, count: int) -> None:
+    interface = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.2))
+    bar = ss.Chain(blocks=blocks, coupling=coupling, mass=1e-4, damping=200.0, leaf=2.0)
+    rig = ss.Rig(interface, bar, ss.constant(1.0, duration=30.0), method=ss.Contacts(count, seed=1),
+                 output=ss.Output(interval=2e-3))  # fmt: skip
+    period, swing = period_and_swing(ss.simulate(rig, long=True))
+    assert period == pytest.approx(1.487, abs=0.01)
+    assert swing == pytest.approx(0.77, abs=0.02)
+
+
+def test_identical_blocks_stay_identical_and_move_as_a_rigid_slider() -> None:
+    interface = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.1))
+    drive, start = ss.constant(1.5, duration=5.0), ss.FromSliding(perturbation=0.1)
+    bar = ss.Chain(blocks=8, coupling=2.0, mass=1e-4, damping=42.426, leaf=5.0)
+    run = ss.simulate(ss.Rig(interface, bar, drive, start=start, output=ss.Output(interval=1e-2)))
+    assert float((run.displacement.max("block") - run.displacement.min("block")).max()) < 1e-9
+    slider = ss.Slider(stiffness=5.0, mass=1e-4, damping=42.426)
+    rigid = ss.simulate(ss.Rig(interface, slider, drive, start=start, output=ss.Output(interval=1e-2)))
+    assert np.abs(run.displacement[:, 0] - rigid.displacement).max() < 1e-4
+    assert np.abs(run.spring_force / 8 - rigid.spring_force).max() < 1e-3
+
+
+def test_sliding_force_steadies_one_block_as_it_does_the_rigid_slider() -> None:
+    """Steady sliding with the force of detached contacts: ``(m2/2 + f_d v tau)/(m1 + v tau)``."""
+    tau, v, f_d = 0.1, 1.5, 0.3
+    interface = ss.Interface(thresholds=TENTH, delay=ss.Delay(tau), sliding_force=f_d)
+    block = ss.Chain(blocks=1, coupling=1.0, mass=1e-4, damping=42.426, leaf=5.0)
+    run = ss.simulate(ss.Rig(interface, block, ss.constant(v, duration=3.0), start=ss.FromSliding()))
+    expected = (0.5 * 1.01 + f_d * v * tau) / (1.0 + v * tau)
+    assert float(run.friction_force[:, 0].mean()) == pytest.approx(expected, rel=1e-4)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Motion
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def test_stuck_blocks_oscillate_as_springs_do() -> None:
+    bar = ss.Chain(blocks=5, coupling=3.0, mass=2.0, damping=0.0, leaf=0.5)
+    start = ss.Prestressed(stretching=0.0, push=0.1, pushed_blocks=5)
+    rig = ss.Rig(alike(), bar, ss.constant(0.0, duration=20.0), method=ss.Contacts(10), start=start)
+    run = ss.simulate(rig)
+    exact = 0.1 / 1.5 * (1.0 - np.cos(math.sqrt(1.5 / 2.0) * run.time))
+    assert np.abs(run.displacement[:, 2] - exact).max() < 1e-4
+    assert energy_defect(run) < 1e-4
+
+
+def modes_of(signal: np.ndarray, dt: float) -> np.ndarray:
+    """Growth rates of the oscillations in a signal, by the matrix pencil; the slowest decay first."""
+    length = signal.size // 3
+    rows = np.lib.stride_tricks.sliding_window_view(signal, length + 1)
+    v = np.linalg.svd(rows)[2][:8]
+    z = np.linalg.eigvals(np.linalg.pinv(v[:, :-1].T) @ v[:, 1:].T)
+    s = np.log(z) / dt
+    s = s[np.abs(s.imag) > 1.0]
+    return s[np.argsort(-s.real)]
+
+
+def growth(bar: ss.Chain, shape: np.ndarray, duration: float = 10.0) -> complex:
+    """Growth rate of a mode of smooth sliding, from a run."""
+    interface = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.1))
+    start = ss.FromSliding(perturbation=tuple(0.2 * shape))
+    rig = ss.Rig(interface, bar, ss.constant(1.5, duration=duration), start=start, output=ss.Output(interval=1e-2))
+    run = ss.simulate(rig, long=True)
+    moved = run.displacement.values - 1.5 * run.time.values[:, None]
+    amplitude = (moved - moved[0]) @ shape
+    late = amplitude[(run.time.values >= 3.0)][::5]
+    return complex(modes_of(late, 0.05)[0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("viscosity", "expected"), [(0.0, -0.09571 + 7.96899j), (2e-3, -0.09617 + 7.96875j)])
+def test_growth_of_a_wave_on_a_ring(viscosity: float, expected: complex) -> None:
+    ring = ss.Chain(blocks=8, coupling=2.0, mass=1e-4, damping=42.426, leaf=3.0, viscosity=viscosity, ends="periodic")
+    found = growth(ring, np.cos(2 * np.pi * np.arange(8) / 8))
+    assert found.real == pytest.approx(expected.real, abs=1e-3)
+    assert abs(found.imag) == pytest.approx(expected.imag, abs=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("blocks", "coupling", "expected"),
+    [(8, 40.0, 0.13863 + 7.57764j), (8, 80.0, 0.00309 + 7.78923j), (7, 80.0, None)],
+)
+def test_growth_of_a_chain_pulled_at_its_end(blocks: int, coupling: float, expected: complex | None) -> None:
+    matrix = coupling * (2.0 * np.eye(blocks) - np.eye(blocks, k=1) - np.eye(blocks, k=-1))
+    matrix[0, 0], matrix[-1, -1] = coupling + 40.0, coupling
+    shape = np.linalg.eigh(matrix)[1][:, 0]
+    bar = ss.Chain(blocks=blocks, coupling=coupling, mass=1e-4, damping=42.426, side=40.0)
+    found = growth(bar, shape / np.abs(shape).max())
+    if expected is None:  # one block fewer, and smooth sliding is stable
+        assert found.real < -1e-2
+    else:
+        assert found.real == pytest.approx(expected.real, abs=1e-3)
+        assert abs(found.imag) == pytest.approx(expected.imag, abs=1e-3)
+
+
+def test_rows_of_a_sheet_that_move_alike_are_chains() -> None:
+    chain = ss.Chain(blocks=60, coupling=4.0, mass=4.0, damping=0.1, leaf=0.2)
+    sheet = ss.Sheet(along=60, across=3, coupling=4.0, shear=1.5, mass=4.0, damping=0.1, leaf=0.2)
+    start = ss.Prestressed(stretching=0.8, push=3.0, pushed_blocks=3)
+    one, three = (
+        ss.simulate(ss.Rig(alike(0.3), body, ss.constant(0.0, duration=80.0), method=ss.Contacts(10), start=start))
+        for body in (chain, sheet)
+    )
+    # The wider body has a higher bound on its frequencies, hence shorter steps.
+    assert np.abs(three.first_break.values.reshape(3, 60) - one.first_break.values).max() < 0.02
+    assert three.across.values.reshape(3, 60)[2, 5] == 2
+    assert ss.events(three).sizes["event"] == 1
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# In balance all the time
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def precursors(method: object, std: float = 0.0, duration: float = 8e4) -> xr.Dataset:
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=std), delay=ss.Delay(NEVER), sliding_force=0.425)
+    bar = ss.Chain(blocks=50, coupling=4.0, mass=1.0, damping=0.1, side=4.0)
+    rig = ss.Rig(
+        interface,
+        bar,
+        ss.constant(2e-3, duration=duration),
+        method=method,  # type: ignore[arg-type]
+        start=ss.Prestressed(stretching=0.0),
+        output=ss.Output(interval=duration / 4000),
+    )
+    return ss.simulate(rig, long=True)
+
+
+def tip_forces(blocks: int, k_b: float, f_d: float) -> np.ndarray:
+    """Spring force with the tip at each block: ``f_d l + 1 + k_b (1 - rho)``, for thresholds that are alike."""
+    rho = [0.0, k_b / (1.0 + k_b)]  # of one stuck block, of two ...
+    for _ in range(2, blocks):
+        rho.append(k_b / (1.0 + 2.0 * k_b - k_b * rho[-1]))
+    stuck = np.arange(blocks)[::-1]
+    pull = np.where(stuck > 0, k_b * (1.0 - np.asarray(rho)[stuck]), 0.0)
+    return f_d * np.arange(blocks) + 1.0 + pull
+
+
+def test_quasi_static_forces_of_precursors_are_exact() -> None:
+    run = precursors(ss.QuasiStatic(100, seed=1))
+    exact = tip_forces(50, 4.0, 0.425)
+    assert exact[[0, 10, 20]] == pytest.approx([2.561553, 6.811553, 11.061553], abs=1e-6)
+    assert np.abs(run.first_break_force.values - exact)[:48].max() < 1e-10
+    assert float(run.first_break_force.max()) / 50 == pytest.approx(0.4443275862, abs=1e-10)
+    assert int(np.argmax(run.first_break_force.values)) == 47
+    assert energy_defect(run) < 1e-6
+
+
+@pytest.mark.parametrize(("std", "largest"), [(0.05, 0.4411), (0.1, 0.4393)])
+def test_scatter_of_thresholds_lowers_the_static_friction_of_the_chain(std: float, largest: float) -> None:
+    run = precursors(ss.QuasiStatic(100, seed=1), std)
+    assert float(run.spring_force.max()) / 50 == pytest.approx(largest, abs=1e-3)
+
+
+@pytest.mark.slow
+def test_slow_dynamics_agree_with_balance_and_take_a_hundred_times_as_long() -> None:
+    precursors(ss.QuasiStatic(10))
+    begin = time.process_time()
+    still = precursors(ss.QuasiStatic(100, seed=1))
+    quick = time.process_time() - begin
+    precursors(ss.Contacts(10), duration=10.0)
+    begin = time.process_time()
+    moving = precursors(ss.Contacts(100, seed=1))
+    slow = time.process_time() - begin
+    ratio = moving.first_break_force / still.first_break_force
+    assert np.abs(ratio[:47] - 1.0).max() < 7e-3
+    assert float(moving.spring_force.max() / still.spring_force.max()) == pytest.approx(1.0, abs=1e-3)
+    assert slow > 100.0 * quick
+
+
+def creeping(method: object, ends: str = "free") -> ss.Rig:
+    interface = ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=0.05),
+        delay=ss.RandomDelay(mean=100.0, std=30.0, negative="redraw"),
+        sliding_force=0.425,
+    )
+    bar = ss.Chain(blocks=30, coupling=4.0, mass=1.0, damping=0.1, side=4.0, leaf=0.1, ends=ends)  # type: ignore[arg-type]
+    drive = ss.constant(2e-3, duration=1.5e4).then(ss.ramp(2e-3, -2e-3, duration=4e3)).then(ss.constant(0.0, 300.0))
+    return ss.Rig(interface, bar, drive, method=method)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("ends", ["free", "periodic"])
+def test_balance_with_re_attachment_and_a_drive_that_turns(ends: str) -> None:
+    run = ss.simulate(creeping(ss.QuasiStatic(50, seed=1), ends))
+    assert energy_defect(run) < 1e-5
+    # All forces balance at the end: the springs carry the friction.
+    assert float(run.spring_force[-1]) == pytest.approx(float(run.friction_force[-1].sum()), abs=1e-9)
+    # At rest for longer than any delay, all contacts are attached.
+    assert float(run.attached[-1].min()) == 1.0
+
+
+def test_events_of_precursors_grow() -> None:
+    run = ss.simulate(creeping(ss.QuasiStatic(50, seed=1)).replace(output=ss.Output(interval=5.0)))
+    table = ss.events(run)
+    assert table.sizes["event"] > 5
+    assert (table.end > table.start).all()
+    assert (np.diff(table.start) >= 0).all()
+    assert (table.blocks >= 1).all()
+    first = table.isel(event=0)
+    assert int(first.first_block) < 5
+    assert int(table.blocks.max()) > 2 * int(first.blocks)
+    with pytest.raises(ss.InputError, match="needs a run of an elastic slider"):
+        ss.events(xr.Dataset())
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Runs as all runs are
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def small(blocks: int = 6, **changes: object) -> ss.Rig:
+    interface = ss.Interface(thresholds=TENTH, delay=ss.RandomDelay(mean=0.2, std=0.05), sliding_force=0.2)
+    bar = ss.Chain(blocks=blocks, coupling=20.0, mass=1e-4, damping=42.4, viscosity=1e-4, leaf=2.0)
+    rig = ss.Rig(interface, bar, ss.constant(1.0, duration=4.0), method=ss.Contacts(50, seed=1),
+                 output=ss.Output(interval=1e-2))  # fmt: skip
+    return rig.replace(**changes)
+
+
+def test_a_run_is_repeatable_and_sampling_does_not_change_it(tmp_path: object) -> None:
+    run = ss.simulate(small())
+    assert ss.simulate(small()).identical(run)
+    file = ss.save(run, f"{tmp_path}/run.nc")
+    assert ss.load(file).identical(run)
+    assert ss.rerun(ss.load(file)).identical(run)
+    looked = ss.simulate(small(output=ss.Output(interval=0.05, snapshots=(0.333, 2.0))))
+    assert (looked.broken[-1] == run.broken[-1]).all()
+    assert np.abs(looked.displacement[-1] - run.displacement[-1]).max() < 1e-12
+    assert looked.stretching_density.sizes == {"snapshot": 2, "x": 200}
+    assert energy_defect(run) < 1e-4
+
+
+def test_draws_of_a_block_do_not_depend_on_how_many_there_are() -> None:
+    few, many = (
+        ss.simulate(small(slider=ss.Chain(blocks=n, coupling=1e-12, mass=1e-4, damping=42.4, leaf=2.0))) for n in (3, 7)
+    )
+    assert (few.friction_force[0] == many.friction_force[0, :3]).all()
+    assert (few.broken[-1] == many.broken[-1, :3]).all()
+    assert np.abs(few.displacement - many.displacement[:, :3]).max() < 1e-8
+
+
+def test_a_run_has_dimensions_units_and_sums() -> None:
+    run = ss.simulate(small())
+    assert run.displacement.dims == ("time", "block")
+    assert run.first_break.dims == ("block",)
+    assert all({"units", "long_name"} <= set(run[name].attrs) for name in run.variables)
+    pulled = 2.0 * (run.time - run.displacement)  # the drive has gone 1 * time
+    assert np.abs(run.spring_force - pulled.sum("block")).max() < 1e-9
+    assert run.pulling_force.sum("pulled").values == pytest.approx(run.spring_force.values, abs=1e-12)
+    assert float(run.attached.max()) == 1.0
+    mean = ss.simulate(small(method=ss.MasterEquation()))
+    assert set(mean.data_vars) == set(run.data_vars)
+
+
+def test_a_condition_ends_the_drive() -> None:
+    drive = ss.constant(1.0, duration=4.0).until(ss.ForceAbove(3.0))
+    run = ss.simulate(small(drive=drive))
+    assert float(run.spring_force[-1]) >= 3.0 > float(run.spring_force[-2])
+
+
+def test_measures_take_the_mean_over_blocks() -> None:
+    rig = small(
+        interface=ss.Interface(thresholds=TENTH, delay=ss.Delay(0.2)),
+        slider=ss.Chain(blocks=4, coupling=1000.0, mass=1e-4, damping=200.0, leaf=2.0),
+        drive=ss.constant(1.0, duration=25.0),
+        method=ss.Contacts(1000, seed=1),
+    )
+    found = ss.regime(ss.simulate(rig, long=True))
+    assert found.kind == "stick-slip"
+
+
+def rigid(**changes: object) -> ss.Rig:
+    slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0)
+    return small(slider=slider, interface=ss.Interface(thresholds=TENTH), **changes)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda: ss.Chain(blocks=10, coupling=0.0, mass=1.0, damping=0.0), "Chain.coupling = 0"),
+        (lambda: ss.Chain(blocks=10, coupling=1.0, mass=1.0, damping=0.0, ends="fixed"), "Chain.ends"),
+        (lambda: ss.Prestressed(stretching="half"), "Prestressed.stretching"),
+        (lambda: ss.Prestressed(stretching=0.5, pushed_blocks=0), "Prestressed.pushed_blocks"),
+        (lambda: small(start=ss.Prestressed(stretching=(0.5, 0.6))), "2 numbers for 6 blocks"),
+        (lambda: small(start=ss.Prestressed(stretching=2.0)), "not below the thresholds"),
+        (lambda: small(start=ss.Prestressed(stretching=0.5, pushed_blocks=7)), "must be at most 6"),
+        (lambda: small(start=ss.FromSliding(perturbation=(0.1, 0.2))), "2 numbers for 6 blocks"),
+        (lambda: small(method=ss.Contacts(100_000_000)), "6e\\+08 contacts"),
+        (lambda: small(slider=ss.Chain(blocks=6, coupling=1.0, mass=1e-4, damping=0.0)), "nothing pulls it"),
+        (lambda: rigid(start=ss.Prestressed(stretching=0.5)), "is for an elastic slider"),
+        (lambda: rigid(start=ss.FromSliding(perturbation=(0.1, 0.2))), "is for an elastic slider"),
+        (lambda: rigid(method=ss.QuasiStatic()), "QuasiStatic: is for an elastic slider"),
+        (lambda: small(slider=ss.Sheet(along=3, across=2, coupling=1.0, shear=1.0, mass=1.0, damping=0.0, leaf=1.0),
+                       method=ss.QuasiStatic()), "QuasiStatic: is for a Chain"),
+        (lambda: small(method=ss.PaperClosure()), "PaperClosure: is not for a Chain"),
+        (lambda: small(drive=ss.constant(1.0, duration=1e5)), "steps of blocks would take about"),
+        (lambda: small(interface=ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.0))), "Interface.ageing"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_told_in_one_line(change: object, message: str) -> None:
+    with pytest.raises(ss.InputError, match=message) as caught:
+        ss.simulate(change())  # type: ignore[operator]
+    assert "\n" not in str(caught.value)
+
+
+def test_estimate_knows_steps_and_contacts() -> None:
+    from stickslip.simulation import estimate
+
+    work = estimate(small())
+    assert work.block_steps == pytest.approx(6 * 4.0 * math.sqrt(1e4 * (2.0 + 80.0 + 1.0)) / 0.05, rel=0.1)
+    told: list[float] = []
+    ss.simulate(small(), progress=told.append)
+    assert told[-1] == 1.0
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Rig files
+# ---------------------------------------------------------------------------------------------------------------------
+
+BAR = """
+[chain]
+blocks = 57
+spacing = "2.5 mm"
+width = "5 mm"
+height = "77.5 mm"
+youngs_modulus = "3 GPa"
+shear_modulus = "1.1 GPa"
+density = "1180 kg/m^3"
+side = "4 MN/m"
+damping = "1000 1/s"
+[interface]
+contact_strength = "768 N"
+sliding_force = "326.4 N"
+breaking_displacement = "1.17 um"
+thresholds = { distribution = "gaussian", std = 0.05 }
+delay = { mean = "2 ms", std = "0.6 ms" }
+[drive]
+velocity = "0.4 mm/s"
+distance = "60 um"
+[simulation]
+method = "quasi-static"
+"""
+
+
+def test_a_bar_in_si_units_becomes_a_chain_and_comes_back() -> None:
+    rig = rig_files.from_text(BAR)
+    bar, k = rig.slider, 768.0 / 57 / 1.17e-6  # stiffness of all contacts of a block
+    assert bar.coupling == pytest.approx(3e9 * 5e-3 * 77.5e-3 / 2.5e-3 / k)
+    assert bar.leaf == pytest.approx(1.1e9 * 5e-3 * 2.5e-3 / 77.5e-3 / k)
+    assert bar.side == pytest.approx(4e6 / k)
+    assert rig.interface.sliding_force == pytest.approx(0.425)
+    assert bar.mass * rig.unit("f_s time^2/x_s") == pytest.approx(1180 * 5e-3 * 77.5e-3 * 2.5e-3)
+    assert rig.method == ss.QuasiStatic(100, seed=1)
+    assert rig_files.from_text(rig_files.to_toml(rig)) == rig
+    run = ss.simulate(rig)
+    assert run.spring_force.attrs["units"] == "N"
+    assert 326.4 < float(run.spring_force.max()) < 768.0
+    assert energy_defect(run) < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("line", "instead", "message"),
+    [
+        ("blocks = 57", "", "chain.blocks: is missing"),
+        ("blocks = 57", "blocks = 0", "chain.blocks: is 0"),
+        ('spacing = "2.5 mm"', "", "chain.spacing: is missing"),
+        ('youngs_modulus = "3 GPa"', 'youngs_modulus = "3 N"', "chain.youngs_modulus"),
+        ('density = "1180 kg/m^3"', "", "chain.density: is missing"),
+        ('density = "1180 kg/m^3"', 'density = "1180 kg/m^3"\nmass = "1 g"', "give mass or density, not both"),
+        ("[chain]", '[slider]\nmass = "1 kg"\n[chain]', "give slider or chain, not both"),
+    ],
+)
+def test_mistakes_in_the_table_of_a_bar_are_told(line: str, instead: str, message: str) -> None:
+    with pytest.raises(ss.InputError, match=message):
+        rig_files.from_text(BAR.replace(line, instead))
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Speed
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_a_step_of_a_block_costs_no_loop_over_its_contacts() -> None:
+    from stickslip.simulation import estimate
+
+    def cost(count: int, duration: float) -> tuple[float, float, float]:
+        """CPU seconds, steps of blocks and breaks of a run."""
+        interface = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.2))
+        bar = ss.Chain(blocks=200, coupling=20.0, mass=1e-4, damping=42.426, leaf=2.0)
+        rig = ss.Rig(interface, bar, ss.constant(1.0, duration=duration), method=ss.Contacts(count, seed=1),
+                     output=ss.Output(interval=duration / 2))  # fmt: skip
+        begin = time.process_time()
+        found = ss.simulate(rig, long=True)
+        seconds = time.process_time() - begin
+        return seconds, estimate(rig).block_steps, float(found.broken[-1].sum() * count)
+
+    cost(100, 0.01)
+    seconds, steps, breaks = cost(100, 5.0)
+    assert breaks > 50_000
+    assert seconds < 20e-9 * steps + 300e-9 * breaks
+    # As long as nothing breaks, ten times the contacts cost no more; what is drawn at the start is told apart.
+    few, many = (cost(count, 0.6)[0] - cost(count, 0.1)[0] for count in (100, 1000))
+    assert many < 1.5 * few

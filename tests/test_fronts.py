@@ -1,0 +1,672 @@
+"""Elastic sliders: slip fronts, precursors and the modes of smooth sliding, in theory and in pictures."""
+
+import importlib.util
+import math
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import stickslip as ss
+
+NEVER = ss.Delay(math.inf)
+STILL = ss.constant(velocity=0.0, duration=1.0)
+
+
+def bar(kappa, leaf=0.0, alpha=0.0, zeta=0.0, *, std=0.0, sliding=0.0, mean=1.0, delay=NEVER, **more):
+    """A rig by the groups that a front depends on: contacts, leaf springs, damping and viscosity against the bulk."""
+    coupling = 1.0 / kappa
+    chain = {"blocks": 400, "coupling": coupling, "mass": coupling, "damping": alpha, "viscosity": zeta * coupling}
+    chain |= {"leaf": leaf * coupling} | more
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=mean, std=std), delay=delay, sliding_force=sliding)
+    return ss.Rig(interface, ss.Chain(**chain), STILL)
+
+
+def speed(rig, prestress, **how):
+    return float(ss.front_speed(rig, prestress=prestress, **how))
+
+
+# ---------------------------------------------------------------- fronts on a lattice
+
+STIFF = 1e12  # contacts against the bulk: the limit of Amontons and Coulomb
+
+
+@pytest.mark.parametrize("prestress", [0.3, 0.5, 0.7, 0.9])
+def test_stiff_contacts_without_losses(prestress):
+    assert speed(bar(STIFF), prestress) == pytest.approx(1 / math.sqrt(1 - prestress**2), rel=1e-6)
+
+
+@pytest.mark.parametrize("kappa", [0.25, 1.0, 4.0, 100.0])
+@pytest.mark.parametrize("leaf", [0.0, 0.2])
+@pytest.mark.parametrize("prestress", [0.5, 0.7, 0.9, 0.95])
+def test_fronts_faster_than_sound_without_losses(kappa, leaf, prestress):
+    """Without losses the phase is a step at each of two roots, found here on their own."""
+
+    def root(held, v):
+        return brentq(lambda w: held + 4 * math.sin(w / (2 * v)) ** 2 - w * w, 1e-9, math.sqrt(held + 4) + 1e-9)
+
+    def closed(v):
+        ahead = root(leaf + kappa, v)
+        if leaf == 0:
+            return math.sqrt((1 - 1 / v**2) / kappa) * ahead
+        return math.sqrt(leaf / (leaf + kappa)) * ahead / root(leaf, v)
+
+    if closed(1.0 + 1e-9) > prestress:
+        assert speed(bar(kappa, leaf), prestress) < 1.0
+    else:
+        expected = brentq(lambda v: closed(v) - prestress, 1.0 + 1e-9, 20.0, xtol=1e-13)
+        assert speed(bar(kappa, leaf), prestress) == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("groups", "prestress", "expected"),
+    [
+        ((STIFF,), 0.3, 1.048285),
+        ((STIFF,), 0.5, 1.154701),
+        ((STIFF,), 0.7, 1.400280),
+        ((STIFF,), 0.9, 2.294157),
+        ((1.0,), 0.5, 1.038784),
+        ((1.0,), 0.7, 1.090758),
+        ((1.0,), 0.9, 1.234012),
+        ((0.25,), 0.5, 1.020105),
+        ((0.25,), 0.7, 1.047366),
+        ((0.25,), 0.9, 1.124644),
+        ((4.0,), 0.5, 1.072010),
+        ((4.0,), 0.9, 1.420438),
+        ((100.0,), 0.5, 1.147892),
+        ((100.0,), 0.7, 1.395127),
+        ((STIFF, 0.0, 0.0, 0.1), 0.5, 1.23576),
+        ((STIFF, 0.0, 0.0, 0.5), 0.5, 1.56031),
+        ((STIFF, 0.0, 0.0, 1.0), 0.5, 2.00000),
+        ((1.0, 0.0, 0.0, 0.3162), 0.5, 1.14625),
+        ((STIFF, 0.0, 0.3), 0.2, 0.80000),
+        ((STIFF, 0.0, 1.0), 0.2, 0.34176),
+        ((STIFF, 0.0, 3.0), 0.3, 0.18387),
+        ((STIFF, 0.0, 1.0), 0.5, 0.85365),
+        ((STIFF, 0.0, 1.0), 0.8, 1.46694),
+        ((0.25, 0.05, 0.3), 0.5, 0.42276),
+        ((0.25, 0.05, 0.3), 0.6, 0.68641),
+        ((0.25, 0.05, 0.3), 0.8, 0.90738),
+        ((0.04, 0.01, 0.2), 0.5, 0.18355),
+        ((0.04, 0.01, 0.2), 0.6, 0.49301),
+        ((0.04, 0.01, 0.2), 0.7, 0.69557),
+        ((0.04, 0.01, 0.2), 0.8, 0.82713),
+        ((0.01, 0.0025, 0.1), 0.5, 0.19563),
+        ((0.01, 0.0025, 0.1), 0.6, 0.49821),
+        ((0.01, 0.0025, 0.1), 0.8, 0.83919),
+        ((0.16, 0.04, 0.4), 0.6, 0.47441),
+        ((0.16, 0.04, 0.4), 0.8, 0.80644),
+        ((0.0025, 0.000625, 0.05), 0.5, 0.19886),
+        ((0.0025, 0.000625, 0.05), 0.6, 0.49955),
+        ((0.0025, 0.000625, 0.05), 0.8, 0.84412),
+        ((1.0, 0.2, 0.0), 0.95, 1.33529),
+    ],
+)
+def test_published_numbers_of_the_lattice(groups, prestress, expected):
+    """Speeds known to five digits or more, each met by a chain of blocks integrated in time as well."""
+    assert speed(bar(*groups), prestress) == pytest.approx(expected, rel=1e-5, abs=6e-6)
+
+
+def test_fine_blocks_converge_to_the_continuum_in_second_order():
+    """At constant K and M eta^2 = 1 the lattice tends to v = 1/2, its error as the square of the block."""
+    errors = [0.5 - speed(bar(k, k / 4, math.sqrt(k)), 0.6) for k in (0.16, 0.04, 0.01, 0.0025)]
+    ratios = [a / b for a, b in pairwise(errors)]
+    assert ratios == pytest.approx([3.66, 3.90, 3.97], abs=0.02)
+
+
+@pytest.mark.parametrize(("prestress", "expected"), [(0.5, 1 / 5), (0.6, 1 / 2), (0.8, 11 / 13)])
+def test_the_continuum_in_closed_form(prestress, expected):
+    assert speed(bar(0.01, 0.0025, 0.1), prestress, blocks="continuum") == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("leaf", [0.0, 0.25])
+def test_bulk_viscosity_in_the_continuum_is_the_limit_of_fine_blocks(leaf):
+    """The same bar in blocks of a sixteenth and a thirty-second of the screening length, errors of second order."""
+    rigs = [bar(k, leaf * k, 2 * leaf * math.sqrt(k), 0.3 / math.sqrt(k)) for k in (0.00390625, 0.0009765625)]
+    coarse, fine = (speed(rig, 0.6) for rig in rigs)
+    assert fine + (fine - coarse) / 3 == pytest.approx(speed(rigs[1], 0.6, blocks="continuum"), abs=1e-5)
+
+
+def test_sliding_force_and_strength_enter_through_the_prestress_alone():
+    one = speed(bar(0.04, 0.01, 0.2), 0.6)
+    assert speed(bar(0.04, 0.01, 0.2, sliding=0.425), 0.6) == one
+    assert speed(bar(0.04, 0.01, 0.2, sliding=0.425, mean=1.3), 0.6) == one
+
+
+def test_softer_contacts_are_slower_and_viscosity_is_faster():
+    assert speed(bar(0.25), 0.5) < speed(bar(1.0), 0.5) < speed(bar(4.0), 0.5)
+    assert speed(bar(1.0), 0.5) < speed(bar(1.0, 0.0, 0.0, 0.3), 0.5)
+
+
+def test_the_speed_is_in_the_rigs_own_unit_of_time():
+    rig = bar(0.04, 0.01, 0.2)
+    si = ss.Rig(rig.interface, rig.slider, STILL, scales=ss.Scales(force=100.0, stretching=1e-6, time=0.01))
+    front = ss.front_speed(si, prestress=0.6)
+    assert front.speed == pytest.approx(100 * speed(rig, 0.6), rel=1e-12)
+    assert front.speed / front.sound_speed == pytest.approx(speed(rig, 0.6), rel=1e-12)
+
+
+def test_a_front_along_a_sheet_is_that_of_a_chain():
+    rig = bar(0.04, 0.01, 0.2)
+    sheet = ss.Sheet(along=60, across=9, coupling=25.0, shear=3.0, mass=25.0, damping=0.2, leaf=0.25)
+    assert speed(ss.Rig(rig.interface, sheet, STILL), 0.6) == pytest.approx(speed(rig, 0.6), rel=1e-12)
+
+
+# ---------------------------------------------------------------- any distribution of thresholds
+
+NAGUMO = [  # prestress, standard deviation, sliding force, speed over that of sound at K = .25, M eta^2 = 1
+    (0.6, 0.01, 0.0, 0.50000),
+    (0.6, 0.05, 0.0, 0.50012),
+    (0.6, 0.1, 0.0, 0.50109),
+    (0.6, 0.2, 0.0, 0.49135),
+    (0.8, 0.1, 0.0, 0.85876),
+    (0.6, 0.1, 0.425, 0.49862),
+]
+
+
+@pytest.mark.parametrize(("prestress", "std", "sliding", "expected"), NAGUMO)
+def test_fronts_with_a_distribution_of_thresholds(prestress, std, sliding, expected):
+    rig = bar(0.01, 0.0025, 0.1, std=std, sliding=sliding)
+    assert speed(rig, prestress) == pytest.approx(expected, abs=6e-6)
+
+
+def test_a_narrow_distribution_is_that_of_one_threshold():
+    rig = bar(0.01, 0.0025, 0.1, std=1e-4)
+    assert speed(rig, 0.7) == pytest.approx(speed(bar(0.01, 0.0025, 0.1), 0.7, blocks="continuum"), rel=1e-6)
+
+
+def test_without_leaf_springs_a_distribution_has_a_front_at_any_prestress():
+    """The limit of soft leaf springs."""
+    none, soft = (speed(bar(0.01, leaf, 0.1, std=0.1), 0.3) for leaf in (0.0, 1e-8))
+    assert none == pytest.approx(soft, rel=1e-5)
+    assert none > 0
+    assert ss.front_threshold(bar(0.01, 0.0, 0.1, std=0.1)) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("leaf", "std", "expected"),
+    [
+        (0.25, 0.0, 0.447214),
+        (0.25, 0.01, 0.447236),
+        (0.25, 0.05, 0.447772),
+        (0.25, 0.1, 0.449444),
+        (0.25, 0.2, 0.456709),
+        (0.1, 0.0, 0.301511),
+        (0.1, 0.1, 0.303015),
+        (0.1, 0.2, 0.307521),
+    ],
+)
+def test_threshold_of_fronts(leaf, std, expected):
+    rig = bar(0.04, leaf * 0.04, 0.2, std=std)
+    assert ss.front_threshold(rig) == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("std", [0.1, 0.2])
+def test_threshold_from_the_mean_square_of_the_thresholds_that_are_left(std):
+    """Equal areas by parts: (tau - f_d)^2 = K/(1 + K) of the mean of (x_c - f_d)^2 over thresholds beyond tau."""
+    rig = bar(0.04, 0.01, 0.2, std=std, sliding=0.2)
+    strength = rig.interface.threshold_distribution.moment(1)
+    tau = 0.2 + ss.front_threshold(rig) * (strength - 0.2)
+    x = np.linspace(tau, 4.0, 400_001)
+    weight = rig.interface.threshold_distribution.density(x)
+    mean_square = np.trapezoid((x - 0.2) ** 2 * weight, x) / np.trapezoid(weight, x)
+    assert (tau - 0.2) ** 2 == pytest.approx(0.2 * mean_square, rel=1e-6)
+
+
+@pytest.mark.parametrize("std", [0.0, 0.1])
+def test_no_front_below_the_threshold(std):
+    rig = bar(0.01, 0.0025, 0.1, std=std)
+    least = ss.front_threshold(rig)
+    below = ss.front_speed(rig, prestress=0.99 * least)
+    assert not below.exists
+    assert float(below) == 0.0
+    assert "no front" in str(below)
+    assert 0 < speed(rig, 1.001 * least, blocks="continuum") < 0.02
+
+
+def test_coarse_blocks_pin_a_front_above_the_threshold():
+    rig = bar(0.25, 0.05, 0.3)
+    pinned = ss.front_speed(rig, prestress=0.45)
+    assert pinned.threshold < 0.45
+    assert not pinned.exists
+    assert "these blocks pin it" in str(pinned)
+    assert "screening length is 1.8" in str(pinned)
+
+
+def test_a_delay_as_short_as_the_front_is_a_caveat():
+    assert "re-attach within the front" in str(ss.front_speed(bar(0.04, 0.01, 0.2, delay=ss.Delay(3.0)), prestress=0.6))
+    assert not ss.front_speed(bar(0.04, 0.01, 0.2, delay=ss.Delay(700.0)), prestress=0.6).caveats
+    assert not ss.front_speed(bar(0.04, 0.01, 0.2, delay=ss.OnArrest()), prestress=0.6).caveats
+
+
+# ---------------------------------------------------------------- precursors
+
+
+def side_driven(blocks=50, coupling=4.0, sliding=0.425, **more):
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.0), delay=NEVER, sliding_force=sliding)
+    chain = {"blocks": blocks, "coupling": coupling, "mass": 4.0, "damping": 0.1, "side": 4.0} | more
+    return ss.Rig(interface, ss.Chain(**chain), STILL)
+
+
+def test_precursor_force_to_six_digits():
+    force = ss.precursor_force(side_driven())
+    assert force.sel(tip=[0, 10, 20]).values == pytest.approx([2.561553, 6.811553, 11.061553], abs=5e-7)
+    assert float(force.max()) / 50 == pytest.approx(0.444328, abs=5e-7)
+    assert int(force.idxmax()) == 47
+
+
+@pytest.mark.parametrize("tip", [0, 1, 17, 28, 29])
+def test_precursor_force_from_the_balance_of_every_block(tip):
+    """The same from the equations of all blocks at once: those behind the tip slide, the tip is at its threshold."""
+    n, coupling, sliding = 30, 3.0, 0.3
+    rig = side_driven(n, coupling, sliding)
+    chain = rig.slider
+    pairs, stiffness = chain.links
+    matrix = np.zeros((n, n))
+    for (i, j), k in zip(pairs, stiffness, strict=True):
+        matrix[[i, j], [i, j]] += k
+        matrix[[i, j], [j, i]] -= k
+    stuck = np.arange(n) >= tip
+    matrix += np.diag(np.where(stuck, 1.0, 0.0))
+    unit = np.zeros(n)
+    unit[0] = 1.0
+    per_force, offset = (np.linalg.solve(matrix, rhs) for rhs in (unit, np.where(stuck, 0.0, -sliding)))
+    force = (1.0 - offset[tip]) / per_force[tip]
+    assert float(ss.precursor_force(rig).sel(tip=tip)) == pytest.approx(force, rel=1e-10)
+
+
+def test_precursors_lengthen_by_one_over_the_sliding_force():
+    force = ss.precursor_force(side_driven(200)).values
+    assert np.diff(force)[:100] == pytest.approx(0.425, rel=1e-10)
+
+
+def test_screening_length_is_how_stuck_blocks_follow():
+    """The displacement of a row of stuck blocks, pushed at one end, falls by e over the screening length."""
+    rig = side_driven(400, 25.0)
+    decay = 25.0 / (1.0 + 25.0 * 2.0 - 25.0 * math.exp(-1 / ss.screening_length(rig)))
+    assert decay == pytest.approx(math.exp(-1 / ss.screening_length(rig)), rel=1e-12)
+    assert ss.screening_length(side_driven(10, 1e6)) == pytest.approx(1000.0, rel=1e-6)
+
+
+# ---------------------------------------------------------------- modes of smooth sliding
+
+
+def sliding(sliding_force=0.0, **chain):
+    interface = ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1), sliding_force=sliding_force
+    )
+    return ss.Rig(interface, ss.Chain(**{"mass": 1e-4, "damping": 42.426} | chain), ss.constant(velocity=1.5))
+
+
+@pytest.mark.parametrize(
+    ("chain", "mode", "stiffness", "root"),
+    [
+        ({"blocks": 8, "coupling": 2.0, "leaf": 3.0, "ends": "periodic"}, 1, 4.1716, -0.09571 + 7.96899j),
+        (
+            {"blocks": 8, "coupling": 2.0, "leaf": 3.0, "ends": "periodic", "viscosity": 2e-3},
+            1,
+            4.1716,
+            -0.09617 + 7.96875j,
+        ),
+        ({"blocks": 8, "coupling": 40.0, "side": 40.0}, 0, 1.3622, 0.13863 + 7.57764j),
+        ({"blocks": 8, "coupling": 80.0, "side": 40.0}, 0, 2.1944, 0.00309 + 7.78923j),
+        ({"blocks": 1, "coupling": 1.0, "leaf": 2.0}, 0, 2.0, 0.02417 + 7.75412j),
+    ],
+)
+def test_growth_of_modes(chain, mode, stiffness, root):
+    found = ss.modes(sliding(**chain)).isel(mode=mode)
+    assert float(found.stiffness) == pytest.approx(stiffness, abs=1e-4)
+    assert float(found.growth) == pytest.approx(root.real, abs=1e-5)
+    assert float(found.frequency) == pytest.approx(root.imag, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("force", "root"), [(0.0, 0.02417 + 7.75412j), (0.1, -0.01831 + 7.74431j), (0.3, -0.10401 + 7.72947j)]
+)
+def test_a_sliding_force_makes_every_mode_more_stable(force, root):
+    rig = sliding(force, blocks=4, coupling=3.0, leaf=2.0)
+    found = ss.modes(rig, count=1)
+    assert complex(found.growth[0], found.frequency[0]) == pytest.approx(root, abs=1e-5)
+    assert math.isfinite(ss.critical_length(rig).wavelength) == (root.real > 0)
+
+
+def test_a_mode_is_a_rigid_slider_on_its_own_spring():
+    rig = sliding(blocks=5, coupling=3.0, leaf=1.0)
+    rigid = ss.Rig(rig.interface, ss.Slider(stiffness=1.0, mass=1e-4, damping=42.426), ss.constant(velocity=1.5))
+    found = ss.modes(rig)
+    assert complex(found.growth[0], found.frequency[0]) == pytest.approx(complex(ss.growth_rate(rigid)), rel=1e-10)
+    assert found.growth.values.tolist() == sorted(found.growth.values.tolist(), reverse=True)
+
+
+@pytest.mark.parametrize("blocks", [1, 2, 3, 8])
+@pytest.mark.parametrize("ends", ["free", "periodic"])
+@pytest.mark.parametrize("side", [0.0, 7.0])
+def test_modes_are_the_eigenvalues_of_the_springs(blocks, ends, side):
+    chain = ss.Chain(blocks=blocks, coupling=3.0, mass=1e-4, damping=42.0, leaf=0.5, side=side, ends=ends)
+    assert ss.modes(sliding_on(chain)).stiffness.values == pytest.approx(eigenvalues(chain), rel=1e-9)
+
+
+@pytest.mark.parametrize("ends", ["free", "periodic"])
+@pytest.mark.parametrize("side", [0.0, 7.0])
+def test_modes_of_a_sheet_are_the_eigenvalues_of_its_springs(ends, side):
+    sheet = ss.Sheet(
+        along=5, across=4, coupling=3.0, shear=2.0, mass=1e-4, damping=42.0, leaf=0.5, side=side, ends=ends
+    )
+    found = ss.modes(sliding_on(sheet), count=11)
+    assert found.stiffness.values == pytest.approx(eigenvalues(sheet)[:11], rel=1e-9)
+
+
+def sliding_on(body):
+    rig = sliding(blocks=1, coupling=1.0, leaf=1.0)
+    return ss.Rig(rig.interface, body, rig.drive)
+
+
+def eigenvalues(body):
+    matrix = np.diag(body.pulled)
+    for (i, j), k in zip(*body.links, strict=True):
+        matrix[[i, j], [i, j]] += k
+        matrix[[i, j], [j, i]] -= k
+    return np.linalg.eigvalsh(matrix)
+
+
+def test_wavelengths():
+    ring = ss.modes(sliding(blocks=12, coupling=2.0, leaf=1.0, ends="periodic"))
+    assert ring.wavelength.values[:5] == pytest.approx([math.inf, 12, 12, 6, 6])
+    free = ss.modes(sliding(blocks=12, coupling=2.0, leaf=1.0))
+    assert free.wavelength.values[:3] == pytest.approx([math.inf, 24, 12])
+    held = ss.modes(sliding(blocks=12, coupling=2.0, side=2.0))  # a quarter of a wave from the drive to the free end
+    assert held.wavelength.values[:2] == pytest.approx([2 * 25, 2 * 25 / 3])
+    stiff = ss.modes(sliding(blocks=3, coupling=2.0, side=1e3))
+    assert np.isnan(stiff.wavelength.values).tolist() == [False, False, True]
+
+
+@pytest.mark.parametrize(("blocks", "unstable"), [(8, 1), (32, 3), (128, 11)])
+def test_the_longest_waves_grow(blocks, unstable):
+    found = ss.modes(sliding(blocks=blocks, coupling=20.0, leaf=1.0), count=14)
+    assert int((found.growth > 0).sum()) == unstable
+    shortest = ss.critical_length(sliding(blocks=blocks, coupling=20.0, leaf=1.0)).wavelength
+    assert ((found.growth > 0) == (found.wavelength > shortest)).all()
+
+
+def test_shortest_wavelength_that_grows():
+    found = ss.critical_length(sliding(blocks=8, coupling=20.0, leaf=1.0))
+    assert found.stiffness == pytest.approx(2.226362, abs=1e-6)
+    assert 2 * math.pi / found.wavelength == pytest.approx(0.24826, abs=5e-6)
+    assert found.wavelength == pytest.approx(25.31, abs=5e-3)
+    assert found.blocks == 0
+
+
+@pytest.mark.parametrize(("coupling", "side", "blocks"), [(80.0, 40.0, 8), (400.0, 400.0, 21)])
+def test_a_long_slider_pulled_at_one_end_is_unstable(coupling, side, blocks):
+    rig = sliding(blocks=3, coupling=coupling, side=side)
+    found = ss.critical_length(rig)
+    assert found.blocks == blocks
+    growth = [
+        float(ss.modes(sliding(blocks=n, coupling=coupling, side=side), count=1).growth[0])
+        for n in (blocks - 1, blocks)
+    ]
+    assert growth[0] < 0 < growth[1]
+
+
+def test_nucleation_length_of_the_continuum():
+    assert ss.critical_length(sliding(blocks=3, coupling=400.0, side=400.0)).length == pytest.approx(21.05, abs=5e-3)
+
+
+def test_softest_mode_of_a_slider_pulled_at_one_end():
+    softest = [float(ss.modes(sliding(blocks=n, coupling=80.0, side=40.0), count=1).stiffness[0]) for n in (8, 7)]
+    assert softest == pytest.approx([2.19443, 2.74553], abs=5e-6)
+
+
+def test_viscosity_of_the_bulk_shortens_no_wave():
+    dry, wet = (
+        ss.critical_length(sliding(blocks=8, coupling=20.0, leaf=1.0, viscosity=c)).wavelength for c in (0.0, 0.02)
+    )
+    assert wet > dry
+    found = ss.modes(sliding(blocks=200, coupling=20.0, leaf=1.0, viscosity=0.02), count=20)
+    assert ((found.growth > 0) == (found.wavelength > wet)).all()
+
+
+def test_stiff_leaf_springs_keep_every_wave_stable():
+    found = ss.critical_length(sliding(blocks=8, coupling=20.0, leaf=3.0))
+    assert math.isinf(found.wavelength)
+    assert "stable at every wavelength" in str(found)
+
+
+def test_modes_in_si_units():
+    rig = sliding(blocks=8, coupling=40.0, side=40.0)
+    scales = ss.Scales(force=100.0, stretching=1e-6, time=0.01)
+    natural, si = ss.modes(rig, count=2), ss.modes(ss.Rig(rig.interface, rig.slider, rig.drive, scales=scales), count=2)
+    assert si.growth.values == pytest.approx(100 * natural.growth.values, rel=1e-12)
+    assert si.stiffness.values == pytest.approx(1e8 * natural.stiffness.values, rel=1e-12)
+    assert (si.growth.units, si.stiffness.units) == ("1/s", "N/m")
+
+
+# ---------------------------------------------------------------- bad input
+
+ALIKE = bar(0.04, 0.01, 0.2)
+SPREAD = bar(0.04, 0.01, 0.2, std=0.1)
+
+
+@pytest.mark.parametrize(
+    ("ask", "message"),
+    [
+        (lambda: ss.front_speed(ALIKE, prestress=1.0), r"^prestress = 1: must be .* below 1"),
+        (
+            lambda: ss.front_speed(ALIKE, prestress=0.5, blocks="fine"),
+            r"^blocks = 'fine': must be one of lattice",
+        ),
+        (lambda: ss.front_speed(SPREAD, prestress=0.5, blocks="lattice"), r"^blocks = 'lattice': known only where all"),
+        (
+            lambda: ss.front_speed(bar(0.04, 0.01, 0.2, 0.1, std=0.1), prestress=0.5),
+            r"^Chain.viscosity = 2.5: fronts in a viscous bar are known only",
+        ),
+        (lambda: ss.front_speed(bar(0.04, sliding=1.0), prestress=0.5), r"^Interface.sliding_force = 1: must be below"),
+        (lambda: ss.front_speed(SPREAD, prestress=0.99), r"^prestress = 0.99: the contacts are past their largest"),
+        (lambda: ss.precursor_force(ALIKE), r"^Rig.slider = .*pulled at one end only"),
+        (
+            lambda: ss.precursor_force(ss.Rig(SPREAD.interface, side_driven().slider, STILL)),
+            r"^Interface.thresholds = .* needs all thresholds alike",
+        ),
+        (lambda: ss.modes(sliding(blocks=4, coupling=1.0)), r"^Rig.slider = .* nothing holds the slider"),
+        (lambda: ss.modes(sliding(blocks=4, coupling=1.0, leaf=1.0), count=0), r"^count = 0: must be"),
+        (
+            lambda: ss.modes(sliding(blocks=5000, coupling=1.0, side=1.0, ends="periodic")),
+            r"^Rig.slider: 5000 blocks in a ring",
+        ),
+        (lambda: ss.growth_rate(sliding(blocks=4, coupling=1.0, leaf=1.0)), r"^Rig.slider = .* use|modes\(\)"),
+    ],
+)
+def test_bad_input(ask, message):
+    with pytest.raises(ss.InputError, match=message):
+        ask()
+
+
+RIGID = ss.Rig(ALIKE.interface, ss.Slider(stiffness=1.0, mass=1e-4, damping=42.0), ss.constant(1.0))
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda rig: ss.front_speed(rig, prestress=0.5),
+        ss.front_threshold,
+        ss.screening_length,
+        ss.precursor_force,
+        ss.modes,
+        ss.critical_length,
+    ],
+)
+def test_a_rigid_slider_has_no_fronts(ask):
+    with pytest.raises(ss.InputError, match=r"^Rig\.slider = Slider\(.*needs an elastic slider; give a Chain"):
+        ask(RIGID)
+
+
+@pytest.mark.parametrize(
+    ("mechanism", "message"),
+    [
+        ({"track_scatter": 0.1}, r"^Interface.track_scatter = 0.1: not available with front_speed"),
+        ({"ageing": ss.Langevin(rate=1.5)}, r"^Interface.ageing = .* not available with front_speed"),
+    ],
+)
+def test_mechanisms_that_the_theory_leaves_out(mechanism, message):
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=NEVER, **mechanism)
+    with pytest.raises(ss.InputError, match=message):
+        ss.front_speed(ss.Rig(interface, ALIKE.slider, STILL), prestress=0.6)
+
+
+# ---------------------------------------------------------------- pictures
+
+GALLERY = Path(__file__).parents[1] / "examples" / "elastic"
+
+
+@pytest.fixture(scope="module")
+def passing():
+    """A front that slows down as the prestress falls along a bar."""
+    rig = bar(0.04, 0.01, 0.2, blocks=300)
+    profile = tuple(0.9 - 0.4 * np.arange(300) / 300)
+    start = ss.Prestressed(stretching=profile, push=3.0, pushed_blocks=3)
+    drive = ss.constant(0.0, duration=900)
+    return ss.simulate(
+        ss.Rig(rig.interface, rig.slider, drive, method=ss.Contacts(20), start=start), output=ss.Output(interval=3.0)
+    )
+
+
+@pytest.fixture(scope="module")
+def pulled():
+    """Precursors in a short bar, up to some slips of all its blocks."""
+    interface = ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=0.05), delay=ss.RandomDelay(mean=100.0, std=30.0), sliding_force=0.425
+    )
+    chain = ss.Chain(blocks=24, coupling=4.0, mass=4.0, damping=0.1, side=4.0)
+    drive = ss.constant(2.5e-4, duration=2.5e5)
+    rig = ss.Rig(interface, chain, drive, method=ss.QuasiStatic(50, seed=1))
+    return ss.simulate(rig, output=ss.Output(interval=60.0))
+
+
+def drawn(ax):
+    """The lines of a picture by their names in the legend."""
+    return {line.get_label(): line for line in ax.get_lines()}
+
+
+def test_spacetime_shows_every_block_at_every_time(passing):
+    mesh = ss.plot.spacetime(passing).collections[0]
+    np.testing.assert_allclose(np.asarray(mesh.get_array()), passing["attached"].values, rtol=1e-12)
+    assert 0.0 < float(passing["attached"].mean()) < 1.0
+
+
+def test_spacetime_of_the_velocity_is_in_decades(passing):
+    mesh = ss.plot.spacetime(passing, "velocity").collections[0]
+    assert mesh.norm.vmax == pytest.approx(float(np.abs(passing["velocity"]).max()))
+    assert mesh.norm.vmax / mesh.norm.vmin == pytest.approx(1e4)
+
+
+def test_spacetime_of_a_long_run_keeps_the_peaks(passing):
+    longer = passing.isel(time=np.repeat(np.arange(passing.sizes["time"]), 10))
+    mesh = ss.plot.spacetime(longer, "velocity").collections[0]
+    assert mesh.get_array().size <= 1200 * 300
+    assert mesh.get_array().max() == pytest.approx(float(np.abs(passing["velocity"]).max()))
+
+
+def test_spacetime_of_the_force(passing):
+    ax = ss.plot.spacetime(passing, "force")
+    assert ax.get_ylabel() == "time (time units)"
+    assert "friction force of a block" in ax.figure.axes[1].get_ylabel().replace("\n", " ")
+
+
+def test_front_speed_along_a_slider(passing):
+    lines = drawn(ss.plot.fronts(passing))
+    assert lines["sound"].get_ydata()[0] == 1.0
+    x, v = lines["first breaks"].get_data()
+    assert v == pytest.approx(ss.fronts(passing)["speed"].values[x.astype(int)])
+
+
+def test_a_front_is_as_fast_as_theory_says_of_the_prestress_there(passing):
+    """It follows the falling prestress with a lag of some blocks, .0013 of prestress each."""
+    lines = drawn(ss.plot.front_curve(passing))
+    tau, v = lines["along the run"].get_data()
+    away = (tau > 0.6) & (tau < 0.8)
+    assert away.sum() > 100
+    assert v[away] == pytest.approx(np.interp(tau[away], *lines["theory (lattice)"].get_data()), abs=0.02)
+    assert lines["threshold"].get_xdata()[0] == pytest.approx(0.447214, abs=1e-6)
+
+
+def test_the_curve_of_a_rig_alone():
+    lines = drawn(ss.plot.front_curve(bar(0.04, 0.01, 0.2, std=0.1)))
+    assert set(lines) == {"theory (continuum)", "sound", "threshold"}
+
+
+def test_precursors_are_marked_on_the_force(pulled):
+    lines = drawn(ss.plot.precursors(pulled))
+    assert {"precursor, with its length", "slip of all blocks"} <= set(lines)
+    t, force = lines["slip of all blocks"].get_data()
+    assert force == pytest.approx(np.interp(t, pulled["time"], pulled["spring_force"]))
+
+
+def test_precursors_grow_along_the_line(pulled):
+    """Events before the first slip of the whole bar; re-attachment and thresholds that differ scatter them."""
+    lines = drawn(ss.plot.precursor_lengths(pulled))
+    force, tip = lines["theory"].get_data()
+    assert tip[:10] == pytest.approx((force[:10] - force[0]) / 0.425, abs=1e-3)
+    at, reach = lines["events of the run"].get_data()
+    assert reach.max() == 24
+    first = int(np.argmax(reach == 24))
+    assert np.all(np.abs(np.interp(reach[:first], tip, force) - at[:first]) < 2.5)
+    assert float(pulled["spring_force"].max()) == pytest.approx(force.max(), rel=0.15)
+
+
+def test_slip_profiles_are_what_blocks_moved(pulled):
+    ax = ss.plot.slip_profiles(pulled)
+    found = ss.events(pulled)
+    large = found.isel(event=found["blocks"].values >= 3)
+    moved = pulled["displacement"]
+    for line, start, end in zip(ax.get_lines(), large["start"].values, large["end"].values, strict=True):
+        assert line.get_ydata() == pytest.approx((moved.sel(time=end) - moved.sel(time=start)).values)
+
+
+@pytest.mark.parametrize(
+    ("ask", "message"),
+    [
+        (lambda run: ss.plot.spacetime(run, "heat"), r"^spacetime: what = 'heat': must be one of attached"),
+        (lambda run: ss.plot.spacetime(run.isel(block=0)), r"^plot: this Dataset has no attached of each block"),
+        (lambda run: ss.plot.spacetime(run.isel(time=[0])), r"^plot: the run holds fewer than two samples"),
+        (lambda run: ss.plot.slip_profiles(run, fewest=1000), r"^slip_profiles: the run holds no event of 1000"),
+        (lambda _: ss.plot.front_curve(RIGID), r"^plot: Rig.slider = Slider\(.* this picture is of a Chain"),
+    ],
+)
+def test_pictures_that_cannot_be_drawn(passing, ask, message):
+    with pytest.raises(ss.InputError, match=message):
+        ask(passing)
+
+
+def test_front_curve_needs_a_prestressed_start(pulled):
+    with pytest.raises(ss.InputError, match=r"^front_curve: Rig.start = FromRest\(\): needs a run from a Prestressed"):
+        ss.plot.front_curve(pulled)
+
+
+def gallery(name):
+    spec = importlib.util.spec_from_file_location(name, GALLERY / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in GALLERY.glob("*.py")))
+def test_gallery(name, tmp_path):
+    assert f"``python examples/elastic/{name}.py " in (GALLERY / f"{name}.py").read_text()
+    picture = ss.plot.save(gallery(name).draw(), tmp_path / "picture.png")
+    assert picture.stat().st_size > 10_000
+
+
+def test_a_slow_front_by_slow_slip_and_none_without_a_sliding_force():
+    """The fast front as theory has it; the slow one at a 27th of its speed."""
+    module = gallery("slow_front")
+    run = ss.simulate(module.rig())
+    fast, slow = module.speeds(run)
+    assert int(ss.fronts(run)["blocks"][0]) == pytest.approx(114, abs=1)
+    assert fast == pytest.approx(0.6965, abs=2e-3)
+    assert fast == pytest.approx(float(ss.front_speed(module.rig(), prestress=0.7)), abs=2e-3)
+    assert slow == pytest.approx(0.0260, abs=1e-3)
+    stopped = ss.simulate(module.rig(sliding_force=0.0))["first_break"]
+    assert int(np.isfinite(stopped).sum()) == 114
+    assert float(stopped.max()) < 250
