@@ -13,13 +13,13 @@ from scipy import special
 
 from stickslip.errors import InputError, shown
 from stickslip.model.distributions import Gaussian
-from stickslip.model.quadrature import panels
 from stickslip.model.records import Number, check
 from stickslip.model.registry import registrar
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
+_NODE, _WEIGHT = np.polynomial.legendre.leggauss(96)
 NegativeDelay = Literal["clip", "redraw", "fold"]
 
 
@@ -215,8 +215,9 @@ class RandomDelay(DelayModel):
         parts = self._gaussian_parts
         low = min(distribution.support[0] for _, distribution in parts)
         high = max(distribution.support[1] for _, distribution in parts)
-        tau, width = panels(low, high, 6)
-        weights = width * sum((w * distribution.density(tau) for w, distribution in parts), start=np.zeros_like(tau))
+        tau = low + 0.5 * (high - low) * (1 + _NODE)
+        density = sum((w * distribution.density(tau) for w, distribution in parts), start=np.zeros_like(tau))
+        weights = 0.5 * (high - low) * _WEIGHT * density
         atom = self._parts()[0]
         weights *= (1.0 - atom) / weights.sum()
         if atom > 0:
