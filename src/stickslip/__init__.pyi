@@ -11,6 +11,9 @@ from .cycles import is_sustained as is_sustained
 from .cycles import sustained as sustained
 from .errors import InputError as InputError
 from .errors import UndecidedError as UndecidedError
+from .friction_law import TurningVelocity as TurningVelocity
+from .friction_law import friction_slope as friction_slope
+from .friction_law import turning_velocities as turning_velocities
 from .io.datasets import load as load
 from .io.datasets import save as save
 from .io.rig_files import example as example
