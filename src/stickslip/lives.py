@@ -266,7 +266,7 @@ def _in_one(distribution: Distribution, barrier: Constants, growth: Growth, v: f
         A = barrier.scale
         reached, shape, aged, decay = _reached(barrier, growth, v, width, x)
         top = (reached - capped) / A
-        z, part = _under_gumbel(np.maximum((reached - high) / A, -38.0), np.minimum(top, 4.0))
+        z, part = under_gumbel(np.maximum((reached - high) / A, -38.0), np.minimum(top, 4.0))
         xi = reached[:, None] - A * z
         ended = np.exp(-np.exp(np.minimum(top, 4.0)))
         survival = distribution.survival(capped) * ended + np.sum(part * distribution.survival(xi), axis=1)
@@ -342,10 +342,33 @@ def _reached(
     return reached, shape, aged, decay
 
 
+def reached_on(interface: Interface, velocity: float, x: Array) -> Array:
+    """``A ln G`` of Bell activation at given stretchings in steady sliding, ``G`` the hazard up to there at no threshold.
+
+    Parameters
+    ----------
+    interface : Interface
+        With `Bell` activation; thresholds may grow with the logarithm of age.
+    velocity : float
+    x : ndarray
+        Above 0, in any order.
+    """
+    barrier, growth = barrier_of(interface.temperature), growth_of(interface.ageing)
+    order = np.sort(x)
+    first = np.geomspace(1e-9, 1.0, 60, endpoint=False) * order[0]
+    between = order[:-1, None] + np.diff(order)[:, None] * np.array([0.0, 0.25, 0.5, 0.75])
+    edges = np.concatenate([[0.0], first, between.ravel(), order[-1:]])
+    width, nodes, _ = _radau(edges)
+    from stickslip.kernels.lives import NODES
+
+    reached = _reached(barrier, growth, velocity, width, nodes)[0]
+    return np.asarray(np.interp(x, edges[1:], reached[NODES - 1 :: NODES]))
+
+
 _INNER = np.polynomial.legendre.leggauss(24)
 
 
-def _under_gumbel(low: Array, high: Array) -> tuple[Array, Array]:
+def under_gumbel(low: Array, high: Array) -> tuple[Array, Array]:
     """Nodes and weights for a smooth function times ``exp(z - exp(z))`` between two bounds, shape (n, 48)."""
     middle = np.clip(-6.0, low, np.maximum(high, low))
     nodes, weights = [], []

@@ -47,7 +47,8 @@ class ActivatedResponse:
 
     def stiffness(self, velocity: ArrayLike, s: ArrayLike) -> ComplexArray:
         """``kappa(s)``; `velocity` and `s` broadcast."""
-        speed, s = np.broadcast_arrays(np.asarray(velocity, dtype=float), np.asarray(s, dtype=complex))
+        speeds, points = np.broadcast_arrays(np.asarray(velocity, dtype=float), np.asarray(s, dtype=complex))
+        speed, s = speeds.ravel(), points.ravel()
         kappa = np.zeros(s.shape, dtype=complex)
         for v in np.unique(speed):
             # Octaves of the wave number have panels of their own.
@@ -57,7 +58,7 @@ class ActivatedResponse:
             for one in np.unique(octave[(speed == v) & (s != 0)]):
                 here = (speed == v) & (s != 0) & (octave == one)
                 kappa[here] = self._at(float(v), s[here], None if math.isinf(one) else 2.0**one)
-        return kappa
+        return kappa.reshape(points.shape)
 
     def _at(self, v: float, s: ComplexArray, highest: float | None) -> ComplexArray:
         from stickslip.kernels.lives import shaken
