@@ -35,13 +35,29 @@ def small_step(interface: Interface, velocity: float, slip: Array) -> Array:
     ndarray, shape (n,)
         Per contact, in ``f_s``.
     """
+    return step_on_spring(interface, velocity, slip, math.inf)
+
+
+def step_on_spring(interface: Interface, velocity: float, slip: Array, stiffness: float) -> Array:
+    """Force over ``ln`` of the ratio after a small step of the load point of a spring: ``kappa`` in series with it.
+
+    Parameters
+    ----------
+    interface, velocity
+    slip : ndarray, shape (n,)
+        Displacement of the load point, above 0, in ``x_s``.
+    stiffness : float
+        Of the spring, per contact; infinite for a rigid slider.
+    """
     response = respond(interface)
     fine = 0.1 / max(1.0, velocity * interface.delay.longest)
-    y = np.unique(np.concatenate([np.geomspace(1e-3, 1.0, 60), np.arange(1.0, 30.0, fine), np.geomspace(30.0, 1e5, 250)]))
-    if isinstance(interface.ageing, Langevin):
-        # At the reduced frequencies of the table, one life being about one time unit of it.
-        y = np.unique(np.concatenate([np.geomspace(1e-3, 1.0, 60), np.geomspace(1.0, 1e3, 300)]))
-    factor = np.asarray(response.stiffness(velocity, 1j * y * velocity)).imag / y
+    y = np.concatenate([np.geomspace(1e-3, 1.0, 60), np.arange(1.0, 30.0, fine)[1:], np.geomspace(30.0, 1e5, 250)])
+    if isinstance(interface.ageing, Langevin):  # its table has no more than this
+        y = np.concatenate([np.geomspace(1e-3, 1.0, 60), np.geomspace(1.0, 1e3, 300)[1:]])
+    kappa = response.stiffness(velocity, 1j * y * velocity)
+    if math.isfinite(stiffness):
+        kappa = kappa * stiffness / (kappa + stiffness)
+    factor = np.asarray(kappa).imag / y
     # Below the first frequency the factor is dF/dln v.
     y, factor = np.append(0.0, y), np.append(factor[0], factor)
     x = slip[:, None]

@@ -35,6 +35,7 @@ def least_squares(
     logarithmic: Array,
     lowest: Array,
     highest: Array,
+    tolerance: float = 1e-10,
 ) -> Fit:
     """Fit a model from several starts; errors from the curvature at the best one and the residuals.
 
@@ -48,6 +49,8 @@ def least_squares(
         Which values are fitted by their logarithms.
     lowest, highest : ndarray
         Bounds of the values.
+    tolerance : float
+        Relative change of the values and of the sum of squares below which it stops.
 
     Raises
     ------
@@ -74,7 +77,7 @@ def least_squares(
     best = None
     for start in starts:
         inside = np.clip(places(start), low + 1e-9, high - 1e-9)
-        found = optimize.least_squares(residual, inside, bounds=(low, high), x_scale="jac", xtol=1e-10, ftol=1e-10)
+        found = optimize.least_squares(residual, inside, bounds=(low, high), x_scale="jac", xtol=tolerance, ftol=tolerance)
         if best is None or found.cost < best.cost:
             best = found
     if best is None or 2.0 * best.cost / data.size > 1e4:
