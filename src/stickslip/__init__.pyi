@@ -1,6 +1,7 @@
 from . import cycles as cycles
 from . import measure as measure
 from . import plot as plot
+from . import rate_state as rate_state
 from . import stability as stability
 from . import sweep as sweep
 from . import theory as theory
@@ -56,6 +57,9 @@ from .model import Uniform as Uniform
 from .model import Weibull as Weibull
 from .model import constant as constant
 from .model import ramp as ramp
+from .rate_state import export_rate_and_state as export_rate_and_state
+from .rate_state import fit_rate_and_state as fit_rate_and_state
+from .rate_state import rate_and_state as rate_and_state
 from .rigid import Renewal as Renewal
 from .rigid import critical_stiffness as critical_stiffness
 from .rigid import rigid_slide as rigid_slide

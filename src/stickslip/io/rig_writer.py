@@ -10,6 +10,7 @@ from stickslip.errors import InputError, shown
 from stickslip.io import rig_keys
 from stickslip.io.rig_keys import keys_of
 from stickslip.model import Contacts, Delay, FromSliding, Gaussian, MasterEquation, Slider
+from stickslip.model.activation import ACTIVATIONS
 from stickslip.model.ageing import AGEING_MODELS
 from stickslip.model.delays import RandomDelay
 from stickslip.model.distributions import DISTRIBUTIONS, Distribution
@@ -62,7 +63,7 @@ class RigWriter:
 
     def _interface(self) -> Document:
         interface, found = self.rig.interface, {}
-        interface.allow((), "a rig file")
+        interface.allow(("temperature",), "a rig file")
         if self.scales is not None:
             found["contact_strength"] = self._quantity(1.0, "f_s", lambda si: si == self._scale("force"))
             found["breaking_displacement"] = self._quantity(1.0, "x_s", lambda si: si == self._scale("stretching"))
@@ -74,6 +75,8 @@ class RigWriter:
             found["delay"] = self._delay()
         if interface.ageing is not None:
             found["ageing"] = self._record("model", interface.ageing, AGEING_MODELS)
+        if interface.temperature is not None:
+            found["temperature"] = self._record("kind", interface.temperature, ACTIVATIONS)
         return found
 
     def _scale(self, name: str) -> float:

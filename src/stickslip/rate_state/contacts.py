@@ -38,7 +38,9 @@ def small_step(interface: Interface, velocity: float, slip: Array) -> Array:
     return step_on_spring(interface, velocity, slip, math.inf)
 
 
-def step_on_spring(interface: Interface, velocity: float, slip: Array, stiffness: float) -> Array:
+def step_on_spring(
+    interface: Interface, velocity: float, slip: Array, stiffness: float, *, coarse: float = 1.0
+) -> Array:
     """Force over ``ln`` of the ratio after a small step of the load point of a spring: ``kappa`` in series with it.
 
     Parameters
@@ -48,10 +50,15 @@ def step_on_spring(interface: Interface, velocity: float, slip: Array, stiffness
         Displacement of the load point, above 0, in ``x_s``.
     stiffness : float
         Of the spring, per contact; infinite for a rigid slider.
+    coarse : float
+        How much coarser the frequencies are than 1e-4 takes.
     """
     response = respond(interface)
     fine = 0.1 / max(1.0, velocity * interface.delay.longest)
-    y = np.concatenate([np.geomspace(1e-3, 1.0, 60), np.arange(1.0, 30.0, fine)[1:], np.geomspace(30.0, 1e5, 250)])
+    few, many = math.ceil(60 / coarse), math.ceil(250 / coarse)
+    y = np.concatenate(
+        [np.geomspace(1e-3, 1.0, few), np.arange(1.0, 30.0, coarse * fine)[1:], np.geomspace(30.0, 1e5, many)]
+    )
     if isinstance(interface.ageing, Langevin):  # its table has no more than this
         y = np.concatenate([np.geomspace(1e-3, 1.0, 60), np.geomspace(1.0, 1e3, 300)[1:]])
     kappa = response.stiffness(velocity, 1j * y * velocity)
@@ -69,7 +76,7 @@ def step_on_spring(interface: Interface, velocity: float, slip: Array, stiffness
 
 
 def finite_step(
-    interface: Interface, before: float, after: float, slip: float, *, stiffness: float = math.inf
+    interface: Interface, before: float, after: float, slip: float, *, stiffness: float = math.inf, fineness: float = 0.5
 ) -> tuple[Array, Array]:
     """Force over the displacement of the load point after a step of its velocity, from steady sliding.
 
@@ -83,6 +90,8 @@ def finite_step(
         How far the slider goes after the step.
     stiffness : float
         Of a spring between load point and slider, per contact; infinite for a rigid slider.
+    fineness : float
+        Step of the slider, in activation widths.
 
     Returns
     -------
@@ -113,10 +122,10 @@ def finite_step(
         )
     distribution, A = interface.threshold_distribution, temperature.width
     low, high = distribution.support
-    first, spacing = min(low, 0.0) - 40.0 * A, min(0.25 * A, 0.02 * distribution.standard_deviation())
+    first, spacing = min(low, 0.0) - 40.0 * A, min(0.5 * A, 0.02 * distribution.standard_deviation())
     table = _survival_over(interface, first + spacing * np.arange(math.ceil((high + 4.5 * A - first) / spacing)))
     lives = lives_of(interface, before)
-    dX = min(max(0.5 * A, 0.004), 0.02) * distribution.moment(1)
+    dX = min(max(fineness * A, 0.004), 0.04 * fineness) * distribution.moment(1)
     place = np.arange(0.5 * dX, float(lives.x[-1]), dX)[::-1].copy()
     growth = growth_of(ageing)
     reached = _reached_at(interface, before, place)

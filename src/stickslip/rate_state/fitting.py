@@ -36,6 +36,7 @@ def least_squares(
     lowest: Array,
     highest: Array,
     tolerance: float = 1e-10,
+    most: int = 200,
 ) -> Fit:
     """Fit a model from several starts; errors from the curvature at the best one and the residuals.
 
@@ -51,6 +52,8 @@ def least_squares(
         Bounds of the values.
     tolerance : float
         Relative change of the values and of the sum of squares below which it stops.
+    most : int
+        Steps after which it stops, too.
 
     Raises
     ------
@@ -77,7 +80,7 @@ def least_squares(
     best = None
     for start in starts:
         inside = np.clip(places(start), low + 1e-9, high - 1e-9)
-        found = optimize.least_squares(residual, inside, bounds=(low, high), x_scale="jac", xtol=tolerance, ftol=tolerance)
+        found = optimize.least_squares(residual, inside, bounds=(low, high), x_scale="jac", xtol=tolerance, ftol=tolerance, max_nfev=most)
         if best is None or found.cost < best.cost:
             best = found
     if best is None or 2.0 * best.cost / data.size > 1e4:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stickslip.errors import InputError, UndecidedError, number, shown
+from stickslip.errors import InputError, UndecidedError, number, shown, whole
 from stickslip.model import Bell, Gamma, Interface, LogarithmicGrowth
 from stickslip.model.distribution import Distribution
 from stickslip.rate_state.contacts import finite_step, step_on_spring
@@ -25,8 +25,6 @@ Array = NDArray[np.float64]
 
 _FRICTIONS = ("mu", "spring_force", "friction_force", "friction")
 """Variables that may hold the friction, in the order in which they are looked for."""
-_MOST = 800
-"""Bins into which the displacement is divided at most."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,7 +177,13 @@ def _pm(value: float, error: float) -> str:
 
 
 def velocity_step_in(
-    data: xr.Dataset, *, at: float, before: float, after: float, span: tuple[float, float] | None = None
+    data: xr.Dataset,
+    *,
+    at: float,
+    before: float,
+    after: float,
+    span: tuple[float, float] | None = None,
+    bins: int = 800,
 ) -> Step:
     """Cut a velocity step out of a run or a measured trace, in bins of displacement.
 
@@ -194,6 +198,8 @@ def velocity_step_in(
         Velocities of the load point, in displacement per time of the data.
     span : (float, float), optional
         How much displacement before and after the step; by default all there is after it, and a tenth of that before.
+    bins : int
+        Into how many bins of equal displacement the data is averaged, at most.
 
     Raises
     ------
@@ -221,13 +227,13 @@ def velocity_step_in(
     x, friction = x[inside], friction[inside]
     if np.count_nonzero(x > 0) < 30:
         raise InputError(f"at = {at:g}: {np.count_nonzero(x > 0)} samples after the step; there must be at least 30")
-    count = min(_MOST, x.size)
+    count = min(whole("bins", bins, at_least=30, at_most=100_000), x.size)
     edges = np.linspace(float(x.min()), float(x.max()) * (1 + 1e-12), count + 1)
-    bins = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, count - 1)
-    number_in = np.bincount(bins, minlength=count)
+    place_in = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, count - 1)
+    number_in = np.bincount(place_in, minlength=count)
     held = number_in > 0
-    mean_x = np.bincount(bins, weights=x, minlength=count)[held] / number_in[held]
-    mean_friction = np.bincount(bins, weights=friction, minlength=count)[held] / number_in[held]
+    mean_x = np.bincount(place_in, weights=x, minlength=count)[held] / number_in[held]
+    mean_friction = np.bincount(place_in, weights=friction, minlength=count)[held] / number_in[held]
     order = np.argsort(mean_x)
     return Step(displacement=mean_x[order], friction=mean_friction[order], before=before, after=after)
 
@@ -431,9 +437,9 @@ def _rise_of_contacts(
     spring, later = stiffness * x_s / unit, x > 0
     found = np.zeros_like(x)
     if linear:
-        found[later] = math.log(ratio) * step_on_spring(interface, 1.0, x[later] / x_s, spring)
+        found[later] = math.log(ratio) * step_on_spring(interface, 1.0, x[later] / x_s, spring, coarse=3.0)
     else:
-        lead, force = finite_step(interface, 1.0, ratio, float(x.max()) / x_s + 1.0, stiffness=spring)
+        lead, force = finite_step(interface, 1.0, ratio, float(x.max()) / x_s + 1.0, stiffness=spring, fineness=1.0)
         found[later] = np.interp(x[later] / x_s, lead, force)
     return unit * found
 
@@ -492,7 +498,8 @@ def fit_contacts(
             np.ones(4, bool),
             np.array([0.1 * a, 1e-3 * a, 0.2 * rough.distance, 0.1 * rough.stiffness]),
             np.array([10.0 * a, 30.0 * a, 20.0 * rough.distance, 10.0 * rough.stiffness]),
-            tolerance=1e-5,
+            tolerance=1e-4,
+            most=30 if linear else 6,
         )
         starts = [fit.value]
     if fit is None:
