@@ -53,7 +53,12 @@ fitted = lru_cache(ss.rate_and_state)
         (contacts(0.1, temperature=ss.Parabolic(temperature=0.01, attempts=1e6)), 1.0, 0.45415, 1e-4),
         (contacts(0.1, temperature=ss.Parabolic(temperature=0.05, attempts=1e6)), 1.0, 0.15507, 2e-4),
         (contacts(0.1, temperature=ss.Barrier(height=100.0, power=1.5, attempts=1e6)), 1.0, 0.39555, 1e-4),
-        (contacts(0.1, temperature=ss.Barrier(height=100.0, power=1.5, attempts=1e6, kramers=True)), 1.0, 0.40097, 1e-4),
+        (
+            contacts(0.1, temperature=ss.Barrier(height=100.0, power=1.5, attempts=1e6, kramers=True)),
+            1.0,
+            0.40097,
+            1e-4,
+        ),
         (AGEING, 1.0, 0.56522, 2e-4),
         (contacts(thresholds=ss.LogNormal(mean=1.0, std=math.sqrt(math.e - 1.0))), 0.01, 1.4254, 5e-4),
         (contacts(thresholds=ss.LogNormal(mean=1.0, std=math.sqrt(math.e - 1.0))), 1.0, 1.4017, 5e-4),
@@ -193,7 +198,9 @@ def test_fast_shakes_find_springs():
     assert abs(away) < 2e-3
 
 
-@pytest.mark.parametrize(("std", "stiffness", "frequency"), [(0.1, 0.02347, 2.608), (0.3, 0.02081, 2.415), (0.5, 0.01669, 2.086)])
+@pytest.mark.parametrize(
+    ("std", "stiffness", "frequency"), [(0.1, 0.02347, 2.608), (0.3, 0.02081, 2.415), (0.5, 0.01669, 2.086)]
+)
 def test_critical_spring(std, stiffness, frequency):
     (edge,) = ss.critical(bench(contacts(std, ageing=0.02)), "stiffness", between=(0.002, 0.5))
     assert edge.value == pytest.approx(stiffness, rel=0.01)
@@ -261,7 +268,9 @@ def test_a_small_finite_step_is_the_linear_one():
 )
 def test_published_arrays_of_the_forward_model(law, a, b, friction):
     time = np.arange(0.0, 41.0)
-    found = RateAndState(law=law, a=a, b=b, distance=10.0).slide(time, np.where(time < 10, 1.0, 10.0), stiffness=1e-3)[0]
+    found = RateAndState(law=law, a=a, b=b, distance=10.0).slide(time, np.where(time < 10, 1.0, 10.0), stiffness=1e-3)[
+        0
+    ]
     assert 0.6 + found[11:16] == pytest.approx(friction, abs=1e-7)
 
 

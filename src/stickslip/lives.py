@@ -117,8 +117,8 @@ def _lives(
     growth, barrier = growth_of(ageing), barrier_of(temperature)
     one_variable = (
         temperature is None
-        or (isinstance(temperature, Bell) and not isinstance(ageing, ExponentialGrowth))
-        and distribution.standard_deviation() > 2.0 * temperature.width
+        or ((isinstance(temperature, Bell) and not isinstance(ageing, ExponentialGrowth))
+        and distribution.standard_deviation() > 2.0 * temperature.width)
     )
     if distribution.single:
         return kernel.march(barrier, growth, np.array([distribution.moment(1)]), np.ones(1), velocity, longest)
@@ -321,9 +321,7 @@ def _met(growth: Growth, x: Array, v: float) -> Array:
     return np.asarray(-1.0 / np.expm1(-growth.first * x / v)) if growth.kind == EXPONENTIAL else np.ones_like(x)
 
 
-def _reached(
-    barrier: Constants, growth: Growth, v: float, width: Array, x: Array
-) -> tuple[Array, Array, Array, Array]:
+def _reached(barrier: Constants, growth: Growth, v: float, width: Array, x: Array) -> tuple[Array, Array, Array, Array]:
     """``u = A ln G``; with ``rho = G'`` also ``G/rho``, the same for the slope by age, and ``rho'/rho``."""
     from stickslip.kernels.growth import LOGARITHMIC
     from stickslip.kernels.lives import relax

@@ -486,7 +486,9 @@ class _Reader:
             if given:
                 energy = values["shear_strength"] * values["activation_volume"]
                 fields["width"] = rig_keys.BOLTZMANN * values["temperature"] / energy
-            activation: Activation = self.make(place, lambda: kind(**fields), {"width": "temperature"} if given else None)
+            activation: Activation = self.make(
+                place, lambda: kind(**fields), {"width": "temperature"} if given else None
+            )
             return activation
 
         return made

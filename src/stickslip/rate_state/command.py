@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 def rsf(
     data: Path,
     *,
-    velocity: Annotated[str | None, Parameter(help="Of smooth sliding before the step; the rig's own by default.")] = None,
+    velocity: Annotated[
+        str | None, Parameter(help="Of smooth sliding before the step; the rig's own by default.")
+    ] = None,
     step: Annotated[str, Parameter(help="Ratio of the velocities.")] = "10",
     law: Annotated[Literal["best", "ageing", "slip"], Parameter(help="Which law to fit.")] = "best",
     export: Annotated[Program | None, Parameter(help="Print, or write, the input of another program.")] = None,
@@ -29,7 +31,9 @@ def rsf(
     area: Annotated[str | None, Parameter(help="Area of the surface, for the export: '1 cm^2'.")] = None,
     output: Annotated[Path | None, Parameter(alias="-o", help="Write the export to a file.")] = None,
     step_at: Annotated[str | None, Parameter(help="Of a trace: time of the step, '68.7 s'.")] = None,
-    from_: Annotated[str | None, Parameter(name="--from", help="Of a trace: velocity before the step, '3 um/s'.")] = None,
+    from_: Annotated[
+        str | None, Parameter(name="--from", help="Of a trace: velocity before the step, '3 um/s'.")
+    ] = None,
     to: Annotated[str | None, Parameter(help="Of a trace: velocity after the step.")] = None,
     json: Annotated[bool, Parameter(help="Print JSON for a machine to read.", negative="")] = False,
     plot: Annotated[Path | None, Parameter(help="Of a trace: also draw the fit: .png, .svg or .pdf.")] = None,
@@ -122,6 +126,4 @@ def _told(option: str, text: str, read: Any) -> float:
 
 def _finite(value: Any) -> Any:
     """A dictionary as JSON knows it: no number without end."""
-    return {
-        key: None if isinstance(item, float) and not math.isfinite(item) else item for key, item in value.items()
-    }
+    return {key: None if isinstance(item, float) and not math.isfinite(item) else item for key, item in value.items()}

@@ -76,7 +76,13 @@ def step_on_spring(
 
 
 def finite_step(
-    interface: Interface, before: float, after: float, slip: float, *, stiffness: float = math.inf, fineness: float = 0.5
+    interface: Interface,
+    before: float,
+    after: float,
+    slip: float,
+    *,
+    stiffness: float = math.inf,
+    fineness: float = 0.5,
 ) -> tuple[Array, Array]:
     """Force over the displacement of the load point after a step of its velocity, from steady sliding.
 

@@ -99,7 +99,9 @@ def _quantity(name: str, value: str | float, unit: str, example: str) -> float:
 
 
 def _notes(fit: RateAndStateFit, program: str) -> list[str]:
-    step = "a small step" if fit.step is None else f"a step from {fit.velocity:g} to {fit.velocity * fit.step:g} x_s/time"
+    step = (
+        "a small step" if fit.step is None else f"a step from {fit.velocity:g} to {fit.velocity * fit.step:g} x_s/time"
+    )
     return [
         f"Rate-and-state parameters of an interface of contacts, for {program}, written by stickslip.",
         f"Fit of the {fit.law} law to {step} over six breaking displacements.",

@@ -80,7 +80,9 @@ def least_squares(
     best = None
     for start in starts:
         inside = np.clip(places(start), low + 1e-9, high - 1e-9)
-        found = optimize.least_squares(residual, inside, bounds=(low, high), x_scale="jac", xtol=tolerance, ftol=tolerance, max_nfev=most)
+        found = optimize.least_squares(
+            residual, inside, bounds=(low, high), x_scale="jac", xtol=tolerance, ftol=tolerance, max_nfev=most
+        )
         if best is None or found.cost < best.cost:
             best = found
     if best is None or 2.0 * best.cost / data.size > 1e4:
@@ -118,9 +120,7 @@ def fit_small_step(slip: Array, rise: Array, stiffness: float) -> tuple[Fit, flo
     return _fit_abd(lambda value: small_step(*value.tolist(), stiffness, slip), slip, rise, starts)
 
 
-def _fit_abd(
-    model: Callable[[Array], Array], slip: Array, rise: Array, starts: Sequence[Array]
-) -> tuple[Fit, float]:
+def _fit_abd(model: Callable[[Array], Array], slip: Array, rise: Array, starts: Sequence[Array]) -> tuple[Fit, float]:
     largest, reach = float(np.max(np.abs(rise))), float(slip[-1])
     lowest = np.array([_LEAST * largest, _LEAST * largest, 1e-4 * reach])
     highest = np.array([1e3 * largest, 1e3 * largest, 10.0 * reach])

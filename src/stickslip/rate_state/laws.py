@@ -88,7 +88,9 @@ class RateAndState:
 
         t, pull = numbers("time", time), numbers("velocity", velocity)
         if t.ndim != 1 or t.shape != pull.shape or t.size < 2 or np.any(np.diff(t) <= 0):
-            raise InputError(f"time, velocity: shapes {t.shape} and {pull.shape}: must be equal, (n,), the times rising")
+            raise InputError(
+                f"time, velocity: shapes {t.shape} and {pull.shape}: must be equal, (n,), the times rising"
+            )
         start = number("velocity[0]", float(pull[0]), above=0, hint="steady sliding at the start")
         k = number("stiffness", stiffness, above=0, hint="friction per displacement")
         kind = kernel.AGEING if self.law == "ageing" else kernel.SLIP
@@ -106,7 +108,9 @@ class RateAndState:
         x = np.asarray(slip, dtype=float)
         time = np.concatenate([[0.0], x[x > 0]]) / ratio
         # In units of the first velocity.
-        friction = self.slide(np.concatenate([[-1.0], time]), np.append(1.0, np.full(time.size, ratio)), stiffness=stiffness)[0]
+        friction = self.slide(
+            np.concatenate([[-1.0], time]), np.append(1.0, np.full(time.size, ratio)), stiffness=stiffness
+        )[0]
         found = np.zeros_like(x)
         found[x > 0] = friction[2:]
         return found

@@ -129,6 +129,8 @@ class ContactsFit:
         As in `StepFit`.
     before, after : float
         Velocities of the load point.
+    linear : bool
+        Whether by the linear response alone.
     """
 
     thresholds: Distribution
@@ -145,6 +147,7 @@ class ContactsFit:
     rms: float
     before: float
     after: float
+    linear: bool
 
     @property
     def interface(self) -> Interface:
@@ -156,7 +159,11 @@ class ContactsFit:
         x = np.asarray(displacement, dtype=float)
         place = (self.width, self.ageing, self.breaking_displacement, self.stiffness)
         ratio = self.after / self.before
-        return self.level + self.trend * x + _rise_of_contacts(self.thresholds, *place, self.level, ratio, x)
+        return (
+            self.level
+            + self.trend * x
+            + _rise_of_contacts(self.thresholds, *place, self.level, ratio, x, linear=self.linear)
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain values."""
@@ -362,7 +369,9 @@ def _guess(step: Step) -> tuple[float, float, float]:
     top = int(np.argmax(smooth[: max(rise.size // 2, 1)]))
     direct = max(float(smooth[top]), 0.2 * float(np.ptp(rise)))
     fallen = np.flatnonzero(smooth[top:] < end + 0.37 * (smooth[top] - end))
-    distance = float(after[min(top + int(fallen[0]), after.size - 1)] - after[top]) if fallen.size else 0.1 * float(after[-1])
+    distance = (
+        float(after[min(top + int(fallen[0]), after.size - 1)] - after[top]) if fallen.size else 0.1 * float(after[-1])
+    )
     return direct, max(direct - end, 0.1 * direct), max(distance, float(after[min(2, after.size - 1)]))
 
 
@@ -453,6 +462,7 @@ def fit_contacts(
     thresholds: Distribution = Gamma(mean=1.0, std=0.75),
     span: tuple[float, float] | None = None,
     trend: bool = False,
+    linear: bool = False,
 ) -> ContactsFit:
     """Read a velocity step as contacts: activation width, ageing and breaking displacement, for given thresholds.
 
@@ -466,6 +476,8 @@ def fit_contacts(
         As in `fit_rate_and_state`.
     thresholds : Distribution
         Of mean 1.
+    linear : bool
+        Only fit the linear response, which takes seconds in place of a minute: for steps by a factor of a few.
 
     Returns
     -------
@@ -485,11 +497,11 @@ def fit_contacts(
     a = rough.a / level * 0.5
     fit: Fit | None = None
     starts = [np.array([a, 0.8 * a, wide * rough.distance, rough.stiffness]) for wide in (1.5, 3.0)]
-    for linear in (True, False):
+    for rough_one in (True,) if linear else (True, False):
 
-        def curve(value: Array, linear: bool = linear) -> Array:
+        def curve(value: Array, rough_one: bool = rough_one) -> Array:
             width, ageing, x_s, spring = value.tolist()
-            return _rise_of_contacts(thresholds, width, ageing, x_s, spring, level, ratio, x, linear=linear)
+            return _rise_of_contacts(thresholds, width, ageing, x_s, spring, level, ratio, x, linear=rough_one)
 
         fit = least_squares(
             _with_line(curve, step, trend),
@@ -499,7 +511,7 @@ def fit_contacts(
             np.array([0.1 * a, 1e-3 * a, 0.2 * rough.distance, 0.1 * rough.stiffness]),
             np.array([10.0 * a, 30.0 * a, 20.0 * rough.distance, 10.0 * rough.stiffness]),
             tolerance=1e-4,
-            most=30 if linear else 6,
+            most=30 if rough_one else 6,
         )
         starts = [fit.value]
     if fit is None:
@@ -521,4 +533,5 @@ def fit_contacts(
         rms=fit.rms,
         before=step.before,
         after=step.after,
+        linear=linear,
     )

@@ -157,7 +157,11 @@ def _of_stiffness(fit: RateAndStateFit) -> str:
 
 
 def rate_and_state(
-    interface: Interface, velocity: float = 1.0, *, step: float | None = 10.0, law: Literal["best", "ageing", "slip"] = "best"
+    interface: Interface,
+    velocity: float = 1.0,
+    *,
+    step: float | None = 10.0,
+    law: Literal["best", "ageing", "slip"] = "best",
 ) -> RateAndStateFit:
     """Say whether an interface is rate-and-state-like, with which parameters, and what these get wrong.
 
@@ -193,7 +197,7 @@ def rate_and_state(
     --------
     >>> import stickslip as ss
     >>> print(ss.rate_and_state(ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.3), delay=ss.Delay(0.1))))
-    not rate-and-state: no direct effect: a = 0 under fast shakes, where the fit of a step needs 0.013
+    not rate-and-state: no direct effect: a = 1.3e-05 under fast shakes, where the fit of a step needs 0.013
     """
     instance("rate_and_state: interface", interface, Interface, "an Interface")
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
@@ -212,7 +216,10 @@ def rate_and_state(
     value, error, step_misfit, asymmetry = fit.value, fit.error, None, None
     if not failing:
         if step is not None and _steps_are_known(interface):
-            found = {one: _both_ways(interface, speed, step, one, mean, fit.value) for one in (LAWS if law == "best" else (law,))}
+            found = {
+                one: _both_ways(interface, speed, step, one, mean, fit.value)
+                for one in (LAWS if law == "best" else (law,))
+            }
             chosen = min(found, key=lambda one: abs(math.log(found[one][1])))
             (best, step_misfit), asymmetry = found[chosen]
             value, error = best.value, best.error

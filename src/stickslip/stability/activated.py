@@ -78,7 +78,9 @@ class ActivatedResponse:
             kappa = self.stiffness(velocity, s)
         if not np.all(np.isfinite(kappa)):
             furthest = float(np.min(np.asarray(s, dtype=complex).real))
-            raise InputError(f"s = {furthest:g}: too far left of the imaginary axis, exp(-s x/v) overflows; stay nearer 0")
+            raise InputError(
+                f"s = {furthest:g}: too far left of the imaginary axis, exp(-s x/v) overflows; stay nearer 0"
+            )
         return kappa
 
     @cached_property
@@ -102,7 +104,11 @@ class ActivatedResponse:
         top = max(12.0 / self._spread, 60.0 / mean)
         step = max(0.2 / reach, top / 8000.0)
         y = np.concatenate(
-            [np.geomspace(1e-4 / reach, step, 60, endpoint=False), np.arange(step, top, step), np.geomspace(top, 1e3 * top, 90)]
+            [
+                np.geomspace(1e-4 / reach, step, 60, endpoint=False),
+                np.arange(step, top, step),
+                np.geomspace(top, 1e3 * top, 90),
+            ]
         )
         return np.asarray(velocity * y)
 
