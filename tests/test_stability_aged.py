@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stickslip.errors import InputError, UndecidedError
-from stickslip.model import Delay, Langevin, Rig, constant
+from stickslip.model import Bell, Delay, Langevin, Rig, constant
 from stickslip.paper.cases import FIG8
 from stickslip.stability import (
     AGEING,

@@ -115,10 +115,9 @@ def _lives(
     low, high = distribution.support
     inner = [knot for knot in distribution.knots if low + 1e-9 < knot < high - 1e-9]
     growth, barrier = growth_of(ageing), barrier_of(temperature)
-    one_variable = (
-        temperature is None
-        or ((isinstance(temperature, Bell) and not isinstance(ageing, ExponentialGrowth))
-        and distribution.standard_deviation() > 2.0 * temperature.width)
+    one_variable = temperature is None or (
+        (isinstance(temperature, Bell) and not isinstance(ageing, ExponentialGrowth))
+        and distribution.standard_deviation() > 2.0 * temperature.width
     )
     if distribution.single:
         return kernel.march(barrier, growth, np.array([distribution.moment(1)]), np.ones(1), velocity, longest)
@@ -166,13 +165,19 @@ def growth_of(ageing: ExponentialGrowth | LogarithmicGrowth | None) -> Growth:
 # ---------------------------------------------------------------- panels
 
 
+def _unlimited(x: float) -> float:
+    """No longest panel anywhere."""
+    del x
+    return math.inf
+
+
 def _edges(
     distribution: Distribution,
     start: float,
     end: float,
     places: list[tuple[float, float]],
     longest: float,
-    steepest: Callable[[float], float] = lambda x: math.inf,
+    steepest: Callable[[float], float] = _unlimited,
 ) -> Array:
     """Ends of panels: as fine as the distribution is wide, finer towards each place, down to the scale there.
 
@@ -239,7 +244,7 @@ def _in_one(distribution: Distribution, barrier: Constants, growth: Growth, v: f
             return math.inf
         return 2.5 * barrier.scale / max(abs(1.0 - slope), 0.4)
 
-    follow = followed if thermal else lambda x: math.inf
+    follow = followed if thermal else _unlimited
     if thermal and knots:
         # The stretching at which contacts of the threshold at the knot break, from a first set of panels.
         width, x, _ = _radau(_edges(distribution, 0.0, end, places, longest, follow))
@@ -341,7 +346,7 @@ def _reached(barrier: Constants, growth: Growth, v: float, width: Array, x: Arra
 
 
 def reached_on(interface: Interface, velocity: float, x: Array) -> Array:
-    """``A ln G`` of Bell activation at given stretchings in steady sliding, ``G`` the hazard up to there at no threshold.
+    """``A ln G`` of Bell activation at given stretchings in steady sliding, ``G`` the hazard of a threshold of 0.
 
     Parameters
     ----------

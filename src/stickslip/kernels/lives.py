@@ -1,8 +1,8 @@
 """One life of a contact in steady sliding under activation, ageing and delay, and what a small shake does to it.
 
 A life runs over the distance ``x`` the slider moves, 0 at attachment: the stretching of the contact, whose age is
-``x/v``. It is laid out on panels of eight Radau nodes, on which the survival and its slopes are known; the transforms of
-a shake ``exp(s t)``, ``q = s/v``, are sums over the nodes.
+``x/v``. It is laid out on panels of eight Radau nodes, on which the survival and its slopes are known; the transforms
+of a shake ``exp(s t)``, ``q = s/v``, are sums over the nodes.
 """
 
 from typing import NamedTuple

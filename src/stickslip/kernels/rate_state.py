@@ -35,8 +35,8 @@ def slide(
 ) -> Floats:
     """Friction of a slider without mass on a spring, from steady sliding at the first velocity of the pull.
 
-    ``F = a ln(v/v0) + b ln(v0 theta/D)``, with ``theta' = 1 - v theta/D`` (ageing law) or ``-(v theta/D) ln(v theta/D)``
-    (slip law), and ``F' = stiffness (pull - v)``.
+    ``F = a ln(v/v0) + b ln(v0 theta/D)``, with ``theta' = 1 - v theta/D`` (ageing law) or ``-(v theta/D) ln(v
+    theta/D)`` (slip law), and ``F' = stiffness (pull - v)``.
 
     Parameters
     ----------

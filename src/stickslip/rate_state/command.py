@@ -1,4 +1,4 @@
-"""``stickslip rsf``: is it rate and state?"""
+"""``stickslip rsf``: whether a rig is rate-and-state-like, and fits of measured steps."""
 
 from __future__ import annotations
 

@@ -29,8 +29,9 @@ def export_rate_and_state(
 ) -> str:
     """Write the rate-and-state parameters of an interface as the input of another program.
 
-    Forces become coefficients of friction: those of the contacts, times ``N f_s``, over the normal load. The file begins
-    with the protocol of the fit and with what the parameters get wrong: the critical stiffness beside the exact one.
+    Forces become coefficients of friction: those of the contacts, times ``N f_s``, over the normal load. The file
+    begins with the protocol of the fit and with what the parameters get wrong: the critical stiffness beside the exact
+    one.
 
     Parameters
     ----------
@@ -56,7 +57,7 @@ def export_rate_and_state(
     Raises
     ------
     InputError
-        If the interface is not rate-and-state-like, the law is not one that the program knows, or a quantity is missing.
+        If the interface is not rate-and-state-like, the program does not know the law, or a quantity is missing.
     """
     instance("fit", fit, RateAndStateFit, "what rate_and_state() gives")
     instance("scales", scales, Scales, "Scales(force=..., stretching=..., time=...)")

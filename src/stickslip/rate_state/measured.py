@@ -315,10 +315,9 @@ def _the_step(
 ) -> Step:
     if isinstance(data, Step):
         return data
-    for name, value in (("at", at), ("before", before), ("after", after)):
-        if value is None:
-            raise InputError(f"{name}: is missing; give the time of the step and the velocities before and after it")
-    assert at is not None and before is not None and after is not None
+    if at is None or before is None or after is None:
+        missing = next(name for name, value in (("at", at), ("before", before), ("after", after)) if value is None)
+        raise InputError(f"{missing}: is missing; give the time of the step and the velocities before and after it")
     return velocity_step_in(data, at=at, before=before, after=after, span=span)
 
 

@@ -168,8 +168,8 @@ def rate_and_state(
     Small steps of the velocity, from the exact linear response, are fitted over six breaking displacements at this
     velocity and at both ends of the decade about it. Rate-and-state-like is what has a direct effect (``a`` above 0),
     a misfit below 5 %, and ``a`` and ``b`` that change by less than 10 % and ``D`` by less than 20 % over the decade.
-    Then a step by the factor asked for, up and down, tells the law and gives the numbers. The critical stiffness by rate
-    and state stands beside the exact one.
+    Then a step by the factor asked for, up and down, tells the law and gives the numbers. The critical stiffness by
+    rate and state stands beside the exact one.
 
     Parameters
     ----------
@@ -256,8 +256,8 @@ def rate_and_state(
         exact_critical_stiffness=_exact_stiffness(rig),
         holds=not failing,
         reason=failing
-        or f"misfit {100 * misfit:.2g} %; over a decade a changes by {100 * drift[0]:.2g} %, b by {100 * drift[1]:.2g} %, "
-        f"D by {100 * drift[2]:.2g} %",
+        or f"misfit {100 * misfit:.2g} %; over a decade a changes by {100 * drift[0]:.2g} %, "
+        f"b by {100 * drift[1]:.2g} %, D by {100 * drift[2]:.2g} %",
     )
 
 

@@ -7,8 +7,8 @@ moment at which it meets its threshold. With ``q = s/v``, ``S`` the survival and
     L = <Int (U - exp(-q x) Rc) S dx> + <(1 - exp(-q x_c)) S(x_c)/(1 - f'/v)>,   Y the same with x before it
     kappa = [M_0 - S^ + q E L W/(1 - E (1 - q S^)) - Y]/(M_0 + v <tau>)
 
-per contact, in units of ``k``, with ``S^, W`` the transforms of the survival and of ``x`` times it, and ``E(s) = <exp(-s
-tau)>``. Without temperature and growth it is the response of `stickslip.stability.unaged`.
+per contact, in units of ``k``, with ``S^, W`` the transforms of the survival and of ``x`` times it, and ``E(s) =
+<exp(-s tau)>``. Without temperature and growth it is the response of `stickslip.stability.unaged`.
 """
 
 from __future__ import annotations
