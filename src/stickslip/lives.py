@@ -356,7 +356,9 @@ def reached_on(interface: Interface, velocity: float, x: Array) -> Array:
     x : ndarray
         Above 0, in any order.
     """
-    barrier, growth = barrier_of(interface.temperature), growth_of(interface.ageing)
+    ageing = interface.ageing
+    growth = growth_of(None if isinstance(ageing, Langevin) else ageing)
+    barrier = barrier_of(interface.temperature)
     order = np.sort(x)
     first = np.geomspace(1e-9, 1.0, 60, endpoint=False) * order[0]
     between = order[:-1, None] + np.diff(order)[:, None] * np.array([0.0, 0.25, 0.5, 0.75])

@@ -15,6 +15,7 @@ from .growth import EXPONENTIAL, LOGARITHMIC, Growth
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
+Numbers = Floats | Complexes
 
 BELL = 0
 PARABOLIC = 1
@@ -251,7 +252,7 @@ def relax(width: Floats, decay: Floats, source: Floats) -> Floats:
 
 
 @inlined
-def _solve(matrix: Complexes, value: Complexes) -> None:
+def _solve(matrix: Numbers, value: Numbers) -> None:
     """Solve a small system in place, without pivoting: collocation matrices are near the identity or diagonal."""
     for k in range(NODES):
         inverse = 1.0 / matrix[k, k]

@@ -11,6 +11,7 @@ from scipy import special
 from stickslip.errors import InputError
 from stickslip.lives import growth_of, lives_of
 from stickslip.model import Bell, ExponentialGrowth, Interface, Langevin
+from stickslip.model.distribution import Distribution
 from stickslip.stability.modes import respond
 from stickslip.theory import kinetic_friction
 
@@ -129,7 +130,8 @@ def finite_step(
     distribution, A = interface.threshold_distribution, temperature.width
     low, high = distribution.support
     first, spacing = min(low, 0.0) - 40.0 * A, min(0.5 * A, 0.02 * distribution.standard_deviation())
-    table = _survival_over(interface, first + spacing * np.arange(math.ceil((high + 4.5 * A - first) / spacing)))
+    count = math.ceil((high + 4.5 * A - first) / spacing)
+    table = _survival_over(distribution, A, np.asarray(first + spacing * np.arange(count), dtype=float))
     lives = lives_of(interface, before)
     dX = min(max(fineness * A, 0.004), 0.04 * fineness) * distribution.moment(1)
     place = np.arange(0.5 * dX, float(lives.x[-1]), dX)[::-1].copy()
@@ -154,17 +156,14 @@ def finite_step(
     return found[1], found[0] - found[0, 0]
 
 
-def _survival_over(interface: Interface, u: Array) -> Array:
+def _survival_over(distribution: Distribution, A: float, u: Array) -> Array:
     """Survival of a newborn, all thresholds, over ``u = A ln G``: thresholds blurred by a Gumbel distribution."""
     from stickslip.lives import under_gumbel
 
-    distribution, temperature = interface.threshold_distribution, interface.temperature
-    assert isinstance(temperature, Bell)
-    A = temperature.width
     high = distribution.support[1]
     # Beyond the largest threshold nothing is left to integrate over.
     z, weight = under_gumbel(np.minimum(np.maximum((u - high) / A, -38.0), 4.0), np.full_like(u, 4.0))
-    return np.sum(weight * distribution.survival(u[:, None] - A * z), axis=1)
+    return np.asarray(np.sum(weight * distribution.survival(u[:, None] - A * z), axis=1))
 
 
 def _reached_at(interface: Interface, velocity: float, x: Array) -> Array:

@@ -89,7 +89,7 @@ def least_squares(
         raise UndecidedError("no rate-and-state parameters fit: the slider runs away for all that were tried")
     value = values(best.x)
     freedom = max(data.size - value.size, 1)
-    _, singular, turned = np.linalg.svd(best.jac, full_matrices=False)
+    _, singular, turned = np.linalg.svd(np.asarray(best.jac), full_matrices=False)
     kept = singular > 1e-12 * singular[0]
     spread = np.sqrt(np.sum((turned[kept] / singular[kept, None]) ** 2, axis=0) * 2.0 * best.cost / freedom)
     error = np.where(logarithmic, value * spread, spread)
@@ -117,7 +117,7 @@ def fit_small_step(slip: Array, rise: Array, stiffness: float) -> tuple[Fit, flo
     direct, reach = float(np.max(np.abs(rise))), float(slip[-1])
     evolution = max(direct - float(rise[-1]), 0.05 * direct)
     starts = [np.array([direct, evolution, part * reach]) for part in (0.02, 0.05, 0.15)]
-    return _fit_abd(lambda value: small_step(*value.tolist(), stiffness, slip), slip, rise, starts)
+    return _fit_abd(lambda value: small_step(value[0], value[1], value[2], stiffness, slip), slip, rise, starts)
 
 
 def _fit_abd(model: Callable[[Array], Array], slip: Array, rise: Array, starts: Sequence[Array]) -> tuple[Fit, float]:

@@ -335,7 +335,8 @@ def _with_line(curve: Callable[[Array], Array], step: Step, trend: bool) -> Call
 
     def model(value: Array) -> Array:
         rise = curve(value)
-        return rise + _line(step, rise, trend) @ np.array([np.ones_like(rise), step.displacement])
+        level, slope = _line(step, rise, trend)
+        return np.asarray(rise + level + slope * step.displacement)
 
     return model
 
