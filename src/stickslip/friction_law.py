@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, overload
 
 import numpy as np
@@ -12,8 +12,8 @@ from scipy import optimize
 
 from stickslip.errors import InputError, instance, number, numbers, sequence, shown
 from stickslip.lives import has_lives, mean_lives
-from stickslip.model import Interface
-from stickslip.theory import kinetic_friction
+from stickslip.model import Delay, Interface
+from stickslip.theory import attached_fraction, kinetic_friction
 
 Array = NDArray[np.float64]
 
@@ -60,10 +60,9 @@ def friction_slope(interface: Interface, velocity: float | Array) -> float | Arr
         interface.allow(("temperature",), "friction_slope")
         slope = np.array([mean_lives(interface, v)[1] for v in speed.ravel().tolist()]).reshape(speed.shape)
     elif interface.ageing is None:
-        interface.allow((), "friction_slope")
-        away = speed * interface.delay.moment(1) / interface.threshold_distribution.moment(1)
-        force = np.asarray(kinetic_friction(interface, speed))
-        slope = -force * away / (1.0 + away)
+        attached = attached_fraction(interface, speed)
+        attached_force = kinetic_friction(replace(interface, delay=Delay(0.0)), 0.0)
+        slope = -(attached_force - interface.sliding_force) * attached * (1.0 - attached)
     else:
         ratio = math.exp(0.05)
         near = [np.asarray(kinetic_friction(interface, speed * ratio**k)) for k in (-2, -1, 1, 2)]
