@@ -17,6 +17,7 @@ import pytest
 import stickslip as ss
 from stickslip.cli import app
 from stickslip.io import rig_keys
+from stickslip.model.activation import ACTIVATIONS
 from stickslip.model.ageing import AGEING_MODELS
 from stickslip.model.distributions import DISTRIBUTIONS
 from stickslip.paper import Claim
@@ -99,6 +100,7 @@ def test_every_key_of_a_rig_file_has_a_meaning_an_example_and_what_is_taken_if_i
     rows = re.findall(r"^\| `.*$", text, re.MULTILINE)
     tables = [rig_keys.TOP, *rig_keys.TABLES.values(), rig_keys.PIECE, rig_keys.RANDOM_DELAY]
     tables += [rig_keys.keys_of(record) for record in (*DISTRIBUTIONS.values(), *AGEING_MODELS.values())]
+    tables += [rig_keys.BELL if kind == "bell" else rig_keys.keys_of(kind_of) for kind, kind_of in ACTIVATIONS.items()]
     assert len(rows) == sum(map(len, tables)) >= 60
     for row in rows:
         cells = [cell.strip() for cell in re.split(r"(?<!\\)\|", row)[1:-1]]

@@ -58,6 +58,7 @@ class Commands(_Made):
 def rig_keys() -> str:
     """Every key that a rig file may hold, from the tables that it is read by."""
     from stickslip.io import rig_keys as keys
+    from stickslip.model.activation import ACTIVATIONS
     from stickslip.model.ageing import AGEING_MODELS
     from stickslip.model.distributions import DISTRIBUTIONS
 
@@ -71,6 +72,9 @@ def rig_keys() -> str:
             lines += ["#### `interface.delay` as a table", "", *_table(keys.RANDOM_DELAY)]
             for kind, record in AGEING_MODELS.items():
                 lines += [f'#### `interface.ageing` with `model = "{kind}"`', "", *_table(keys.keys_of(record))]
+            for kind, record in ACTIVATIONS.items():
+                table = keys.BELL if kind == "bell" else keys.keys_of(record)
+                lines += [f'#### `interface.temperature` with `kind = "{kind}"`', "", *_table(table)]
         if name == "drive":
             lines += ["#### Each of `drive.pieces`", "", *_table(keys.PIECE)]
     return "\n".join(lines)

@@ -2,6 +2,7 @@ from . import cycles as cycles
 from . import fitting as fitting
 from . import measure as measure
 from . import plot as plot
+from . import rate_state as rate_state
 from . import stability as stability
 from . import sweep as sweep
 from . import theory as theory
@@ -20,6 +21,9 @@ from .errors import InputError as InputError
 from .errors import UndecidedError as UndecidedError
 from .fitting import fit as fit
 from .fitting import quick_fit as quick_fit
+from .friction_law import TurningVelocity as TurningVelocity
+from .friction_law import friction_slope as friction_slope
+from .friction_law import turning_velocities as turning_velocities
 from .io.datasets import load as load
 from .io.datasets import save as save
 from .io.rig_files import example as example
@@ -69,6 +73,9 @@ from .model import Uniform as Uniform
 from .model import Weibull as Weibull
 from .model import constant as constant
 from .model import ramp as ramp
+from .rate_state import export_rate_and_state as export_rate_and_state
+from .rate_state import fit_rate_and_state as fit_rate_and_state
+from .rate_state import rate_and_state as rate_and_state
 from .rigid import Renewal as Renewal
 from .rigid import critical_stiffness as critical_stiffness
 from .rigid import rigid_slide as rigid_slide

@@ -99,6 +99,8 @@ def _fail(message: str, code: int = 2) -> int:
 # Commands
 # ---------------------------------------------------------------------------------------------------------------------
 
+app.command("stickslip.rate_state.command:rsf")
+
 
 @app.command
 def predict(

@@ -41,6 +41,7 @@ from stickslip.model import (
     QuasiStatic,
     Slider,
 )
+from stickslip.model.activation import ACTIVATIONS, Activation, Bell
 from stickslip.model.ageing import AGEING_MODELS, Strengthening
 from stickslip.model.delays import DelayModel, OnArrest, RandomDelay
 from stickslip.model.distributions import DISTRIBUTIONS, Distribution, Empirical
@@ -348,6 +349,7 @@ class _Reader:
         delay = self._part(self.delay, interface.get("delay", 0.0), "interface.delay")
         newborn = self._part(self.distribution, interface.get("newborn"), "interface.newborn")
         ageing = self._part(self.ageing, interface.get("ageing"), "interface.ageing")
+        temperature = self._part(self.temperature, interface.get("temperature"), "interface.temperature")
         pieces = self._part(self.pieces, drive.get("pieces"), "drive.pieces")
         assumed = self._assumed(top.get("assumed", {}), document)
         fitted = self._fitted(top.get("fitted", {}), document)
@@ -387,6 +389,7 @@ class _Reader:
                 initial=initial,
                 delay=delay,
                 ageing=None if ageing is None else ageing(natural),
+                temperature=None if temperature is None else temperature(natural),
                 sliding_force=natural(interface["sliding_force"], "f_s"),
                 newborn=newborn,
                 track_scatter=interface["track_scatter"],
@@ -624,6 +627,41 @@ class _Reader:
                 fields["rate"] = rig_keys.rate_of(kind, fields.pop("time"))
             model: Strengthening = self.make(place, lambda: kind(**fields), {"rate": "time"})
             return model
+
+        return made
+
+    def temperature(self, content: Any, place: str) -> Callable[[Callable[[float, str], float]], Activation]:
+        """Thermal activation, to be made when the scales are known."""
+        example = rig_keys.INTERFACE["temperature"].example
+        kind = self._kind(content, place, "kind", ACTIVATIONS, example)
+        before = len(self.mistakes)
+        keys = rig_keys.BELL if kind is Bell else keys_of(kind)
+        values = self.table(_without(content, "kind"), keys, place)
+        physical = [name for name, key in keys.items() if key.si]
+        given = [name for name in physical if name in content]
+        if kind is Bell and len(self.mistakes) == before:
+            if "width" in content and given:
+                self.wrong(place, f"give width, or {', '.join(physical)}, not both")
+            elif "width" not in content:
+                for name in physical:
+                    if name not in content:
+                        self.mistakes.append(_MissingError(f"{place}.{name}", keys[name].example))
+        if len(self.mistakes) > before:
+            raise _MistakesError
+
+        def made(natural: Callable[[float, str], float]) -> Activation:
+            fields = {
+                name: natural(value, keys[name].unit) if keys[name].unit else value
+                for name, value in values.items()
+                if name not in physical
+            }
+            if given:
+                energy = values["shear_strength"] * values["activation_volume"]
+                fields["width"] = rig_keys.BOLTZMANN * values["temperature"] / energy
+            activation: Activation = self.make(
+                place, lambda: kind(**fields), {"width": "temperature"} if given else None
+            )
+            return activation
 
         return made
 

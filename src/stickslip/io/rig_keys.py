@@ -54,6 +54,8 @@ class Key:
         For a property of the bench that has a default: how to measure it.
     longest : int
         Characters of a text.
+    si : str
+        For a quantity that no scale of the rig measures: its SI unit, in files of natural units, too.
     """
 
     meaning: str
@@ -69,6 +71,7 @@ class Key:
     otherwise: str = ""
     measure: str = ""
     longest: int = 2_000
+    si: str = ""
 
     @property
     def is_table(self) -> bool:
@@ -92,7 +95,12 @@ class Key:
             If it cannot be.
         """
         wrong = ""
-        if self.unit:
+        if self.si:
+            try:
+                return quantity_of(value, self.si, str(self.example), self.sign)
+            except InputError as error:
+                wrong = str(error)
+        elif self.unit:
             try:
                 return quantity_of(value, SI_NAMES[self.unit], str(self.example), self.sign, natural=natural)
             except InputError as error:
@@ -109,6 +117,10 @@ class Key:
             if isinstance(value, list):
                 return tuple(_pure(item, f"{place}[{i}]", "") for i, item in enumerate(value))
             wrong = "must be a list of numbers"
+        elif isinstance(self.example, bool):
+            if isinstance(value, bool):
+                return value
+            wrong = "must be true or false"
         elif isinstance(self.example, int):
             if isinstance(value, int) and not isinstance(value, bool):
                 return value
@@ -346,7 +358,45 @@ INTERFACE: Mapping[str, Key] = {
         {"model": "langevin", "time": "1 s"},
         otherwise="they do not",
     ),
+    "temperature": Key(
+        "How contacts break before their threshold.",
+        {
+            "kind": "bell",
+            "temperature": "293 K",
+            "activation_volume": "0.5 nm^3",
+            "shear_strength": "1 GPa",
+            "attempts": "1e12 1/s",
+        },
+        otherwise="they do not",
+    ),
 }
+
+BELL: Mapping[str, Key] = {
+    "temperature": Key("Of the interface.", "293 K", si="K", sign="above 0", otherwise="`width`"),
+    "activation_volume": Key(
+        "Area that a contact gives way at a time, times how far: some molecules.",
+        "0.5 nm^3",
+        si="m^3",
+        sign="above 0",
+        otherwise="`width`",
+    ),
+    "shear_strength": Key("Of the contacts themselves.", "1 GPa", si="Pa", sign="above 0", otherwise="`width`"),
+    "width": Key(
+        "In place of temperature, activation volume and shear strength: the displacement over which the rate of "
+        "breaking grows by a factor e, `breaking_displacement k_B T/(shear_strength activation_volume)`.",
+        "16 nm",
+        unit="x_s",
+        sign="above 0",
+        otherwise="`temperature`, `activation_volume` and `shear_strength`",
+    ),
+    "attempts": Key(
+        "Rate of breaking on top of the barrier.", "1e12 1/s", unit="1/time", sign="above 0", required=True
+    ),
+}
+"""Keys of `interface.temperature` with ``kind = "bell"``."""
+
+BOLTZMANN = 1.380649e-23
+"""In J/K."""
 
 DRIVE: Mapping[str, Key] = {
     "velocity": Key(
@@ -443,6 +493,12 @@ _FIELDS: Mapping[str, tuple[str, Any]] = {
     ),
     "time": ("Time in which the thresholds age.", "1 s"),
     "newborn": ("Threshold of a newborn contact, relative to the mean of `thresholds`.", 0.0),
+    "width": ("Displacement over which the rate of breaking grows by a factor e.", "16 nm"),
+    "attempts": ("Rate of breaking on top of the barrier.", "1e12 1/s"),
+    "temperature": ("`k_B T` over the stiffness of a contact times the square of its breaking displacement.", 0.01),
+    "height": ("Barrier of an unstretched contact over `k_B T`.", 100.0),
+    "power": ("How the barrier falls with the stretching: 1, 1.5 or 2.", 1.5),
+    "kramers": ("Whether the rate falls with the barrier's curvature, after Kramers.", False),
     "slope": ("Growth of the threshold per factor e in age, relative to the mean of `thresholds`.", 0.02),
     "negative": ("What becomes of a draw below 0: it is set to 0, drawn again, or its sign changed.", "clip"),
 }

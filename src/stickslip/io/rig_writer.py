@@ -20,6 +20,7 @@ from stickslip.model import (
     QuasiStatic,
     Slider,
 )
+from stickslip.model.activation import ACTIVATIONS
 from stickslip.model.ageing import AGEING_MODELS
 from stickslip.model.delays import OnArrest, RandomDelay
 from stickslip.model.distributions import DISTRIBUTIONS, Distribution
@@ -100,7 +101,7 @@ class RigWriter:
 
     def _interface(self) -> Document:
         interface, found = self.rig.interface, {}
-        interface.allow(("sliding_force", "newborn", "track_scatter", "on_arrest"), "a rig file")
+        interface.allow(("temperature", "sliding_force", "newborn", "track_scatter", "on_arrest"), "a rig file")
         if self.scales is not None:
             strength, blocks = self._scale("force"), self._blocks
             found["contact_strength"] = self._quantity(blocks, "f_s", lambda si: si / blocks == strength)
@@ -123,6 +124,8 @@ class RigWriter:
             found["track_scatter"] = self._number(interface.track_scatter)
         if interface.ageing is not None:
             found["ageing"] = self._record("model", interface.ageing, AGEING_MODELS)
+        if interface.temperature is not None:
+            found["temperature"] = self._record("kind", interface.temperature, ACTIVATIONS)
         return found
 
     def _scale(self, name: str) -> float:

@@ -36,6 +36,7 @@ _RAISED = str.maketrans("⁻¹²³", "-123")
 _PREFIXED = ("m", "g", "s", "N", "Pa", "J", "bar", "t", "yr", "dyn")
 """Units that take a prefix, by their symbols; their names and plurals are known as well."""
 _UNPREFIXED = (
+    "K",
     *("min", "h", "d", "week", "angstrom", "micron", "in", "thou", "ft", "yd", "mi", "mph", "kph"),
     *("lb", "slug", "gf", "kgf", "lbf", "kip", "erg", "atm", "psi"),
 )

@@ -35,6 +35,7 @@ from stickslip.plot.runs import (
     stretchings,
     velocity,
 )
+from stickslip.plot.steps import velocity_step
 from stickslip.plot.style import (
     BLACK,
     BLUE,
@@ -102,4 +103,5 @@ __all__ = [
     "sweep_picture",
     "unit_text",
     "velocity",
+    "velocity_step",
 ]

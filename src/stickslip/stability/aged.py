@@ -11,7 +11,6 @@ Off the axis, for growth rates, each point is computed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -19,12 +18,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stickslip.errors import InputError, UndecidedError
+from stickslip.errors import InputError
 from stickslip.model import DelayModel, Interface, Langevin
 from stickslip.model.distributions import Gaussian
-from stickslip.stability.impedances import Impedance, is_plain, natural_frequencies
-from stickslip.stability.neutral import features, neutral_frequencies
-from stickslip.stability.response import Array, ComplexArray, Precision, Scan, distinct_roots
+from stickslip.stability.from_axis import count_from_axis, rightmost_from_axis, roots_from_axis
+from stickslip.stability.impedances import Impedance, is_plain
+from stickslip.stability.neutral import features
+from stickslip.stability.response import Array, ComplexArray, Precision, Scan
 from stickslip.theory import gaussian_ageing
 
 if TYPE_CHECKING:
@@ -103,72 +103,20 @@ class AgedResponse:
 
     def count(self, body: Impedance, velocity: float) -> int:
         """Count the roots of ``Z + kappa`` with ``Re s > 0``, from the neutral frequencies."""
-        (neutral,) = neutral_frequencies(self, body, [velocity])
-        near = np.flatnonzero(np.abs(neutral.extra) < ACCURACY)
-        if near.size:
-            raise UndecidedError(
-                f"smooth sliding at velocity {velocity:g} is neutral to within the accuracy of the response "
-                f"({ACCURACY:g} of the stiffness of the contacts), at angular frequency {neutral.omega[near[0]]:.5g}: "
-                "on its stability boundary; move a parameter to one side"
-            )
-        return neutral.unstable()
+        return count_from_axis(self, body, velocity, ACCURACY)
 
     def rightmost(self, body: Impedance, velocity: float) -> complex:
         """Return the rightmost root of ``Z + kappa`` among those found; growing ones are confirmed by their count."""
-        growing = self.count(body, velocity)
-
-        def value(s: complex) -> complex:
-            points = np.array([s])
-            return complex((body(points) + self.exact(velocity, points))[0])
-
-        near = self.roots(body, velocity, np.empty(0, dtype=complex))
-        polished = [root for root in (_secant(value, s, 1e-9) for s in near[:6].tolist()) if root is not None]
-        roots = distinct_roots(np.array(polished, dtype=complex), 1.0 / velocity)
-        found = int(np.sum(np.where(roots.imag > 0, 2, 1)[roots.real > 0]))
-        if found == growing and roots.size:
-            return complex(roots[0])
-        if growing:
-            raise UndecidedError(
-                f"smooth sliding at velocity {velocity:g} has {growing} growing modes, not all of which were found"
-            )
-        raise UndecidedError(
-            f"smooth sliding at velocity {velocity:g} is stable; its modes decay too quickly to be followed from the "
-            "axis"
-        )
+        return rightmost_from_axis(self, body, velocity)
 
     def roots(self, body: Impedance, velocity: float, starts: ComplexArray) -> ComplexArray:
         """Return the roots not far from the axis, rightmost first: by secants from the dips along the axis."""
         del starts  # those along the axis cost as much to correct as to find
-        omega = self.frequencies(velocity)
-        own = natural_frequencies(body)
-        size = np.abs(body(1j * omega) + self.stiffness(velocity, 1j * omega))
-        dip = np.flatnonzero((size[1:-1] < size[:-2]) & (size[1:-1] <= size[2:])) + 1
-        dip = dip[np.argsort(size[dip])][:5]
 
-        def value(points: ComplexArray) -> ComplexArray:
-            return np.asarray(body(points) + self.exact(velocity, points, cells=_ROUGH))
+        def rough(points: ComplexArray) -> ComplexArray:
+            return self.exact(velocity, points, cells=_ROUGH)
 
-        real = np.geomspace(omega[0], omega[-1], 40)
-        turned = np.flatnonzero(np.diff(np.sign(value(real + 0j).real)))
-        starts = np.concatenate([1j * omega[dip], own[own.imag > 0], np.sqrt(real[turned] * real[turned + 1])])
-        # Further left what many lives have left behind grows beyond all bounds, and the errors of the grid with it.
-        left = -_LIVES / self.life(velocity)
-        before, s = starts * (1 + 0.02j * (starts.imag != 0) - 0.05 * (starts.imag == 0)), starts.copy()
-        f_before, f = value(before), value(s)
-        settled = np.zeros(s.shape, dtype=bool)
-        with np.errstate(all="ignore"):
-            for _ in range(25):
-                step = np.where(settled | (f == f_before), 0.0, -f * (s - before) / (f - f_before))
-                step *= np.minimum(1.0, 0.3 * np.abs(s) / np.maximum(np.abs(step), 1e-300))
-                before, f_before, s = s, f, s + step
-                settled |= np.abs(step) < 1e-6 * np.abs(s)
-                s[s.real < left] = np.nan
-                busy = np.isfinite(s) & ~settled
-                if not busy.any():
-                    break
-                f = f.copy()
-                f[busy] = value(s[busy])
-        return distinct_roots(s[settled & np.isfinite(s)], 1e-3 / float(omega[0]))
+        return roots_from_axis(self, body, velocity, self.frequencies(velocity), rough, _LIVES / self.life(velocity))
 
     def life(self, velocity: float) -> float:
         """About how long a contact lives."""
@@ -299,20 +247,3 @@ def _row(delta: float, newborn: float, number: int) -> tuple[CubicSpline[Any], f
     cells = 40 if u > 0.15 else 60 if u > 0.04 else 80
     parts, rest = _life(u, delta, newborn, 1j * unit * phase, cells)
     return CubicSpline(np.log(phase), parts, axis=1), rest
-
-
-def _secant(function: Callable[[complex], complex], start: complex, tolerance: float) -> complex | None:
-    """Root near a start; None where the search does not settle."""
-    before, s = start * (1 + 1e-3j), start
-    f_before, f = function(before), function(s)
-    for _ in range(20):
-        if f == f_before:
-            return s
-        step = -f * (s - before) / (f - f_before)
-        if not abs(step) < 0.3 * abs(s):
-            return None
-        before, f_before, s = s, f, s + step
-        if abs(step) < tolerance * abs(s):
-            return complex(s.real, abs(s.imag))
-        f = function(s)
-    return None

@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip.errors import InputError, instance, number, shown
+from stickslip.lives import has_lives
 from stickslip.model import Interface
 from stickslip.model.newborn import as_unstretched
 from stickslip.model.quadrature import hashable
 from stickslip.model.rig import Rig
+from stickslip.stability.activated import activated_response
 from stickslip.stability.aged import aged_response
 from stickslip.stability.impedances import Impedance, impedance
 from stickslip.stability.response import ComplexArray, Response
@@ -29,6 +31,9 @@ def respond(interface: Interface) -> Response:
         If the interface has no steady sliding, or one whose response is not known.
     """
     instance("interface", interface, Interface, "an Interface")
+    if has_lives(interface):
+        interface.allow(("temperature",), "the linear response")
+        return activated_response(hashable(interface))
     if interface.ageing is not None:
         interface.allow((), "the linear response")
         return aged_response(interface)
@@ -58,14 +63,14 @@ def dynamic_stiffness(interface: Interface, velocity: float, s: ArrayLike) -> Co
     Raises
     ------
     InputError
-        If contacts never re-attach (no steady sliding), age otherwise than by `Langevin`, or all share one threshold
+        If contacts never re-attach (no steady sliding), age by `Langevin` at a temperature, or all share one threshold
         and one delay; if `s` lies where the transform does not exist or overflows.
 
     Notes
     -----
     Distributions without a closed transform (`LogNormal`, `Weibull`) cost some ten microseconds a point. The relative
     error is about 1e-12, for distributions with very heavy tails down to 1e-8 at small `s`; with thresholds that age
-    2e-4.
+    2e-4, with temperature or thresholds that grow by a fixed rule 1e-7.
     """
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
     try:

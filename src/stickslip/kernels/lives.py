@@ -1,0 +1,342 @@
+"""One life of a contact in steady sliding under activation, ageing and delay, and what a small shake does to it.
+
+A life runs over the distance ``x`` the slider moves, 0 at attachment: the stretching of the contact, whose age is
+``x/v``. It is laid out on panels of eight Radau nodes, on which the survival and its slopes are known; the transforms
+of a shake ``exp(s t)``, ``q = s/v``, are sums over the nodes.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._jit import inlined, jit
+from .growth import EXPONENTIAL, LOGARITHMIC, Growth
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+Numbers = Floats | Complexes
+
+BELL = 0
+PARABOLIC = 1
+POWER = 2
+
+FIXED = -1
+"""Thresholds that do not grow, as a kind of `Growth`."""
+
+NODES = 8
+
+
+def _radau() -> tuple[Floats, Floats]:
+    """Radau nodes on (0, 1] and the matrix of integrals from 0 to each node; its last row are the weights."""
+    legendre = np.polynomial.legendre.Legendre
+    inner = (legendre.basis(NODES) - legendre.basis(NODES - 1)).roots()
+    node = np.sort(0.5 * (1.0 + inner.real))
+    node[-1] = 1.0
+    powers = np.arange(NODES)
+    vandermonde = node[:, None] ** powers
+    integral = node[:, None] ** (powers + 1) / (powers + 1)
+    return node, np.ascontiguousarray(np.linalg.solve(vandermonde.T, integral.T).T)
+
+
+NODE, INTEGRAL = _radau()
+"""Stiffly accurate collocation: a fast decay within a panel is damped, not resolved."""
+
+
+class Barrier(NamedTuple):
+    """What holds a contact back: kind, width or temperature or height over kT, power, Kramers' prefactor, attempts."""
+
+    kind: int
+    scale: float
+    power: float
+    kramers: bool
+    attempts: float
+
+
+class Lives(NamedTuple):
+    """Lives of contacts on panels of `NODES` nodes; per contact, averaged over the thresholds by the weights.
+
+    `width` and `fresh` are per panel, shape (p,): its length, and whether a life starts there. Per node, shape (8 p,):
+    the stretching `x`, the quadrature `weight`, the `survival` and its slope in ln v; `decay` and `source` of
+    ``U' = -(q + decay) U + source``, and the weights of `U` (`push`) and of ``exp(-q x)`` (`drop`) in what the shake
+    breaks. Contacts that reach their threshold: stretching, weight, and slope of the place in ln v.
+    """
+
+    width: Floats
+    fresh: NDArray[np.bool_]
+    x: Floats
+    weight: Floats
+    survival: Floats
+    slope: Floats
+    decay: Floats
+    source: Floats
+    push: Floats
+    drop: Floats
+    cap_x: Floats
+    cap_weight: Floats
+    cap_slope: Floats
+
+
+@inlined
+def _log_rate(barrier: Barrier, x: float, c: float) -> tuple[float, float, float]:
+    """Exponent of the rate over the attempts, and its derivatives in the stretching and in the threshold."""
+    if barrier.kind == BELL:
+        return (x - c) / barrier.scale, 1.0 / barrier.scale, -1.0 / barrier.scale
+    if barrier.kind == PARABOLIC:
+        return 0.5 * (x * x - c * c) / barrier.scale, x / barrier.scale, -c / barrier.scale
+    left, p = max(1.0 - x / c, 1e-300), barrier.power
+    steep = barrier.scale * p * left ** (p - 1.0) / c
+    exponent, along = -barrier.scale * left**p, steep
+    if barrier.kramers and p > 1.0:
+        exponent += (p - 1.0) * np.log(left)
+        along -= (p - 1.0) / (c * left)
+    return exponent, along, -along * x / c
+
+
+@inlined
+def _threshold(growth: Growth, strength: float, age: float) -> tuple[float, float]:
+    """Threshold at an age, and its rate of growth."""
+    if growth.kind == LOGARITHMIC:
+        return strength + growth.first * np.log1p(age / growth.second), growth.first / (growth.second + age)
+    if growth.kind == EXPONENTIAL:
+        young = np.exp(-growth.first * age)
+        return strength - (strength - growth.second) * young, growth.first * (strength - growth.second) * young
+    return strength, 0.0
+
+
+@jit
+def reach(growth: Growth, strength: float, v: float) -> float:
+    """Stretching at which a contact meets its threshold: the first crossing, by bisection; 0 if it breaks at once."""
+    if growth.kind == FIXED:
+        return strength
+    start, pace = _threshold(growth, strength, 0.0)
+    if start <= 0.0 and pace <= v:
+        return 0.0
+    low, high = 0.0, 2.0 * (strength + abs(growth.second) + abs(start))
+    for _ in range(2000):
+        if _threshold(growth, strength, high / v)[0] <= high:
+            break
+        low = high
+        high *= 2.0
+    for _ in range(200):
+        middle = 0.5 * (low + high)
+        if not low < middle < high:
+            break
+        if _threshold(growth, strength, middle / v)[0] > middle:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+@jit
+def march(barrier: Barrier, growth: Growth, strengths: Floats, weights: Floats, v: float, longest: float) -> Lives:
+    """Lives of contacts one threshold after the other: for barriers that no single variable describes.
+
+    Parameters
+    ----------
+    strengths, weights : ndarray, shape (n,)
+        Nodes of the distribution of thresholds.
+    v : float
+    longest : float
+        Longest panel, for the frequencies that matter.
+    """
+    room, panels, nodes = 1024, 0, 0
+    width, fresh = np.empty(room), np.empty(room, np.bool_)
+    table = np.empty((6, room * NODES))
+    n = strengths.size
+    cap = np.zeros((3, n))
+    integrated, aged, x = np.empty(NODES), np.empty(NODES), np.empty(NODES)
+    rate, along, older = np.empty(NODES), np.empty(NODES), np.empty(NODES)
+    for i in range(n):
+        xi, share = strengths[i], weights[i]
+        end = reach(growth, xi, v)
+        if end <= 0.0:
+            continue
+        quiet = -(np.log(barrier.attempts * end / v) + 40.0) if barrier.attempts > 0.0 else np.inf
+        here, broken, late, first = 0.0, 0.0, 0.0, True
+        pushed = 0.0
+        while here < end and broken < 45.0:
+            c, pace = _threshold(growth, xi, here / v)
+            exponent, steep, hard = _log_rate(barrier, here, c)
+            h = min(longest, 0.25 * end, end - here)
+            if growth.kind != FIXED:
+                memory = v * growth.second if growth.kind == LOGARITHMIC else v / growth.first
+                h = min(h, 0.5 * (here + memory))
+            if barrier.attempts > 0.0:
+                fine = 1.0 / (abs(steep) + abs(hard) * abs(pace) / v)
+                if barrier.kind == PARABOLIC:
+                    most = end / barrier.scale
+                    fine = min(fine, 1.0 / (steep + 1.0 / np.sqrt(barrier.scale)))
+                elif barrier.kind == BELL:
+                    most = 1.0 / barrier.scale
+                else:
+                    most = barrier.scale * barrier.power / min(c, xi)
+                    if barrier.kramers:
+                        fine = min(fine, 0.5 * (end - here) + 1e-4 * end)
+                    fine = min(fine, 0.5 * (c - here) + 1e-3 * end / barrier.scale)
+                most += abs(hard) * max(-pace, 0.0) / v
+                h = min(h, max(fine, (quiet - exponent) / most if quiet > exponent else 0.0))
+                h = min(h, (3.0 + 0.3 * broken) * v / barrier.attempts * np.exp(-min(exponent, 0.0)))
+            if end - here - h < 1e-3 * h:
+                h = end - here
+            if panels == room:
+                room *= 2
+                width, fresh = np.append(width, np.empty(panels)), np.append(fresh, np.empty(panels, np.bool_))
+                larger = np.empty((6, room * NODES))
+                larger[:, :nodes] = table[:, :nodes]
+                table = larger
+            for j in range(NODES):
+                x[j] = here + h * NODE[j]
+                rate[j] = along[j] = older[j] = 0.0
+                if barrier.attempts > 0.0:
+                    c, pace = _threshold(growth, xi, x[j] / v)
+                    exponent, steep, hard = _log_rate(barrier, x[j], c)
+                    rate[j] = barrier.attempts / v * np.exp(min(exponent, 0.0))
+                    along[j] = rate[j] * steep
+                    older[j] = -rate[j] * hard * pace * x[j] / v
+            width[panels], fresh[panels] = h, first
+            first = False
+            for j in range(NODES):
+                more, slower, push = 0.0, 0.0, 0.0
+                for k in range(NODES):
+                    more += INTEGRAL[j, k] * rate[k]
+                    slower += INTEGRAL[j, k] * older[k]
+                    push += INTEGRAL[j, k] * along[k]
+                integrated[j], aged[j] = broken + h * more, late + h * slower
+                survival = share * np.exp(-integrated[j])
+                table[0, nodes] = x[j]
+                table[1, nodes] = h * INTEGRAL[NODES - 1, j]
+                table[2, nodes] = survival
+                table[3, nodes] = survival * (integrated[j] - aged[j])
+                table[4, nodes] = along[j]
+                table[5, nodes] = survival * (pushed + h * push)
+                nodes += 1
+            for k in range(NODES):
+                pushed += h * INTEGRAL[NODES - 1, k] * along[k]
+            broken, late = integrated[NODES - 1], aged[NODES - 1]
+            panels += 1
+            here = end if h == end - here else here + h
+        if broken < 45.0:
+            _, pace = _threshold(growth, xi, end / v)
+            held = share * np.exp(-broken)
+            cap[0, i], cap[1, i] = end, held / (1.0 - pace / v)
+            cap[2, i] = -held * pace * end / v / (1.0 - pace / v)
+    table = table[:, :nodes].copy()
+    zero = np.zeros(nodes)
+    return Lives(
+        width[:panels], fresh[:panels], table[0], table[1], table[2], table[3], zero, table[4], table[2], table[5],
+        cap[0], cap[1], cap[2],
+    )  # fmt: skip
+
+
+@jit
+def relax(width: Floats, decay: Floats, source: Floats) -> Floats:
+    """``R' = source - decay R`` from ``R(0) = 0`` on panels, at their nodes."""
+    found = np.empty(source.size)
+    matrix, value = np.empty((NODES, NODES)), np.empty(NODES)
+    start = 0.0
+    for k in range(width.size):
+        h, at = width[k], k * NODES
+        for i in range(NODES):
+            value[i] = start
+            for j in range(NODES):
+                matrix[i, j] = h * INTEGRAL[i, j] * decay[at + j]
+                value[i] += h * INTEGRAL[i, j] * source[at + j]
+            matrix[i, i] += 1.0
+        _solve(matrix, value)
+        for i in range(NODES):
+            found[at + i] = value[i]
+        start = value[NODES - 1]
+    return found
+
+
+@inlined
+def _solve(matrix: Numbers, value: Numbers) -> None:
+    """Solve a small system in place, without pivoting: collocation matrices are near the identity or diagonal."""
+    for k in range(NODES):
+        inverse = 1.0 / matrix[k, k]
+        for i in range(k + 1, NODES):
+            factor = matrix[i, k] * inverse
+            for j in range(k + 1, NODES):
+                matrix[i, j] -= factor * matrix[k, j]
+            value[i] -= factor * value[k]
+    for k in range(NODES - 1, -1, -1):
+        for j in range(k + 1, NODES):
+            value[k] -= matrix[k, j] * value[j]
+        value[k] /= matrix[k, k]
+
+
+@inlined
+def _gone(z: complex) -> complex:
+    """``1 - exp(-z)`` without cancellation."""
+    half = np.sin(0.5 * z.imag)
+    fall = np.expm1(-z.real)
+    return complex(-fall * np.cos(z.imag) + 2.0 * half * half, (1.0 + fall) * np.sin(z.imag))
+
+
+@jit
+def shaken(lives: Lives, q: Complexes, fast: bool = False) -> Complexes:
+    """Transforms of a life under a shake, at each `q`.
+
+    Parameters
+    ----------
+    lives : Lives
+    q : ndarray of complex, shape (n,)
+    fast : bool
+        Whether the shake is so fast that nothing is left of ``exp(-q x)`` but what is at ``x = 0``.
+
+    Returns
+    -------
+    ndarray of complex, shape (4, n)
+        ``M_0 - Sq``, ``W``, ``L``, ``Y``: what the survival loses under ``exp(-q x)``, the first moment of what is
+        left, what the shake breaks, and the stretching broken.
+    """
+    found = np.zeros((4, q.size), np.complex128)
+    matrix, value = np.empty((NODES, NODES), np.complex128), np.empty(NODES, np.complex128)
+    turn = np.empty(NODES, np.complex128)
+    stiff = bool(np.any(lives.decay != 0.0))
+    thermal = bool(np.any(lives.push != 0.0))
+    for m in range(q.size):
+        here, start = q[m], 0.0j
+        lost, work, breaks, yields = 0.0j, 0.0j, 0.0j, 0.0j
+        for k in range(lives.width.size):
+            h, at = lives.width[k], k * NODES
+            if lives.fresh[k]:
+                start = 0.0j
+            if thermal and (stiff or fast):
+                for i in range(NODES):
+                    value[i] = start
+                    for j in range(NODES):
+                        matrix[i, j] = h * INTEGRAL[i, j] * (lives.decay[at + j] + here)
+                        value[i] += h * INTEGRAL[i, j] * lives.source[at + j]
+                    matrix[i, i] += 1.0
+                _solve(matrix, value)
+                start = value[NODES - 1]
+            elif thermal:
+                for j in range(NODES):
+                    turn[j] = np.exp(-here * h * NODE[j])
+                for i in range(NODES):
+                    value[i] = start
+                    for j in range(NODES):
+                        value[i] += h * INTEGRAL[i, j] * lives.source[at + j] / turn[j]
+                    value[i] *= turn[i]
+                start = value[NODES - 1]
+            for i in range(at, at + NODES):
+                x, weight = lives.x[i], lives.weight[i]
+                gone = 1.0 + 0.0j if fast else _gone(here * x)
+                lost += weight * lives.survival[i] * gone
+                work += weight * lives.survival[i] * x * (1.0 - gone)
+                if thermal:
+                    more = weight * (lives.push[i] * value[i - at] - lives.drop[i] * (1.0 - gone))
+                    breaks += more
+                    yields += x * more
+        for k in range(lives.cap_x.size):
+            more = lives.cap_weight[k] * (1.0 + 0.0j if fast else _gone(here * lives.cap_x[k]))
+            breaks += more
+            yields += lives.cap_x[k] * more
+        if fast:
+            lost -= 1.0 / here
+            work = 1.0 / here**2
+        found[0, m], found[1, m], found[2, m], found[3, m] = lost, work, breaks, yields
+    return found

@@ -1,0 +1,141 @@
+"""A velocity step of contacts that break by Bell activation, by cohorts: one number each, no delay, no mass."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._jit import inlined, jit
+from .growth import LOGARITHMIC, Growth
+
+Floats = NDArray[np.float64]
+
+
+@inlined
+def _survival(table: Floats, first: float, spacing: float, u: float) -> float:
+    """Survival over ``u = A ln G`` from a table, by the cubic through four points."""
+    place = (u - first) / spacing
+    if place <= 1.0:
+        return 1.0
+    k = int(place)
+    if k >= table.size - 2:
+        return 0.0
+    t = place - k
+    return float(
+        -t * (t - 1.0) * (t - 2.0) / 6.0 * table[k - 1]
+        + (t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0 * table[k]
+        - (t + 1.0) * t * (t - 2.0) / 2.0 * table[k + 1]
+        + (t + 1.0) * t * (t - 1.0) / 6.0 * table[k + 2]
+    )
+
+
+@inlined
+def _grown(growth: Growth, age: float) -> float:
+    return growth.first * np.log1p(age / growth.second) if growth.kind == LOGARITHMIC else 0.0
+
+
+@inlined
+def _hazard(A: float, attempts: float, growth: Growth, x: float, dx: float, age: float, dt: float) -> float:
+    """``A ln`` of what the hazard gains while a contact goes from ``x`` on by ``dx`` in the time ``dt``.
+
+    The exponent is taken as linear on either half: thresholds age ever more slowly.
+    """
+    start = x - _grown(growth, age)
+    middle = x + 0.5 * dx - _grown(growth, age + 0.5 * dt)
+    end = x + dx - _grown(growth, age + dt)
+    top = max(start, middle, end)
+    total = 0.0
+    for a, b in ((start, middle), (middle, end)):
+        d = (b - a) / A
+        part = np.exp((b - top) / A) * (1.0 if abs(d) < 1e-9 else -np.expm1(-d) / d)
+        total += 0.5 * part
+    return float(top + A * np.log(attempts * dt * total))
+
+
+@jit
+def step(
+    A: float,
+    attempts: float,
+    growth: Growth,
+    table: Floats,
+    first: float,
+    spacing: float,
+    stretching: Floats,
+    reached: Floats,
+    mass: Floats,
+    before: float,
+    after: float,
+    stiffness: float,
+    dX: float,
+    steps: int,
+) -> Floats:
+    """Force, load point and time after a step of the velocity of the load point, from steady sliding.
+
+    Parameters
+    ----------
+    A, attempts, growth
+        Activation width and attempts; `FIXED` or `LOGARITHMIC` growth.
+    table, first, spacing
+        Survival of a newborn over ``u = A ln G``.
+    stretching, reached, mass : ndarray, shape (m,)
+        Contacts at the step: stretching, ``A ln G``, and number born per contact.
+    before, after : float
+        Velocities of the load point.
+    stiffness : float
+        Of the spring between it and the slider; infinite for none.
+    dX : float
+        Step of the slider.
+    steps : int
+
+    Returns
+    -------
+    ndarray, shape (3, steps + 1)
+        Force per contact, displacement of the load point, time.
+    """
+    m, rigid = stretching.size, np.isinf(stiffness)
+    birth, G, age, share = np.empty(m + steps), np.empty(m + steps), np.empty(m + steps), np.empty(m + steps)
+    G_new = np.empty(m + steps)
+    birth[:m], G[:m], share[:m], age[:m] = -stretching, reached, mass, stretching / before
+    found = np.zeros((3, steps + 1))
+    force, count, oldest = 0.0, 0.0, 0
+    for i in range(m):
+        held = share[i] * _survival(table, first, spacing, G[i])
+        force += held * stretching[i]
+        count += held
+    share[:m] /= count  # contacts there are one each
+    force /= count
+    start, dt = force, dX / after
+    found[0, 0] = force
+    n = m
+    for k in range(steps):
+        X, lead, time = k * dX, found[1, k], found[2, k]
+        tried, wrong_before = 0.0, 0.0
+        for attempt in range(1 if rigid else 12):
+            held, work = 0.0, 0.0
+            for i in range(oldest, n):
+                x = X - birth[i]
+                gain = _hazard(A, attempts, growth, x, dX, age[i], dt)
+                high, low = max(gain, G[i]), min(gain, G[i])
+                G_new[i] = high + A * np.log1p(np.exp((low - high) / A))
+                left = share[i] * _survival(table, first, spacing, G_new[i])
+                held += left
+                work += left * (x + dX)
+            young = _hazard(A, attempts, growth, 0.0, 0.5 * dX, 0.0, 0.5 * dt)
+            work += (1.0 - held) * 0.5 * dX
+            if rigid:
+                break
+            # Spring: the load point has gone on by `after dt` meanwhile.
+            wrong = start + stiffness * (lead + after * dt - X - dX) - work
+            if abs(wrong) < 1e-10 or (attempt > 0 and abs(dt - tried) < 1e-13 * dt):
+                break
+            slope = stiffness * after if attempt == 0 else (wrong - wrong_before) / (dt - tried)
+            tried, wrong_before = dt, wrong
+            dt = min(max(dt - wrong / slope, 0.2 * dt), 5.0 * dt)
+        for i in range(oldest, n):
+            G[i] = G_new[i]
+            age[i] += dt
+        while oldest < n and _survival(table, first, spacing, G[oldest]) == 0.0 and birth[oldest] <= birth[n - 1]:
+            oldest += 1
+        birth[n], G[n], age[n] = X + 0.5 * dX, young, 0.5 * dt
+        share[n] = (1.0 - held) / _survival(table, first, spacing, young)
+        n += 1
+        found[0, k + 1], found[1, k + 1], found[2, k + 1] = work, lead + after * dt, time + dt
+    return found

@@ -1,0 +1,385 @@
+"""Steady sliding of contacts that break by temperature, or whose thresholds grow by a fixed rule: their lives.
+
+One life of a contact, from attachment to break, is all there is to steady sliding: the force is its mean work over its
+mean length, and the linear response what a small shake changes in it. The lives are laid out once for an interface and
+a speed; `kinetic_friction`, `friction_slope` and the stability of smooth sliding read them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip.errors import InputError
+from stickslip.model import Barrier, Bell, Interface, Langevin, Parabolic
+from stickslip.model.ageing import ExponentialGrowth, LogarithmicGrowth
+from stickslip.model.distribution import Distribution
+from stickslip.model.quadrature import hashable
+
+if TYPE_CHECKING:
+    from stickslip.kernels.growth import Growth
+    from stickslip.kernels.lives import Barrier as Constants
+    from stickslip.kernels.lives import Lives
+
+Array = NDArray[np.float64]
+
+
+def has_lives(interface: Interface) -> bool:
+    """Whether steady sliding is a matter of lives: temperature, or thresholds that grow by a fixed rule."""
+    return interface.temperature is not None or isinstance(interface.ageing, ExponentialGrowth | LogarithmicGrowth)
+
+
+def mean_lives(interface: Interface, velocity: float) -> tuple[float, float]:
+    """Return the force in steady sliding and its slope ``dF/dln v``.
+
+    ``F = M_1/(M_0 + v <tau>)``, with ``M_j`` the mean of the integral of ``x**j`` times the survival of a contact.
+
+    Parameters
+    ----------
+    interface : Interface
+        With temperature, or thresholds that grow by a fixed rule.
+    velocity : float
+        Above 0, in ``x_s`` per time.
+
+    Raises
+    ------
+    InputError
+        If the interface is not one of those.
+    """
+    lives, away = lives_of(interface, velocity), velocity * interface.delay.moment(1)
+    rest, work = held(lives)
+    length = rest + away
+    if length <= 0:
+        return 0.0, 0.0  # contacts break as soon as they attach
+    if math.isinf(length):
+        return 0.0, 0.0
+    slower = float(lives.weight @ lives.slope + lives.cap_slope.sum())
+    less = float((lives.weight * lives.x) @ lives.slope + lives.cap_x @ lives.cap_slope)
+    force = work / length
+    return force, (less - force * (slower + away)) / length
+
+
+def held(lives: Lives) -> tuple[float, float]:
+    """Return how far the slider goes in the mean life of a contact, and the mean integral of the stretching over it."""
+    share = lives.weight * lives.survival
+    return float(share.sum()), float(share @ lives.x)
+
+
+def lives_of(interface: Interface, velocity: float, highest: float = 0.0) -> Lives:
+    """Return the lives of contacts in steady sliding at a speed.
+
+    Parameters
+    ----------
+    interface : Interface
+    velocity : float
+    highest : float
+        Largest wave number ``|s|/v`` of a shake that is to be resolved.
+
+    Raises
+    ------
+    InputError
+        If thresholds age by `Langevin` while temperature acts.
+    """
+    if isinstance(interface.ageing, Langevin):
+        raise InputError(
+            f"Interface.temperature = {interface.temperature}: not available with ageing by Langevin; use "
+            "LogarithmicGrowth, or no temperature",
+            "Interface.temperature",
+        )
+    # Panels are halved from octave to octave: few different ones, and they are kept.
+    longest = 2.0 ** math.floor(math.log2(4.0 / max(highest, 4.0)))
+    return _lives(
+        hashable(interface.threshold_distribution),
+        hashable(interface.temperature),
+        hashable(interface.ageing),
+        float(velocity),
+        longest,
+    )
+
+
+@lru_cache(maxsize=128)
+def _lives(
+    distribution: Distribution,
+    temperature: Bell | Parabolic | Barrier | None,
+    ageing: ExponentialGrowth | LogarithmicGrowth | None,
+    velocity: float,
+    longest: float,
+) -> Lives:
+    from stickslip.kernels import lives as kernel
+
+    low, high = distribution.support
+    inner = [knot for knot in distribution.knots if low + 1e-9 < knot < high - 1e-9]
+    growth, barrier = growth_of(ageing), barrier_of(temperature)
+    one_variable = temperature is None or (
+        (isinstance(temperature, Bell) and not isinstance(ageing, ExponentialGrowth))
+        and distribution.standard_deviation() > 2.0 * temperature.width
+    )
+    if distribution.single:
+        return kernel.march(barrier, growth, np.array([distribution.moment(1)]), np.ones(1), velocity, longest)
+    if one_variable and not inner:
+        return _in_one(distribution, barrier, growth, velocity, longest)
+    if distribution.support[1] > 1e3 * distribution.moment(1) and temperature is not None:
+        longest = math.inf if longest == 1.0 else longest
+    places = [(0.0, 0.01), *((knot, 0.05) for knot in distribution.knots)]
+    if isinstance(temperature, Bell):
+        bend = temperature.width * math.log1p(temperature.attempts * temperature.width / velocity)
+        places.append((bend, temperature.width))
+    edges = _edges(distribution, max(low, 0.0), high, places, math.inf)
+    x, weight = _gauss(edges)
+    return kernel.march(barrier, growth, x, weight * distribution.density(x), velocity, longest)
+
+
+def barrier_of(temperature: Bell | Parabolic | Barrier | None) -> Constants:
+    """Return thermal activation as the kernels take it; without it, one that is never tried."""
+    from stickslip.kernels.lives import BELL, PARABOLIC, POWER
+    from stickslip.kernels.lives import Barrier as Constants
+
+    match temperature:
+        case Bell(width=width, attempts=attempts):
+            return Constants(BELL, width, 1.0, False, attempts)
+        case Parabolic(temperature=scale, attempts=attempts):
+            return Constants(PARABOLIC, scale, 1.0, False, attempts)
+        case Barrier(height=height, power=power, kramers=kramers, attempts=attempts):
+            return Constants(POWER, height, power, kramers, attempts)
+    return Constants(BELL, 1.0, 1.0, False, 0.0)
+
+
+def growth_of(ageing: ExponentialGrowth | LogarithmicGrowth | None) -> Growth:
+    """Return a fixed rule of growth as the kernels take it."""
+    from stickslip.kernels.growth import EXPONENTIAL, LOGARITHMIC, Growth
+    from stickslip.kernels.lives import FIXED
+
+    match ageing:
+        case ExponentialGrowth(rate=rate, newborn=newborn):
+            return Growth(EXPONENTIAL, rate, newborn)
+        case LogarithmicGrowth(slope=slope, time=time):
+            return Growth(LOGARITHMIC, slope, time)
+    return Growth(FIXED, 0.0, 0.0)
+
+
+# ---------------------------------------------------------------- panels
+
+
+def _unlimited(x: float) -> float:
+    """No longest panel anywhere."""
+    del x
+    return math.inf
+
+
+def _edges(
+    distribution: Distribution,
+    start: float,
+    end: float,
+    places: list[tuple[float, float]],
+    longest: float,
+    steepest: Callable[[float], float] = _unlimited,
+) -> Array:
+    """Ends of panels: as fine as the distribution is wide, finer towards each place, down to the scale there.
+
+    `steepest` is the longest panel at a place.
+    """
+    inner, middle, outer = distribution.inverse_survival(np.array([0.84, 0.5, 0.16])).tolist()
+    core = 0.25 * (outer - inner)
+    fine = sorted((place, scale) for place, scale in places if start <= place <= end)
+    edges = [start]
+    while edges[-1] < end:
+        x = edges[-1]
+        step = min(max(core, 0.12 * abs(x - middle)), longest, steepest(x), end - x)
+        for place, scale in fine:
+            step = min(step, 0.6 * scale + 0.5 * abs(x - place))
+            if x < place < x + step:
+                step = place - x
+        edges.append(end if end - x - step < 1e-3 * step else x + step)
+    return np.array(edges)
+
+
+_GAUSS = np.polynomial.legendre.leggauss(8)
+
+
+def _gauss(edges: Array) -> tuple[Array, Array]:
+    half = 0.5 * np.diff(edges)[:, None]
+    return (edges[:-1, None] + half * (1.0 + _GAUSS[0])).ravel(), (half * _GAUSS[1]).ravel()
+
+
+def _radau(edges: Array) -> tuple[Array, Array, Array]:
+    """Lengths of panels, and their nodes and weights."""
+    from stickslip.kernels.lives import INTEGRAL, NODE
+
+    width = np.diff(edges)
+    inside = np.minimum(NODE, 1.0 - 1e-12)  # a density may jump at the end of a panel
+    return width, (edges[:-1, None] + width[:, None] * inside).ravel(), (width[:, None] * INTEGRAL[-1]).ravel()
+
+
+_FOLLOWED = 60.0
+"""Slope of ageing over the activation width up to which the fall of the rate after birth is followed."""
+
+
+# ---------------------------------------------------------------- all thresholds in one variable
+
+
+def _in_one(distribution: Distribution, barrier: Constants, growth: Growth, v: float, longest: float) -> Lives:
+    """Lives of all contacts at once: of a barrier that falls linearly, or without temperature.
+
+    The hazard up to ``x`` is ``G(x) exp(-xi/A)``: the survival of all thresholds ``xi`` depends on ``G`` alone.
+    """
+    from stickslip.kernels import lives as kernel
+    from stickslip.kernels.growth import LOGARITHMIC
+
+    low, high = distribution.support
+    end = kernel.reach(growth, high, v)
+    places = [(0.0, _shortest(distribution, barrier, growth, v))]
+    knots = [knot for knot in distribution.knots if low - 1e-9 <= knot <= high + 1e-9]
+    thermal = barrier.attempts > 0
+
+    def followed(x: float) -> float:
+        """Longest panel where the rate at birth is not yet forgotten: what decays has to be followed."""
+        least = float(_least(growth, np.array([x]), v)[0][0])
+        slope = growth.first / (growth.second * v + x) if growth.kind == LOGARITHMIC else 0.0
+        if least > 40.0 * barrier.scale or (least < 0.0 and growth.first > _FOLLOWED * barrier.scale):
+            return math.inf
+        return 2.5 * barrier.scale / max(abs(1.0 - slope), 0.4)
+
+    follow = followed if thermal else _unlimited
+    if thermal and knots:
+        # The stretching at which contacts of the threshold at the knot break, from a first set of panels.
+        width, x, _ = _radau(_edges(distribution, 0.0, end, places, longest, follow))
+        reached = _reached(barrier, growth, v, width, x)[0]
+        places += [(float(np.interp(knot, reached, x)), barrier.scale) for knot in knots if knot < reached[-1]]
+    edge = barrier.scale if thermal else 1.0
+    places += [(kernel.reach(growth, knot, v), edge) for knot in knots if knot > 0 or growth.kind == LOGARITHMIC]
+    edges = _edges(distribution, 0.0, end, [place for place in places if place[0] <= end], longest, follow)
+    if thermal:  # all have broken long before the strongest meet their thresholds
+        width, x, _ = _radau(edges)
+        broken = np.searchsorted(_reached(barrier, growth, v, width, x)[0], high + 4.0 * barrier.scale)
+        edges = edges[: min(int(broken) // kernel.NODES + 3, edges.size)]
+    width, x, weight = _radau(edges)
+    least, later = _least(growth, x, v)
+    capped = np.maximum(least, low)
+    zero = np.zeros_like(x)
+    met = np.where(least > 0, 1.0, 0.0) * _met(growth, x, v)
+    if not thermal:
+        survival, density = distribution.survival(np.maximum(least, 0.0)), distribution.density(capped)
+        density = np.where(least >= low, density, 0.0)
+        slope, push, drop, decay = -density * np.where(least > 0, later, 0.0), zero, zero, zero
+        cap = weight * density * met
+    else:
+        A = barrier.scale
+        reached, shape, aged, decay = _reached(barrier, growth, v, width, x)
+        top = (reached - capped) / A
+        z, part = under_gumbel(np.maximum((reached - high) / A, -38.0), np.minimum(top, 4.0))
+        xi = reached[:, None] - A * z
+        ended = np.exp(-np.exp(np.minimum(top, 4.0)))
+        survival = distribution.survival(capped) * ended + np.sum(part * distribution.survival(xi), axis=1)
+        broken = A * np.sum(part * distribution.density(xi), axis=1) / shape
+        density = np.where(least >= low, distribution.density(capped), 0.0) * ended
+        slope = (shape - aged) * broken - np.where(least > 0, density * later, 0.0)
+        push, drop = broken / A, broken * shape / A
+        cap = weight * density * met
+    fresh = np.zeros(width.size, dtype=bool)
+    fresh[0] = True
+    return kernel.Lives(
+        width, fresh, x, weight, survival, slope, decay, np.ones_like(x), push, drop, x, cap, np.zeros_like(x)
+    )  # fmt: skip
+
+
+def _shortest(distribution: Distribution, barrier: Constants, growth: Growth, v: float) -> float:
+    """Length over which the survival or the threshold of a newborn may change."""
+    from stickslip.kernels.growth import EXPONENTIAL, LOGARITHMIC
+
+    lengths = [0.05 * distribution.standard_deviation()]
+    if barrier.attempts > 0:
+        lengths.append(max(barrier.scale, 1e-6))
+        if float(distribution.density(1e-9)) * barrier.scale > 1e-4:  # weak contacts break at the rate of attempts
+            lengths.append(max(v / barrier.attempts, 1e-9))
+    if growth.kind == LOGARITHMIC:
+        lengths.append(max(v * growth.second, 1e-6))
+    if growth.kind == EXPONENTIAL:
+        lengths.append(max(v / growth.first, 1e-6))
+    return min(lengths)
+
+
+def _least(growth: Growth, x: Array, v: float) -> tuple[Array, Array]:
+    """Strength that contacts need to have held so far, and its slope in ln v."""
+    from stickslip.kernels.growth import EXPONENTIAL, LOGARITHMIC
+
+    if growth.kind == LOGARITHMIC:
+        age = x / v
+        return x - growth.first * np.log1p(age / growth.second), growth.first * age / (growth.second + age)
+    if growth.kind == EXPONENTIAL:
+        phase = growth.first * x / v
+        young, grown = np.exp(-phase), -np.expm1(-phase)
+        least = growth.second + (x - growth.second) / grown
+        later = (x - growth.second) / grown**2 * young * phase
+        return least, later
+    return x, np.zeros_like(x)
+
+
+def _met(growth: Growth, x: Array, v: float) -> Array:
+    """How many more thresholds a stretching meets than strengths it needs: 1, or more while strengths are young."""
+    from stickslip.kernels.growth import EXPONENTIAL
+
+    return np.asarray(-1.0 / np.expm1(-growth.first * x / v)) if growth.kind == EXPONENTIAL else np.ones_like(x)
+
+
+def _reached(barrier: Constants, growth: Growth, v: float, width: Array, x: Array) -> tuple[Array, Array, Array, Array]:
+    """``u = A ln G``; with ``rho = G'`` also ``G/rho``, the same for the slope by age, and ``rho'/rho``."""
+    from stickslip.kernels.growth import LOGARITHMIC
+    from stickslip.kernels.lives import relax
+
+    A = barrier.scale
+    age = x / v
+    slope, grown = np.zeros_like(x), np.zeros_like(x)
+    if growth.kind == LOGARITHMIC:
+        slope = growth.first / (growth.second + age)
+        grown = growth.first * np.log1p(age / growth.second)
+    # Too sharp a fall of the rate at birth to be followed: weak contacts only, by the time they are born.
+    decay = np.maximum((1.0 - slope / v) / A, -np.inf if growth.first < _FOLLOWED * A else 0.0)
+    shape = relax(width, decay, np.ones_like(x))
+    aged = relax(width, decay, slope * age / A) if growth.kind == LOGARITHMIC else np.zeros_like(x)
+    reached = x - grown + A * np.log(barrier.attempts / v * np.maximum(shape, 1e-300))
+    return reached, shape, aged, decay
+
+
+def reached_on(interface: Interface, velocity: float, x: Array) -> Array:
+    """``A ln G`` of Bell activation at given stretchings in steady sliding, ``G`` the hazard of a threshold of 0.
+
+    Parameters
+    ----------
+    interface : Interface
+        With `Bell` activation; thresholds may grow with the logarithm of age.
+    velocity : float
+    x : ndarray
+        Above 0, in any order.
+    """
+    ageing = interface.ageing
+    growth = growth_of(None if isinstance(ageing, Langevin) else ageing)
+    barrier = barrier_of(interface.temperature)
+    order = np.sort(x)
+    first = np.geomspace(1e-9, 1.0, 60, endpoint=False) * order[0]
+    between = order[:-1, None] + np.diff(order)[:, None] * np.array([0.0, 0.25, 0.5, 0.75])
+    edges = np.concatenate([[0.0], first, between.ravel(), order[-1:]])
+    width, nodes, _ = _radau(edges)
+    from stickslip.kernels.lives import NODES
+
+    reached = _reached(barrier, growth, velocity, width, nodes)[0]
+    return np.asarray(np.interp(x, edges[1:], reached[NODES - 1 :: NODES]))
+
+
+_INNER = np.polynomial.legendre.leggauss(24)
+
+
+def under_gumbel(low: Array, high: Array) -> tuple[Array, Array]:
+    """Nodes and weights for a smooth function times ``exp(z - exp(z))`` between two bounds, shape (n, 48)."""
+    middle = np.clip(-6.0, low, np.maximum(high, low))
+    nodes, weights = [], []
+    for a, b in ((low, middle), (middle, np.maximum(high, low))):
+        half = 0.5 * (b - a)[:, None]
+        nodes.append(a[:, None] + half * (1.0 + _INNER[0]))
+        weights.append(half * _INNER[1])
+    z = np.concatenate(nodes, axis=1)
+    return z, np.concatenate(weights, axis=1) * np.exp(z - np.exp(z))

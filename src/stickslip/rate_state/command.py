@@ -1,0 +1,129 @@
+"""``stickslip rsf``: whether a rig is rate-and-state-like, and fits of measured steps."""
+
+from __future__ import annotations
+
+import json as jsonlib
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from stickslip.errors import InputError, shown
+from stickslip.rate_state.exports import Program
+
+if TYPE_CHECKING:
+    from stickslip.model.rig import Rig
+    from stickslip.rate_state.measured import StepFit
+    from stickslip.rate_state.verdict import RateAndStateFit
+
+
+def rsf(
+    data: Path,
+    *,
+    velocity: Annotated[
+        str | None, Parameter(help="Of smooth sliding before the step; the rig's own by default.")
+    ] = None,
+    step: Annotated[str, Parameter(help="Ratio of the velocities.")] = "10",
+    law: Annotated[Literal["best", "ageing", "slip"], Parameter(help="Which law to fit.")] = "best",
+    export: Annotated[Program | None, Parameter(help="Print, or write, the input of another program.")] = None,
+    load: Annotated[str | None, Parameter(help="Normal load, for the export: '2 kN'.")] = None,
+    area: Annotated[str | None, Parameter(help="Area of the surface, for the export: '1 cm^2'.")] = None,
+    output: Annotated[Path | None, Parameter(alias="-o", help="Write the export to a file.")] = None,
+    step_at: Annotated[str | None, Parameter(help="Of a trace: time of the step, '68.7 s'.")] = None,
+    from_: Annotated[
+        str | None, Parameter(name="--from", help="Of a trace: velocity before the step, '3 um/s'.")
+    ] = None,
+    to: Annotated[str | None, Parameter(help="Of a trace: velocity after the step.")] = None,
+    json: Annotated[bool, Parameter(help="Print JSON for a machine to read.", negative="")] = False,
+    plot: Annotated[Path | None, Parameter(help="Of a trace: also draw the fit: .png, .svg or .pdf.")] = None,
+) -> None:
+    """Say whether a rig is rate-and-state-like, or fit rate and state to a measured velocity step.
+
+    What is not rate-and-state-like ends with exit code 2 and the number that fails.
+
+    Parameters
+    ----------
+    data
+        A rig file in TOML, the name of an example, or a measured trace.
+    """
+    from stickslip.io import rig_files
+
+    if step_at is None and (data.suffix == ".toml" or (not data.exists() and data.name in rig_files.examples())):
+        fit, rig = _of_rig(data, velocity, step, law)
+        if not fit.holds:
+            raise InputError(f"{data}: not rate-and-state: {fit.reason}")
+        if plot is not None:
+            raise InputError(f"--plot {plot}: draws the fit of a trace; a rig has none")
+        if export is None:
+            print(jsonlib.dumps(_finite(fit.to_dict()), indent=2) if json else fit)
+            return
+        if load is None:
+            raise InputError("--load: is missing; give the normal load, '2 kN'")
+        if rig.scales is None:
+            raise InputError(f"{data}: is in natural units; an export needs a rig file in SI units")
+        from stickslip.rate_state.exports import export_rate_and_state
+
+        text = export_rate_and_state(fit, export, scales=rig.scales, load=load, area=area, path=output)
+        print(f"{export}: {output}" if output is not None else text, end="\n" if output is not None else "")
+        return
+    if step_at is None or from_ is None or to is None:
+        raise InputError(f"{data}: of a measured trace say --step-at '68.7 s' --from '3 um/s' --to '10 um/s'")
+    found = _of_trace(data, step_at, from_, to, law, plot)
+    print(jsonlib.dumps(_finite(found.to_dict()), indent=2) if json else found)
+
+
+def _of_rig(
+    path: Path, velocity: str | None, step: str, law: Literal["best", "ageing", "slip"]
+) -> tuple[RateAndStateFit, Rig]:
+    from stickslip.io.rig_files import read_rig
+    from stickslip.model.quantities import read_number, read_quantity
+    from stickslip.rate_state.verdict import rate_and_state
+
+    rig = read_rig(path)
+    speed = rig.natural.velocity
+    if velocity is not None:
+        speed = _told("--velocity", velocity, lambda text: read_quantity(text, "m/s", "1 um/s")) / rig.unit("x_s/time")
+    ratio = _told("--step", step, read_number)
+    return rate_and_state(rig.natural.interface, speed, step=ratio, law=law), rig
+
+
+def _of_trace(
+    path: Path, at: str, before: str, after: str, law: Literal["best", "ageing", "slip"], plot: Path | None
+) -> StepFit:
+    from stickslip.measure import read_trace
+    from stickslip.model.quantities import read_quantity
+    from stickslip.rate_state.measured import fit_rate_and_state, velocity_step_in
+
+    trace = read_trace(path)
+    clock = str(trace["time"].attrs.get("units", "s"))
+    length = str(trace["measured_displacement"].attrs["units"]) if "measured_displacement" in trace else "m"
+    length = {"microns": "um", "micron": "um"}.get(length, length)
+
+    def read(option: str, text: str, unit: str, example: str) -> float:
+        return _told(option, text, lambda given: read_quantity(given, unit, example))
+
+    cut = velocity_step_in(
+        trace,
+        at=read("--step-at", at, clock, "68.7 s"),
+        before=read("--from", before, f"{length}/{clock}", "3 um/s"),
+        after=read("--to", after, f"{length}/{clock}", "10 um/s"),
+    )
+    fit = fit_rate_and_state(cut, law=law, trend=True)
+    if plot is not None:
+        from stickslip import plot as drawing
+
+        drawing.save(drawing.velocity_step(cut, [fit], length=length), plot)
+    return fit
+
+
+def _told(option: str, text: str, read: Any) -> float:
+    try:
+        return float(read(text))
+    except InputError as error:
+        raise InputError(f"{option} {shown(text)}: {error}") from None
+
+
+def _finite(value: Any) -> Any:
+    """A dictionary as JSON knows it: no number without end."""
+    return {key: None if isinstance(item, float) and not math.isfinite(item) else item for key, item in value.items()}

@@ -1,0 +1,196 @@
+"""What contacts do after a step of the velocity: a small one from their linear response, a finite one by cohorts."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from stickslip.errors import InputError
+from stickslip.lives import growth_of, lives_of
+from stickslip.model import Bell, ExponentialGrowth, Interface, Langevin
+from stickslip.model.distribution import Distribution
+from stickslip.stability.modes import respond
+from stickslip.theory import kinetic_friction
+
+Array = NDArray[np.float64]
+
+
+def small_step(interface: Interface, velocity: float, slip: Array) -> Array:
+    """Force over ``ln`` of the ratio after a small step of the velocity of a rigid slider.
+
+    The inverse transform of ``kappa(q)/q^2``: the sine transform of ``Im kappa/y^2``, its factor linear between
+    frequencies.
+
+    Parameters
+    ----------
+    interface : Interface
+    velocity : float
+    slip : ndarray, shape (n,)
+        Above 0, in ``x_s``.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Per contact, in ``f_s``.
+    """
+    return step_on_spring(interface, velocity, slip, math.inf)
+
+
+def step_on_spring(
+    interface: Interface, velocity: float, slip: Array, stiffness: float, *, coarse: float = 1.0
+) -> Array:
+    """Force over ``ln`` of the ratio after a small step of the load point of a spring: ``kappa`` in series with it.
+
+    Parameters
+    ----------
+    interface, velocity
+    slip : ndarray, shape (n,)
+        Displacement of the load point, above 0, in ``x_s``.
+    stiffness : float
+        Of the spring, per contact; infinite for a rigid slider.
+    coarse : float
+        How much coarser the frequencies are than 1e-4 takes.
+    """
+    response = respond(interface)
+    fine = 0.1 / max(1.0, velocity * interface.delay.longest)
+    few, many = math.ceil(60 / coarse), math.ceil(250 / coarse)
+    y = np.concatenate(
+        [np.geomspace(1e-3, 1.0, few), np.arange(1.0, 30.0, coarse * fine)[1:], np.geomspace(30.0, 1e5, many)]
+    )
+    if isinstance(interface.ageing, Langevin):  # its table has no more than this
+        y = np.concatenate([np.geomspace(1e-3, 1.0, 60), np.geomspace(1.0, 1e3, 300)[1:]])
+    kappa = response.stiffness(velocity, 1j * y * velocity)
+    if math.isfinite(stiffness):
+        kappa = kappa * stiffness / (kappa + stiffness)
+    factor = np.asarray(kappa).imag / y
+    # Below the first frequency the factor is dF/dln v.
+    y, factor = np.append(0.0, y), np.append(factor[0], factor)
+    x = slip[:, None]
+    inner = special.sici(y * x)[0]
+    steep = np.diff(factor) / np.diff(y)
+    level = factor[:-1] - steep * y[:-1]
+    found = np.diff(inner, axis=1) @ level - (np.diff(np.cos(y * x), axis=1) / x) @ steep
+    return np.asarray(2.0 / math.pi * found)
+
+
+def finite_step(
+    interface: Interface,
+    before: float,
+    after: float,
+    slip: float,
+    *,
+    stiffness: float = math.inf,
+    fineness: float = 0.5,
+) -> tuple[Array, Array]:
+    """Force over the displacement of the load point after a step of its velocity, from steady sliding.
+
+    Parameters
+    ----------
+    interface : Interface
+        With `Bell` activation, without delay; thresholds may grow with the logarithm of age.
+    before, after : float
+        Velocities, in ``x_s`` per time.
+    slip : float
+        How far the slider goes after the step.
+    stiffness : float
+        Of a spring between load point and slider, per contact; infinite for a rigid slider.
+    fineness : float
+        Step of the slider, in activation widths.
+
+    Returns
+    -------
+    (ndarray, ndarray)
+        Displacement of the load point from the step on, and force per contact minus that before the step.
+
+    Raises
+    ------
+    InputError
+        For any other interface.
+    """
+    from stickslip.kernels import velocity_step as kernel
+
+    temperature, ageing = interface.temperature, interface.ageing
+    if (
+        not isinstance(temperature, Bell)
+        or isinstance(ageing, ExponentialGrowth | Langevin)
+        or interface.delay.moment(1) > 0
+    ):
+        raise InputError(
+            "a finite velocity step is computed for temperature=Bell(...) with ageing=LogarithmicGrowth(...) or none, "
+            "and without delay; simulate it otherwise"
+        )
+    if max(before, after) > 0.05 * temperature.attempts * temperature.width:
+        raise InputError(
+            f"velocity = {max(before, after):g}: must be below a twentieth of attempts times width "
+            f"({temperature.attempts * temperature.width:g}), else contacts reach their thresholds before they break"
+        )
+    distribution, A = interface.threshold_distribution, temperature.width
+    low, high = distribution.support
+    first, spacing = min(low, 0.0) - 40.0 * A, min(0.5 * A, 0.02 * distribution.standard_deviation())
+    count = math.ceil((high + 4.5 * A - first) / spacing)
+    table = _survival_over(distribution, A, np.asarray(first + spacing * np.arange(count), dtype=float))
+    lives = lives_of(interface, before)
+    dX = min(max(fineness * A, 0.004), 0.04 * fineness) * distribution.moment(1)
+    place = np.arange(0.5 * dX, float(lives.x[-1]), dX)[::-1].copy()
+    growth = growth_of(ageing)
+    reached = _reached_at(interface, before, place)
+    found = kernel.step(
+        A,
+        temperature.attempts,
+        growth,
+        table,
+        first,
+        spacing,
+        place,
+        reached,
+        np.full(place.size, dX),
+        before,
+        after,
+        stiffness,
+        dX,
+        math.ceil(slip / dX),
+    )
+    return found[1], found[0] - found[0, 0]
+
+
+def _survival_over(distribution: Distribution, A: float, u: Array) -> Array:
+    """Survival of a newborn, all thresholds, over ``u = A ln G``: thresholds blurred by a Gumbel distribution."""
+    from stickslip.lives import under_gumbel
+
+    high = distribution.support[1]
+    # Beyond the largest threshold nothing is left to integrate over.
+    z, weight = under_gumbel(np.minimum(np.maximum((u - high) / A, -38.0), 4.0), np.full_like(u, 4.0))
+    return np.asarray(np.sum(weight * distribution.survival(u[:, None] - A * z), axis=1))
+
+
+def _reached_at(interface: Interface, velocity: float, x: Array) -> Array:
+    """``A ln G`` in steady sliding at given stretchings."""
+    from stickslip.lives import reached_on
+
+    return reached_on(interface, velocity, x)
+
+
+def contact_stiffness(interface: Interface, velocity: float) -> float:
+    """Stiffness of the contacts that are attached in steady sliding, per contact: what a sudden step finds."""
+    if interface.temperature is None and interface.ageing is None:
+        from stickslip.theory import attached_fraction
+
+        return attached_fraction(interface, velocity)
+    away = velocity * interface.delay.moment(1)
+    if away == 0:
+        return 1.0
+    if isinstance(interface.ageing, Langevin):
+        # The same lives with and without the time they are away.
+        from dataclasses import replace
+
+        from stickslip.model import Delay
+
+        without = replace(interface, delay=Delay(0.0))
+        return kinetic_friction(interface, velocity) / kinetic_friction(without, velocity)
+    from stickslip.lives import held
+
+    rest = held(lives_of(interface, velocity))[0]
+    return rest / (rest + away)

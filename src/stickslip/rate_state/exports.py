@@ -1,0 +1,202 @@
+"""Rate-and-state parameters of an interface as the input of other programs: QDYN, tandem, DiaBayes, rsfmodel."""
+
+from __future__ import annotations
+
+import os
+from typing import Literal, get_args
+
+from stickslip.errors import InputError, instance, number, shown
+from stickslip.io import files
+from stickslip.model.quantities import read_quantity
+from stickslip.model.units import Scales
+from stickslip.rate_state.verdict import RateAndStateFit
+
+Program = Literal["qdyn", "tandem", "diabayes", "rsfmodel"]
+
+_AGEING_ONLY: tuple[Program, ...] = ("tandem", "diabayes")
+"""Programs that know the ageing law only."""
+
+
+def export_rate_and_state(
+    fit: RateAndStateFit,
+    program: Program,
+    *,
+    scales: Scales,
+    load: str | float,
+    area: str | float | None = None,
+    path: str | os.PathLike[str] | None = None,
+    anyway: bool = False,
+) -> str:
+    """Write the rate-and-state parameters of an interface as the input of another program.
+
+    Forces become coefficients of friction: those of the contacts, times ``N f_s``, over the normal load. The file
+    begins with the protocol of the fit and with what the parameters get wrong: the critical stiffness beside the exact
+    one.
+
+    Parameters
+    ----------
+    fit : RateAndStateFit
+        From `rate_and_state`.
+    program : {"qdyn", "tandem", "diabayes", "rsfmodel"}
+    scales : Scales
+        What ``N f_s``, ``x_s`` and the unit of time are.
+    load : str or float
+        Normal load, ``"2 kN"`` or in N.
+    area : str or float, optional
+        Of the surface, ``"1 cm^2"`` or in m^2: for the normal stress that QDYN and tandem take.
+    path : path, optional
+        Where to write it.
+    anyway : bool
+        Also export what is not rate-and-state-like; the file says so.
+
+    Returns
+    -------
+    str
+        The text of the file.
+
+    Raises
+    ------
+    InputError
+        If the interface is not rate-and-state-like, the program does not know the law, or a quantity is missing.
+    """
+    instance("fit", fit, RateAndStateFit, "what rate_and_state() gives")
+    instance("scales", scales, Scales, "Scales(force=..., stretching=..., time=...)")
+    if program not in get_args(Program):
+        raise InputError(f"program = {shown(program)}: must be one of {', '.join(get_args(Program))}")
+    if not fit.holds and not anyway:
+        raise InputError(f"fit: is not rate-and-state ({fit.reason}); there are no parameters to export")
+    if fit.law == "slip" and program in _AGEING_ONLY:
+        raise InputError(
+            f"program = {program!r}: knows the ageing law only, and the interface follows the slip law; use 'qdyn' or "
+            "'rsfmodel', or fit law='ageing'"
+        )
+    weight = _quantity("load", load, "N", "2 kN")
+    stress = weight / _quantity("area", area, "m^2", "1 cm^2") if area is not None else None
+    if stress is None and program in ("qdyn", "tandem"):
+        raise InputError(f"area: is missing; {program} takes the normal stress, the load over an area such as '1 cm^2'")
+    per_load = scales.force / weight
+    values = {
+        "a": fit.a * per_load,
+        "b": fit.b * per_load,
+        "distance": fit.distance * scales.stretching,
+        "mu": fit.kinetic_friction * per_load,
+        "velocity": fit.velocity * scales.unit("velocity"),
+    }
+    # Between load point and sliding surface: the contacts.
+    spring = fit.contact_stiffness * per_load / scales.stretching
+    text = _WRITERS[program](_notes(fit, program), fit, values, stress or 0.0, spring)
+    if path is not None:
+        files.write(path, text.encode())
+    return text
+
+
+def _quantity(name: str, value: str | float, unit: str, example: str) -> float:
+    if isinstance(value, str):
+        try:
+            value = read_quantity(value, unit, example)
+        except InputError as error:
+            raise InputError(f"{name} = {shown(value)}: {error}") from None
+    return number(name, value, above=0, hint=f"in {unit}")
+
+
+def _notes(fit: RateAndStateFit, program: str) -> list[str]:
+    step = (
+        "a small step" if fit.step is None else f"a step from {fit.velocity:g} to {fit.velocity * fit.step:g} x_s/time"
+    )
+    return [
+        f"Rate-and-state parameters of an interface of contacts, for {program}, written by stickslip.",
+        f"Fit of the {fit.law} law to {step} over six breaking displacements.",
+        *str(fit).splitlines(),
+    ]
+
+
+def _qdyn(notes: list[str], fit: RateAndStateFit, v: dict[str, float], stress: float, spring: float) -> str:
+    del spring
+    return "\n".join(
+        [
+            *(f"# {line}" for line in notes),
+            "set_dict = {",
+            f'    "SIGMA": {stress!r},  # Pa',
+            f'    "V_PL": {v["velocity"]!r},  # m/s',
+            '    "SET_DICT_RSF": {',
+            '        "RNS_LAW": 0,',
+            f'        "THETA_LAW": {1 if fit.law == "ageing" else 2},  # 1 ageing, 2 slip',
+            f'        "A": {v["a"]!r},',
+            f'        "B": {v["b"]!r},',
+            f'        "DC": {v["distance"]!r},  # m',
+            f'        "MU_SS": {v["mu"]!r},',
+            f'        "V_SS": {v["velocity"]!r},  # m/s',
+            f'        "V_0": {v["velocity"]!r},',
+            f'        "TH_0": {v["distance"] / v["velocity"]!r},  # s',
+            "    },",
+            "}",
+            "",
+        ]
+    )
+
+
+def _tandem(notes: list[str], fit: RateAndStateFit, v: dict[str, float], stress: float, spring: float) -> str:
+    del fit, spring
+    steady = v["mu"] * stress / 1e6
+    return "\n".join(
+        [
+            *(f"-- {line}" for line in notes),
+            "-- MPa, m, m/s; tandem's regularised ageing law; the mesh in km",
+            "local Fault = {}",
+            "Fault.__index__ = Fault",
+            "",
+            f"Fault.b = {v['b']!r}",
+            f"Fault.V0 = {v['velocity']!r}",
+            f"Fault.f0 = {v['mu']!r}",
+            "",
+            f"function Fault:a(x, y) return {v['a']!r} end",
+            f"function Fault:L(x, y) return {v['distance']!r} end",
+            f"function Fault:sn_pre(x, y) return {stress / 1e6!r} end",
+            f"function Fault:tau_pre(x, y) return {steady!r} end",
+            f"function Fault:Vinit(x, y) return {v['velocity']!r} end",
+            "",
+            "return Fault",
+            "",
+        ]
+    )
+
+
+def _diabayes(notes: list[str], fit: RateAndStateFit, v: dict[str, float], stress: float, spring: float) -> str:
+    del fit, stress
+    return "\n".join(
+        [
+            *(f"# {line}" for line in notes),
+            "from diabayes.typedefs import RSFConstants, RSFParams, SpringBlockConstants",
+            "",
+            f"params = RSFParams(a={v['a']!r}, b={v['b']!r}, Dc={v['distance']!r})  # m",
+            f"constants = RSFConstants(v0={v['velocity']!r}, mu0={v['mu']!r})  # m/s",
+            f"block_constants = SpringBlockConstants(k={spring!r}, v_lp={v['velocity']!r})  # 1/m, m/s",
+            "",
+        ]
+    )
+
+
+def _rsfmodel(notes: list[str], fit: RateAndStateFit, v: dict[str, float], stress: float, spring: float) -> str:
+    del stress
+    state = "DieterichState" if fit.law == "ageing" else "RuinaState"
+    return "\n".join(
+        [
+            *(f"# {line}" for line in notes),
+            "from rsfmodel import rsf, staterelations",
+            "",
+            "model = rsf.Model()  # um and s",
+            f"model.mu0 = {v['mu']!r}",
+            f"model.a = {v['a']!r}",
+            f"model.k = {spring * 1e-6!r}  # 1/um",
+            f"model.v = {v['velocity'] * 1e6!r}",
+            f"model.vref = {v['velocity'] * 1e6!r}",
+            f"state = staterelations.{state}()",
+            f"state.b = {v['b']!r}",
+            f"state.Dc = {v['distance'] * 1e6!r}",
+            "model.state_relations = [state]",
+            "",
+        ]
+    )
+
+
+_WRITERS = {"qdyn": _qdyn, "tandem": _tandem, "diabayes": _diabayes, "rsfmodel": _rsfmodel}

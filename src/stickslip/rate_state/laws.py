@@ -1,0 +1,143 @@
+"""Rate and state: the two laws, their spring-slider, their small-step response and their critical stiffness."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stickslip.errors import InputError, UndecidedError, number, numbers, shown
+from stickslip.model.records import Number, check
+
+Array = NDArray[np.float64]
+
+Law = Literal["ageing", "slip"]
+LAWS: tuple[Law, ...] = ("ageing", "slip")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RateAndState:
+    """Friction by rate and state: ``F = F0 + a ln(V/V0) + b ln(V0 theta/D)``.
+
+    Parameters
+    ----------
+    law : {"ageing", "slip"}
+        How the state evolves: ``theta' = 1 - V theta/D`` (Dieterich), or ``-(V theta/D) ln(V theta/D)`` (Ruina).
+    a, b : float
+        Direct and evolution effect, in the unit of the friction.
+    distance : float
+        ``D``, in the unit of displacement.
+    """
+
+    law: Law
+    a: Annotated[float, Number("f_s", above=0, hint="direct effect")]
+    b: Annotated[float, Number("f_s", at_least=0, hint="evolution effect")]
+    distance: Annotated[float, Number("x_s", above=0, hint="distance D over which the state evolves")]
+
+    def __post_init__(self) -> None:
+        if self.law not in LAWS:
+            raise InputError(f"RateAndState.law = {shown(self.law)}: must be 'ageing' or 'slip'")
+        check(self)
+
+    def critical_stiffness(self, contact_stiffness: float = math.inf) -> float:
+        """Stiffness below which steady sliding of a slider without mass is unstable; 0 if it never is.
+
+        ``(b - a)/D``; with the spring of the contacts in series ``1/(D/(b - a) - 1/k_c)``.
+        """
+        if self.b <= self.a:
+            return 0.0
+        softness = self.distance / (self.b - self.a) - 1.0 / contact_stiffness
+        return 1.0 / softness if softness > 0 else math.inf
+
+    def slide(self, time: ArrayLike, velocity: ArrayLike, *, stiffness: float) -> Array:
+        """Friction relative to the start while a spring pulls a slider without mass, from steady sliding.
+
+        Parameters
+        ----------
+        time : array_like, shape (n,)
+            Rising.
+        velocity : array_like, shape (n,)
+            Of the far end of the spring, from each time to the next; 0 in a hold.
+        stiffness : float
+            Of the spring, friction per displacement.
+
+        Returns
+        -------
+        ndarray, shape (3, n)
+            Friction minus that of the start, velocity and state ``theta``.
+
+        Raises
+        ------
+        UndecidedError
+            If the slider runs away: with the slip law it may after a large step even on a spring stiffer than critical.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from stickslip.rate_state import RateAndState
+        >>> law = RateAndState(law="ageing", a=0.005, b=0.01, distance=10.0)
+        >>> time = np.arange(0.0, 41.0)
+        >>> friction, _, _ = law.slide(time, np.where(time < 10, 1.0, 10.0), stiffness=1e-3)
+        >>> print(f"{0.6 + friction[11]:.8f}")
+        0.60720485
+        """
+        from stickslip.kernels import rate_state as kernel
+
+        t, pull = numbers("time", time), numbers("velocity", velocity)
+        if t.ndim != 1 or t.shape != pull.shape or t.size < 2 or np.any(np.diff(t) <= 0):
+            raise InputError(
+                f"time, velocity: shapes {t.shape} and {pull.shape}: must be equal, (n,), the times rising"
+            )
+        start = number("velocity[0]", float(pull[0]), above=0, hint="steady sliding at the start")
+        k = number("stiffness", stiffness, above=0, hint="friction per displacement")
+        kind = kernel.AGEING if self.law == "ageing" else kernel.SLIP
+        friction, speed, state = kernel.slide(kind, self.a, self.b, self.distance, k, t, pull, 1e-11)
+        if np.isnan(friction[-1]):
+            gone = t[int(np.argmax(np.isnan(friction)))]
+            raise UndecidedError(
+                f"{self}: on a spring of {k:.4g} the slider runs away before time {gone:.4g} "
+                f"(critical stiffness {self.critical_stiffness():.4g}); give a stiffer spring"
+            )
+        return np.array([friction, start * np.exp(speed), self.distance / start * np.exp(state)])
+
+    def step(self, slip: ArrayLike, ratio: float, *, stiffness: float) -> Array:
+        """Friction after a step of the velocity by a factor, over the displacement of the load point."""
+        x = np.asarray(slip, dtype=float)
+        time = np.concatenate([[0.0], x[x > 0]]) / ratio
+        # In units of the first velocity.
+        friction = self.slide(
+            np.concatenate([[-1.0], time]), np.append(1.0, np.full(time.size, ratio)), stiffness=stiffness
+        )[0]
+        found = np.zeros_like(x)
+        found[x > 0] = friction[2:]
+        return found
+
+    def small_step(self, slip: ArrayLike, *, stiffness: float) -> Array:
+        """Friction over ``ln`` of the ratio after a small step of the velocity: the same for both laws."""
+        return small_step(self.a, self.b, self.distance, stiffness, np.asarray(slip, dtype=float))
+
+    def __str__(self) -> str:
+        return f"{self.law} law, a = {self.a:.4g}, b = {self.b:.4g}, D = {self.distance:.4g}"
+
+
+def small_step(a: float, b: float, distance: float, stiffness: float, slip: Array) -> Array:
+    """Inverse transform of ``k G/(q (k + q G))`` with ``G = a - b/(1 + q D)``: the linear step of both laws."""
+    k = stiffness
+    # Poles of (k + q (a - b)) + q D (k + q a) = 0
+    if a * distance < 1e-12 * k * distance**2:
+        root = np.array([-k / (k * distance + a - b)], dtype=complex)
+        leading = complex(k * distance + a - b)
+    else:
+        root = np.roots([a * distance, k * distance + a - b, k]).astype(complex)
+        leading = complex(a * distance)
+        if abs(root[0] - root[1]) < 1e-9 * abs(root[0]):
+            root[0] *= 1.0 + 1e-6
+    found = np.full(slip.shape, complex(a - b))
+    for i, one in enumerate(root):
+        others = np.prod(one - np.delete(root, i)) if root.size > 1 else 1.0
+        with np.errstate(over="ignore"):
+            found = found + k * (a - b + a * distance * one) / (leading * one * others) * np.exp(one * slip)
+    return np.asarray(found.real)

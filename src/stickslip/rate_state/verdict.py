@@ -1,0 +1,315 @@
+"""Is it rate and state? What a, b, D an interface has, how well they describe it, and what they get wrong."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip.errors import InputError, UndecidedError, instance, number, shown
+from stickslip.model import Bell, Interface, LogarithmicGrowth, Rig, Slider, constant
+from stickslip.rate_state.contacts import contact_stiffness, finite_step, small_step
+from stickslip.rate_state.fitting import Fit, fit_small_step, fit_step
+from stickslip.rate_state.laws import LAWS, Law, RateAndState
+from stickslip.stability.critical import critical_spring
+from stickslip.stability.modes import respond
+from stickslip.theory import kinetic_friction
+
+Array = NDArray[np.float64]
+
+SLIP = 6.0
+"""Slip over which steps are fitted, in mean thresholds."""
+_POINTS = 600
+
+MISFIT = 0.05
+"""Largest misfit of a small step, rms over the range of the force, that counts as rate and state."""
+DRIFT = 0.10
+"""Largest change of a and b over a decade of velocity that does."""
+DRIFT_OF_DISTANCE = 0.20
+"""... and of D."""
+_RESOLVED = 0.3
+"""Least direct effect under fast shakes, in the fitted a, that counts as one."""
+_FAST = 200.0
+"""Wave number of a shake that is too fast for the memory of the contacts, over the mean threshold."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RateAndStateFit:
+    """Rate-and-state parameters of an interface, and what they are worth. Per contact, natural units.
+
+    Attributes
+    ----------
+    law : {"ageing", "slip"}
+        The law whose distance changes less between a step up and a step down.
+    a, b, distance : float
+        Of the step that was asked for, or of a small one where `step` is None; in ``f_s`` and ``x_s``.
+    a_error, b_error, distance_error : float
+        Standard errors of the fit. They say how well the step fixes the parameters, not how well the law describes it.
+    misfit : float
+        Of a small step: rms over the range of the force.
+    step_misfit : float or None
+        The same for the step that was asked for.
+    drift : (float, float, float)
+        Relative change of a, b and D, of small steps, over the decade of velocity about this one.
+    asymmetry : float or None
+        ``D`` of the step up over that of the step down, for the law.
+    healing : float or None
+        Growth of the peaks after holds per e-fold of the hold time, for long holds: the slope of ageing. None where
+        thresholds do not grow with the logarithm of age.
+    velocity : float
+        Of smooth sliding before the step.
+    step : float or None
+        Ratio of the velocities.
+    kinetic_friction, contact_stiffness : float
+        Force in smooth sliding, and stiffness of the attached contacts.
+    critical_stiffness, exact_critical_stiffness : float
+        Stiffness of the driving spring below which smooth sliding of a slider without mass is unstable: by rate and
+        state (in series with the contacts), and by the contacts themselves.
+    holds : bool
+        Whether the interface is rate-and-state-like.
+    reason : str
+        What fails, or what was tested.
+    """
+
+    law: Law
+    a: float
+    b: float
+    distance: float
+    a_error: float
+    b_error: float
+    distance_error: float
+    misfit: float
+    step_misfit: float | None
+    drift: tuple[float, float, float]
+    asymmetry: float | None
+    healing: float | None
+    velocity: float
+    step: float | None
+    kinetic_friction: float
+    contact_stiffness: float
+    critical_stiffness: float
+    exact_critical_stiffness: float
+    holds: bool
+    reason: str
+
+    @property
+    def parameters(self) -> RateAndState:
+        """The law and its parameters, to slide with."""
+        return RateAndState(law=self.law, a=self.a, b=self.b, distance=self.distance)
+
+    @property
+    def healing_over_b(self) -> float | None:
+        """Healing over b: rate and state says 1; contacts with ageing ``c`` and width ``A`` say ``2 c/(A + c)``."""
+        return None if self.healing is None else self.healing / self.b
+
+    @property
+    def ratio(self) -> float:
+        """Critical stiffness by rate and state over the exact one; NaN where neither has one."""
+        exact, fitted = self.exact_critical_stiffness, self.critical_stiffness
+        if exact > 0:
+            return fitted / exact
+        return math.inf if fitted > 0 else math.nan
+
+    @property
+    def danger(self) -> Literal["none", "too low", "too high"]:
+        """Which way the critical stiffness of rate and state errs: too low says stable where it is not."""
+        if math.isnan(self.ratio) or abs(self.ratio - 1.0) < 0.01:
+            return "none"
+        return "too low" if self.ratio < 1.0 else "too high"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain values."""
+        from dataclasses import asdict
+
+        return asdict(self) | {
+            "healing_over_b": self.healing_over_b,
+            "ratio": None if math.isnan(self.ratio) else self.ratio,
+            "danger": self.danger,
+        }
+
+    def __str__(self) -> str:
+        verdict = "rate-and-state-like" if self.holds else "not rate-and-state"
+        lines = [f"{verdict}: {self.reason}"]
+        if self.holds:
+            lines.append(
+                f"{self.law} law, a = {self.a:.4g} +- {self.a_error:.1g}, b = {self.b:.4g} +- {self.b_error:.1g}, "
+                f"D = {self.distance:.4g} +- {self.distance_error:.1g}, a - b = {self.a - self.b:.3g}"
+            )
+            lines.append(_of_stiffness(self))
+            if self.healing is not None:
+                lines.append(f"healing {self.healing:.4g} per e-fold of hold time, {self.healing_over_b:.2f} times b")
+        return "\n".join(lines)
+
+
+def _of_stiffness(fit: RateAndStateFit) -> str:
+    exact, fitted = fit.exact_critical_stiffness, fit.critical_stiffness
+    if exact == 0 and fitted == 0:
+        return "smooth sliding is stable on any spring, by rate and state as by the contacts"
+    words = {
+        "none": "",
+        "too low": f" ({100 * (1 - fit.ratio):.0f} % too low: it says stable where the contacts are not)",
+        "too high": f" ({100 * (fit.ratio - 1):.0f} % too high: it says unstable where the contacts are stable)",
+    }[fit.danger]
+    return f"critical stiffness {exact:.4g} exactly, {fitted:.4g} by rate and state{words}"
+
+
+def rate_and_state(
+    interface: Interface,
+    velocity: float = 1.0,
+    *,
+    step: float | None = 10.0,
+    law: Literal["best", "ageing", "slip"] = "best",
+) -> RateAndStateFit:
+    """Say whether an interface is rate-and-state-like, with which parameters, and what these get wrong.
+
+    Small steps of the velocity, from the exact linear response, are fitted over six breaking displacements at this
+    velocity and at both ends of the decade about it. Rate-and-state-like is what has a direct effect (``a`` above 0),
+    a misfit below 5 %, and ``a`` and ``b`` that change by less than 10 % and ``D`` by less than 20 % over the decade.
+    Then a step by the factor asked for, up and down, tells the law and gives the numbers. The critical stiffness by
+    rate and state stands beside the exact one.
+
+    Parameters
+    ----------
+    interface : Interface
+    velocity : float
+        Of smooth sliding before the step, in ``x_s`` per time.
+    step : float, optional
+        Ratio of the velocities, above 1; None for a small step.
+    law : {"best", "ageing", "slip"}
+        Which law to fit.
+
+    Returns
+    -------
+    RateAndStateFit
+        Whatever the verdict; it prints what a person would say.
+
+    Raises
+    ------
+    InputError
+        If there is no smooth sliding, or its response is not known.
+    UndecidedError
+        If `law` is "best" and steps of this interface are not computed: ageing with barriers other than `Bell`.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> print(ss.rate_and_state(ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.3), delay=ss.Delay(0.1))))
+    not rate-and-state: no direct effect: a = 1.3e-05 under fast shakes, where the fit of a step needs 0.013
+    """
+    instance("rate_and_state: interface", interface, Interface, "an Interface")
+    speed = number("velocity", velocity, above=0, hint="in x_s per time")
+    if step is not None:
+        step = number("step", step, above=1, hint="ratio of the velocities")
+    if law not in ("best", *LAWS):
+        raise InputError(f"law = {shown(law)}: must be 'best', 'ageing' or 'slip'")
+    mean = interface.threshold_distribution.moment(1)
+    fit, misfit = _small(interface, speed, mean)
+    failing, drift = _failing(interface, speed, mean, fit, misfit), np.full(3, math.nan)
+    if not failing:
+        ends = [_small(interface, v, mean)[0].value for v in (speed / math.sqrt(10.0), speed * math.sqrt(10.0))]
+        drift = (ends[1] - ends[0]) / fit.value
+        failing = _drifting(drift)
+    chosen: Law = "ageing" if law == "best" else law
+    value, error, step_misfit, asymmetry = fit.value, fit.error, None, None
+    if not failing:
+        if step is not None and _steps_are_known(interface):
+            found = {
+                one: _both_ways(interface, speed, step, one, mean, fit.value)
+                for one in (LAWS if law == "best" else (law,))
+            }
+            chosen = min(found, key=lambda one: abs(math.log(found[one][1])))
+            (best, step_misfit), asymmetry = found[chosen]
+            value, error = best.value, best.error
+        elif law == "best":
+            # Without ageing contacts remember slip alone, and so does the slip law.
+            if interface.ageing is not None:
+                raise UndecidedError(
+                    "law = 'best': which law it is would take steps up and down, computed for Bell(...) with a step; "
+                    "say law='ageing' or law='slip', or give step"
+                )
+            chosen = "slip"
+    spring = contact_stiffness(interface, speed)
+    parameters = RateAndState(law=chosen, a=float(value[0]), b=float(value[1]), distance=float(value[2]))
+    rig = Rig(interface, Slider(stiffness=1.0, mass=0.0, damping=0.0), constant(speed))
+    growth = interface.ageing
+    return RateAndStateFit(
+        law=chosen,
+        a=parameters.a,
+        b=parameters.b,
+        distance=parameters.distance,
+        a_error=float(error[0]),
+        b_error=float(error[1]),
+        distance_error=float(error[2]),
+        misfit=misfit,
+        step_misfit=step_misfit,
+        drift=(float(drift[0]), float(drift[1]), float(drift[2])),
+        asymmetry=asymmetry,
+        healing=growth.slope if isinstance(growth, LogarithmicGrowth) else None,
+        velocity=speed,
+        step=step if step_misfit is not None else None,
+        kinetic_friction=kinetic_friction(interface, speed),
+        contact_stiffness=spring,
+        critical_stiffness=parameters.critical_stiffness(spring),
+        exact_critical_stiffness=_exact_stiffness(rig),
+        holds=not failing,
+        reason=failing
+        or f"misfit {100 * misfit:.2g} %; over a decade a changes by {100 * drift[0]:.2g} %, "
+        f"b by {100 * drift[1]:.2g} %, D by {100 * drift[2]:.2g} %",
+    )
+
+
+def _small(interface: Interface, velocity: float, mean: float) -> tuple[Fit, float]:
+    slip = mean * SLIP * np.arange(1, _POINTS + 1) / _POINTS
+    return fit_small_step(slip, small_step(interface, velocity, slip), contact_stiffness(interface, velocity))
+
+
+def _failing(interface: Interface, velocity: float, mean: float, fit: Fit, misfit: float) -> str:
+    """Say what keeps it from being rate and state, or nothing."""
+    a = float(fit.value[0])
+    spring, q = contact_stiffness(interface, velocity), _FAST / mean * 1j
+    kappa = complex(respond(interface).stiffness(velocity, q * velocity))
+    direct = (kappa * spring / (q * (spring - kappa))).real
+    if not direct > _RESOLVED * a:
+        return f"no direct effect: a = {max(direct, 0.0):.2g} under fast shakes, where the fit of a step needs {a:.2g}"
+    if a < 2.0 * fit.error[0]:
+        return f"a = {a:.2g} +- {fit.error[0]:.1g} is not resolved"
+    if misfit >= MISFIT:
+        return f"a small step is fitted to {100 * misfit:.2g} % of its range only; must be below {100 * MISFIT:g} %"
+    return ""
+
+
+def _drifting(drift: Array) -> str:
+    for name, change, most in zip("abD", drift.tolist(), (DRIFT, DRIFT, DRIFT_OF_DISTANCE), strict=True):
+        if abs(change) >= most:
+            return f"{name} changes by {100 * change:.3g} % over a decade of velocity; must be below {100 * most:g} %"
+    return ""
+
+
+def _steps_are_known(interface: Interface) -> bool:
+    return (
+        isinstance(interface.temperature, Bell)
+        and (interface.ageing is None or isinstance(interface.ageing, LogarithmicGrowth))
+        and interface.delay.moment(1) == 0
+    )
+
+
+def _both_ways(
+    interface: Interface, velocity: float, step: float, law: Law, mean: float, near: Array
+) -> tuple[tuple[Fit, float], float]:
+    """The fit of the step up, and its D over that of the step down."""
+    fits = []
+    for before, after in ((velocity, velocity * step), (velocity * step, velocity)):
+        lead, force = finite_step(interface, before, after, SLIP * mean)
+        some = slice(3, None, 3)
+        fits.append(fit_step(lead[some], force[some], after / before, law, contact_stiffness(interface, before), near))
+    return fits[0], float(fits[0][0].value[2] / fits[1][0].value[2])
+
+
+def _exact_stiffness(rig: Rig) -> float:
+    try:
+        return critical_spring(rig)
+    except UndecidedError:
+        return math.nan

@@ -1,0 +1,130 @@
+"""Roots of ``Z + kappa`` from the imaginary axis: for responses without a bound that would let turns be counted.
+
+Growing modes are counted from the neutral frequencies, and looked for by secants from the dips of ``|Z + kappa|``
+along the axis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from stickslip.errors import UndecidedError
+from stickslip.stability.impedances import Impedance, natural_frequencies
+from stickslip.stability.neutral import neutral_frequencies
+from stickslip.stability.response import Array, ComplexArray, Response, distinct_roots
+
+
+def count_from_axis(response: Response, body: Impedance, velocity: float, accuracy: float) -> int:
+    """Count the roots of ``Z + kappa`` with ``Re s > 0``, of a kappa known to within `accuracy`.
+
+    Raises
+    ------
+    UndecidedError
+        If a mode is neutral to within the accuracy.
+    """
+    (neutral,) = neutral_frequencies(response, body, [velocity])
+    near = np.flatnonzero(np.abs(neutral.extra) < accuracy)
+    if near.size:
+        raise UndecidedError(
+            f"smooth sliding at velocity {velocity:g} is neutral to within the accuracy of the response "
+            f"({accuracy:g} of the stiffness of the contacts), at angular frequency {neutral.omega[near[0]]:.5g}: "
+            "on its stability boundary; move a parameter to one side"
+        )
+    return neutral.unstable()
+
+
+def rightmost_from_axis(response: Response, body: Impedance, velocity: float) -> complex:
+    """Return the rightmost root of ``Z + kappa`` among those found; growing ones are confirmed by their count.
+
+    Raises
+    ------
+    UndecidedError
+        If growing modes are missing, or none is found.
+    """
+    growing = response.count(body, velocity)
+
+    def value(s: complex) -> complex:
+        points = np.array([s])
+        return complex((body(points) + response.exact(velocity, points))[0])
+
+    near = response.roots(body, velocity, np.empty(0, dtype=complex))
+    polished = [root for root in (_secant(value, s, 1e-9) for s in near[:6].tolist()) if root is not None]
+    roots = distinct_roots(np.array(polished, dtype=complex), 1.0 / velocity)
+    found = int(np.sum(np.where(roots.imag > 0, 2, 1)[roots.real > 0]))
+    if found == growing and roots.size:
+        return complex(roots[0])
+    if growing:
+        raise UndecidedError(
+            f"smooth sliding at velocity {velocity:g} has {growing} growing modes, not all of which were found"
+        )
+    raise UndecidedError(
+        f"smooth sliding at velocity {velocity:g} is stable; its modes decay too quickly to be followed from the axis"
+    )
+
+
+def roots_from_axis(
+    response: Response,
+    body: Impedance,
+    velocity: float,
+    omega: Array,
+    rough: Callable[[ComplexArray], ComplexArray],
+    quickest: float,
+) -> ComplexArray:
+    """Return the roots not far from the axis, rightmost first: by secants from the dips along the axis.
+
+    Parameters
+    ----------
+    response, body, velocity
+    omega : ndarray
+        Frequencies that follow every turn of kappa.
+    rough : callable
+        Kappa where it need not be better than a root that is looked for.
+    quickest : float
+        Decay rate beyond which no mode is looked for: what many lives have left behind grows beyond all bounds.
+    """
+    own = natural_frequencies(body)
+    size = np.abs(body(1j * omega) + response.stiffness(velocity, 1j * omega))
+    dip = np.flatnonzero((size[1:-1] < size[:-2]) & (size[1:-1] <= size[2:])) + 1
+    dip = dip[np.argsort(size[dip])][:5]
+
+    def value(points: ComplexArray) -> ComplexArray:
+        return np.asarray(body(points) + rough(points))
+
+    real = np.geomspace(omega[0], omega[-1], 40)
+    turned = np.flatnonzero(np.diff(np.sign(value(real + 0j).real)))
+    starts = np.concatenate([1j * omega[dip], own[own.imag > 0], np.sqrt(real[turned] * real[turned + 1])])
+    before, s = starts * (1 + 0.02j * (starts.imag != 0) - 0.05 * (starts.imag == 0)), starts.copy()
+    f_before, f = value(before), value(s)
+    settled = np.zeros(s.shape, dtype=bool)
+    with np.errstate(all="ignore"):
+        for _ in range(25):
+            step = np.where(settled | (f == f_before), 0.0, -f * (s - before) / (f - f_before))
+            step *= np.minimum(1.0, 0.3 * np.abs(s) / np.maximum(np.abs(step), 1e-300))
+            before, f_before, s = s, f, s + step
+            settled |= np.abs(step) < 1e-6 * np.abs(s)
+            s[s.real < -quickest] = np.nan
+            busy = np.isfinite(s) & ~settled
+            if not busy.any():
+                break
+            f = f.copy()
+            f[busy] = value(s[busy])
+    return distinct_roots(s[settled & np.isfinite(s)], 1e-3 / float(omega[0]))
+
+
+def _secant(function: Callable[[complex], complex], start: complex, tolerance: float) -> complex | None:
+    """Root near a start; None where the search does not settle."""
+    before, s = start * (1 + 1e-3j), start
+    f_before, f = function(before), function(s)
+    for _ in range(20):
+        if f == f_before:
+            return s
+        step = -f * (s - before) / (f - f_before)
+        if not abs(step) < 0.3 * abs(s):
+            return None
+        before, f_before, s = s, f, s + step
+        if abs(step) < tolerance * abs(s):
+            return complex(s.real, abs(s.imag))
+        f = function(s)
+    return None
