@@ -321,7 +321,8 @@ def presets() -> list[dict[str, Any]]:
     for figure, (case, words) in _FIGURES.items():
         title = f"Fig. {figure}: {words}"
         found.append({"group": "The paper", "title": title, "document": paper(case, f"Fig. {figure}")})
-    found += [{"group": "Rigs", "title": rig.name, "document": of(rig)} for rig in map(rigs.example, rigs.example_names())]
+    shipped = map(rigs.example, rigs.example_names())
+    found += [{"group": "Rigs", "title": rig.name, "document": of(rig)} for rig in shipped]
     return found
 
 

@@ -49,7 +49,7 @@ def rsf(
     """
     from stickslip.io import rig_files
 
-    if step_at is None and (data.suffix == ".toml" or (not data.exists() and data.name in rig_files.examples())):
+    if step_at is None and (data.suffix == ".toml" or (not data.exists() and data.name in rig_files.example_names())):
         fit, rig = _of_rig(data, velocity, step, law)
         if not fit.holds:
             raise InputError(f"{data}: not rate-and-state: {fit.reason}")
