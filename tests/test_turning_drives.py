@@ -14,13 +14,12 @@ from scipy.linalg import expm
 
 import stickslip as ss
 from stickslip.kernels import events as kernel
-from stickslip.kernels.cohorts import TOLERANCE
 from stickslip.kernels.drive import Quadratic
 from stickslip.kernels.oscillator import Slider
 
 BROAD = ss.Uniform(low=0.3, high=1.7)
-COARSE = ss.MasterEquation(cells=100)
-ONE_RUN = TOLERANCE / COARSE.cells**2  # to which the master equation knows where the slider is
+COARSE = ss.MasterEquation(rtol=1e-3)
+ONE_RUN = COARSE.rtol  # to which the master equation knows where the slider is
 QUICK, ALL = 8, 312
 
 every_rig = pytest.mark.parametrize(
@@ -199,7 +198,7 @@ def test_contacts_move_as_in_a_plain_loop(seed):
 @every_rig
 @pytest.mark.parametrize(
     ("method", "slack"),
-    [(ss.Contacts(500, seed=3), 1e-9), (COARSE, 2.0 / COARSE.cells**2)],
+    [(ss.Contacts(500, seed=3), 1e-9), (COARSE, COARSE.rtol)],
     ids=["contacts", "master equation"],
 )
 @pytest.mark.eq(4, 11)

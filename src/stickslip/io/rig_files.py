@@ -322,7 +322,7 @@ class _Reader:
                 lambda: (
                     Contacts(simulation["contacts"], simulation["seed"])
                     if simulation["method"] == "contacts"
-                    else MasterEquation(cells=simulation["cells"])
+                    else MasterEquation(rtol=simulation["rtol"])
                 ),
                 {"count": "contacts"},
             ),

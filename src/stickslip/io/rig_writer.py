@@ -157,7 +157,7 @@ class RigWriter:
         if isinstance(method, Contacts):
             found: Document = {"method": "contacts", "contacts": method.count, "seed": method.seed}
         elif isinstance(method, MasterEquation) and not method.memoryless:
-            found = {"method": "master equation", "cells": method.cells}
+            found = {"method": "master equation", "rtol": method.rtol}
         else:
             raise self._refuse(f"the method {shown(method)}")
         found["start"] = "sliding" if isinstance(start, FromSliding) else "from rest"
