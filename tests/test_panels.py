@@ -394,7 +394,7 @@ def test_fig_5_instability_without_re_attachment():
 
 @pytest.mark.eq(10)
 def test_memoryless_approximation_is_exact_for_the_mean_force_of_steady_sliding():
-    delays = after(0.2)._replace(memoryless=True)
+    delays = NO_DELAY._replace(mean=0.2, memoryless=True)
     rows = run(40.0, delays=delays, slider=RIGID, velocity=1.5).rows
     assert rows[-500:, CONTACT_FORCE].mean() == pytest.approx(1.01 / 2 / (1 + 1.5 * 0.2), rel=1e-4)
     assert rows[-500:, ATTACHED].mean() == pytest.approx(1 / (1 + 1.5 * 0.2), rel=1e-4)

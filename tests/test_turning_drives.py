@@ -18,8 +18,8 @@ from stickslip.kernels.drive import Quadratic
 from stickslip.kernels.oscillator import Slider
 
 BROAD = ss.Uniform(low=0.3, high=1.7)
-COARSE = ss.MasterEquation(rtol=1e-3)
-ONE_RUN = COARSE.rtol  # to which the master equation knows where the slider is
+COARSE = ss.MasterEquation(rtol=2e-4)
+ONE_RUN = 10.0 * COARSE.rtol  # to which the master equation knows where the slider is
 QUICK, ALL = 8, 312
 
 every_rig = pytest.mark.parametrize(
@@ -198,7 +198,7 @@ def test_contacts_move_as_in_a_plain_loop(seed):
 @every_rig
 @pytest.mark.parametrize(
     ("method", "slack"),
-    [(ss.Contacts(500, seed=3), 1e-9), (COARSE, COARSE.rtol)],
+    [(ss.Contacts(500, seed=3), 1e-9), (COARSE, ONE_RUN)],
     ids=["contacts", "master equation"],
 )
 @pytest.mark.eq(4, 11)

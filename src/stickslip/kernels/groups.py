@@ -47,6 +47,8 @@ def _is_kinked(groups: Array, g: int, origin: float, table: Table, low: float, h
     least, most = min(a, b), max(a, b)
     if most - least < 1e-9 or groups[WHOLE, g, 0] == 0.0:
         return False
+    if low != high and _is_passed(groups, g, origin, table, low, high):
+        return True
     for j in range(Q):
         if groups[REACH, g, j] > abs(origin - groups[BIRTH, g, j]) + 1e-12:
             return False  # its reach stays what it was
@@ -61,6 +63,20 @@ def _is_kinked(groups: Array, g: int, origin: float, table: Table, low: float, h
         if not ahead and most - low + edge > knot > least - high - edge:
             return True
     return False
+
+
+@bare
+def _is_passed(groups: Array, g: int, origin: float, table: Table, low: float, high: float) -> bool:
+    """Whether some of a group come to be stretched further than ever, one after the other."""
+    sign = 1.0 if high > -low else -1.0
+    first, last, widest = np.inf, -np.inf, 0.0
+    for j in range(Q):
+        r, x = groups[REACH, g, j], origin - groups[BIRTH, g, j]
+        widest = max(widest, r)
+        way = r - sign * x  # until it passes
+        first, last = min(first, way), max(last, way)
+    far = max(high, -low)
+    return bool(last - first > 1e-9 and last > 1e-12 and first < far and widest + far > table.bottom)
 
 
 @inlined
@@ -98,9 +114,30 @@ def _cut(groups: Array, g: int, X: float, knot: float) -> float:
 
 
 @bare
+def _passing(groups: Array, g: int, X: float) -> float:
+    """Where in a panel the contacts are stretched as far as ever before; outside of (0, 1) nowhere."""
+    a, b = 0.0, 1.0
+    fa = abs(X - _inside(groups, BIRTH, g, a)) - _inside(groups, REACH, g, a)
+    fb = abs(X - _inside(groups, BIRTH, g, b)) - _inside(groups, REACH, g, b)
+    if fa * fb >= 0.0 or max(abs(fa), abs(fb)) < 1e-9:
+        return 2.0
+    for _ in range(50):
+        u = 0.5 * (a + b)
+        f = abs(X - _inside(groups, BIRTH, g, u)) - _inside(groups, REACH, g, u)
+        if f * fa > 0.0:
+            a = u
+        else:
+            b = u
+    return 0.5 * (a + b)
+
+
+@bare
 def _next_cut(groups: Array, g: int, X: float, table: Table, after: float) -> float:
-    """The first cut by a knot after a place in a panel; 1 if there is none."""
+    """The first cut after a place in a panel, by a knot or by the limit of what is stretched further than ever."""
     end = 1.0
+    u = _passing(groups, g, X)
+    if after + 1e-9 < u < end:
+        end = u
     for i in range(table.knots.size):
         u = _cut(groups, g, X, table.knots[i])
         if after + 1e-9 < u < end:
@@ -120,8 +157,13 @@ def _in_parts(groups: Array, g: int, origin: float, table: Table, y: float) -> t
             u = begin + (end - begin) * GAUSS[j]
             m = (end - begin) * WEIGHT[j] * _inside(groups, MASS, g, u)
             x = X - _inside(groups, BIRTH, g, u)
-            J, slope = value_and_slope(table, abs(x))
-            S += m * (J + abs(x) * slope)
+            r = _inside(groups, REACH, g, u)
+            if abs(x) > r - 1e-12:
+                J, slope = value_and_slope(table, abs(x))
+                S += m * (J + abs(x) * slope)
+            else:
+                J = value_at(table, r)
+                S += m * J
             A += m * J
             F += m * J * x
             E += m * J * x * x
@@ -137,7 +179,7 @@ def gather(groups: Array, used: int, origin: float, reading: Reading, table: Tab
     active = reading.active
     kinks = 0
     for g in range(used):
-        if table.knots.size > 0 and _is_kinked(groups, g, origin, table, low, high):
+        if _is_kinked(groups, g, origin, table, low, high):
             kinks += 1
             reading.kinked[kinks] = g
             continue
@@ -229,13 +271,38 @@ def divide(groups: Array, used: int, X: float, table: Table) -> int:
 
 
 @bare
+def divide_passed(groups: Array, used: int, X: float, table: Table) -> int:
+    """Divide groups of which some are stretched further than ever, and others not. Returns the number of groups."""
+    count = used
+    for g in range(used):
+        ahead, widest = 0, 0.0
+        for j in range(Q):
+            x = abs(X - groups[BIRTH, g, j])
+            widest = max(widest, x)
+            if x > groups[REACH, g, j]:
+                ahead += 1
+        if ahead == 0 or ahead == Q or widest < table.bottom or groups[WHOLE, g, 0] == 0.0:
+            continue
+        u = _passing(groups, g, X)
+        if u < 1.0 and count < groups.shape[1] - 1:
+            _part(groups, g, count + 1, X, 0.0, u)
+            _part(groups, g, count, X, u, 1.0)
+            for j in range(Q):
+                for row in range(4):
+                    groups[row, g, j] = groups[row, count + 1, j]
+            count += 1
+    return count
+
+
+@bare
 def _part(groups: Array, g: int, n: int, X: float, begin: float, end: float) -> None:
     """Make group `n` of a part of the panel of group `g`."""
     for j in range(Q):
         u = begin + (end - begin) * GAUSS[j]
         b = _inside(groups, BIRTH, g, u)
         groups[BIRTH, n, j], groups[MASS, n, j] = b, (end - begin) * WEIGHT[j] * _inside(groups, MASS, g, u)
-        groups[REACH, n, j], groups[WHOLE, n, j] = abs(X - b), 1.0
+        groups[REACH, n, j] = max(abs(X - b), _inside(groups, REACH, g, u))
+        groups[WHOLE, n, j] = 1.0
 
 
 def merged(groups: Array, used: int, table: Table, width: float) -> Array:

@@ -24,10 +24,10 @@ from numpy.typing import NDArray
 
 from ._jit import bare, inlined
 from .drive import NOWHERE, Quadratic, Stop, drive_at, holds
-from .groups import BIRTH, MASS, REACH, WHOLE, Reading, divide, force_at, gather, kink_at, merged
+from .groups import BIRTH, MASS, REACH, WHOLE, Reading, divide, divide_passed, force_at, gather, kink_at, merged
 from .oscillator import Slider
 from .rules import (
-    COLLOCATION, GAUSS, INCREASE, INTEGRAL, LAST, LAST_BUT_ONE, MONOMIAL, NODE, PART, SLOPES, WEIGHT, P, Q,
+    COLLOCATION, GAUSS, INCREASE, INTEGRAL, LAST, MONOMIAL, NODE, PART, SLOPES, WEIGHT, P, Q,
 )
 from .survival import Table, value_at, values_at
 
@@ -272,25 +272,16 @@ def _own_births(work: _Work, delays: Delays, dt: float) -> None:
 
 
 @inlined
-def _last(row: Array) -> float:
-    total = 0.0
-    for k in range(P + 1):
-        total += LAST[k] * row[k]
-    return abs(total)
-
-
-@inlined
-def _last_but_one(row: Array) -> float:
-    total = 0.0
-    for k in range(P + 1):
-        total += LAST_BUT_ONE[k] * row[k]
-    return abs(total)
-
-
-@inlined
 def _unresolved(row: Array) -> float:
-    """Error of the polynomial through the nodes, from the decay of its coefficients."""
-    a, b = _last(row), _last_but_one(row)
+    """Error of the polynomial through the nodes, from the decay of its last coefficients, each with its neighbours."""
+    a = b = c = 0.0
+    for k in range(P + 1):
+        a += LAST[2, k] * row[k]
+        b += LAST[1, k] * row[k]
+        c += LAST[0, k] * row[k]
+    a, b, c = abs(a), abs(b), abs(c)
+    if b > 0.0:
+        a = max(a, b * min(b / c, 1.0) if c > 0.0 else b)  # a kink may lie where the last one has a zero
     return a if a >= b else max(a * a / b, 0.03 * b)
 
 
@@ -565,6 +556,7 @@ def _commit(state: State, work: _Work, case: _Case, dt: float, low: float, high:
         nodes[_WORK, k] = dt * w
         nodes[_DAMPED, k] = dt * d
         nodes[_LOST, k] = dt * l - nodes[_STORED, k] + nodes[_STORED, 0]
+    state.used[GROUPS] = divide_passed(groups, state.used[GROUPS], origin + y, table)
     kept = 0
     lost = 0.0
     for g in range(state.used[GROUPS]):
@@ -634,7 +626,8 @@ def _sample(row: Array, t: float, start: Array, work: _Work, case: _Case, dt: fl
     row[TIME] = t
     row[POSITION] = start[POSITION] + _along(work, _X, u)
     row[VELOCITY] = _along(work, _V, u)
-    row[CONTACT_FORCE], row[ATTACHED] = _along(work, _F, u), _along(work, _A, u)
+    row[CONTACT_FORCE] = _along(work, _F, u)
+    row[ATTACHED] = min(max(_along(work, _A, u), 0.0), 1.0)  # a polynomial overshoots
     row[WORK], row[DAMPED] = start[WORK] + _along(work, _WORK, u), start[DAMPED] + _along(work, _DAMPED, u)
     row[LOST], row[STORED] = start[LOST] + _along(work, _LOST, u), _along(work, _STORED, u)
     _spring(row, start, case)
@@ -706,6 +699,7 @@ def _run(
         while filled < times.size and times[filled] <= scalar[TIME] + smallest:
             for i in range(COLUMNS):
                 rows[filled, i] = scalar[i]
+            rows[filled, ATTACHED] = min(max(scalar[ATTACHED], 0.0), 1.0)
             filled += 1
             if holds(stop, rows[filled - 1, POSITION], rows[filled - 1, DRIVE_FORCE]):
                 return STOPPED, filled, max_steps

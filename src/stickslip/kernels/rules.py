@@ -62,5 +62,5 @@ PART = np.stack([_values(NODE, u * GAUSS) for u in NODE[1:]])
 INCREASE = np.stack([_slopes(NODE, u * GAUSS) * (u * WEIGHT)[:, None] for u in NODE[1:]])
 """Slopes there times weights: what part of an increase belongs to each node of Gauss."""
 _CHEBYSHEV = np.linalg.inv(np.polynomial.chebyshev.chebvander(2 * NODE - 1, P))
-LAST, LAST_BUT_ONE = _CHEBYSHEV[P].copy(), _CHEBYSHEV[P - 1].copy()
-"""Coefficients of the last two Chebyshev polynomials: they tell whether the polynomial is resolved."""
+LAST = np.ascontiguousarray(_CHEBYSHEV[P - 2 :])
+"""Coefficients of the last three Chebyshev polynomials: they tell whether the polynomial is resolved."""
