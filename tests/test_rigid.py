@@ -245,9 +245,7 @@ def test_the_error_of_the_master_equation_follows_its_tolerance():
     exact = rigid_slide(rig, 3.0, method=Renewal(12_000))["friction_force"].to_numpy()[::4]
     errors = [
         float(
-            np.max(
-                np.abs(rigid_slide(rig, 3.0, method=MasterEquation(rtol=rtol))["friction_force"].to_numpy() - exact)
-            )
+            np.max(np.abs(rigid_slide(rig, 3.0, method=MasterEquation(rtol=rtol))["friction_force"].to_numpy() - exact))
         )
         for rtol in (1e-3, 1e-5, 1e-7)
     ]

@@ -141,7 +141,7 @@ def _kinetic() -> tuple[Claim, ...]:
 _GROUP = "Orders of convergence"
 STUDIES = (
     Study(name="renewal-order", group=_GROUP, title="Renewal convolution", run=_renewal),
-    Study(name="cohorts-order", group=_GROUP, title="Cohorts", run=_cohorts),
+    Study(name="cohorts-order", group=_GROUP, title="Cohorts", run=_panels),
     Study(name="contacts-order", group=_GROUP, title="Contacts", run=_contacts),
     Study(name="kinetic-order", group=_GROUP, title="Kinetic equation of ageing thresholds", run=_kinetic),
 )

@@ -156,7 +156,7 @@ def _linear() -> tuple[Claim, ...]:
             near("its frequency", v1.frequency, V1_FREQUENCY, 1e-6, "1/time"),
             *rates,
             *turns,
-            evidence="master equation, rtol 1e-8, velocity perturbed by a thousandth; the slowest mode fitted after t = 8",
+            evidence="rtol 1e-8, velocity perturbed by a thousandth; the slowest mode fitted after t = 8",
         ),
     )
 

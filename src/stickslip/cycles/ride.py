@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 METHOD = MasterEquation(rtol=1e-3)
-"""The fewest cohorts that keep the settled numbers; see `stickslip.cycles`."""
+"""The largest error that keeps the settled numbers; see `stickslip.cycles`."""
 
 LOOK = 3.0
 """Cycles, by their expected length, between two looks at the amplitude."""

@@ -319,7 +319,8 @@ def merged(groups: Array, used: int, table: Table, width: float) -> Array:
     level = np.where(kind == 1, ahead[:, 0], np.where(kind == 2, back[:, 0], 0.0))
     order = np.lexsort((b.mean(axis=1), np.round(level, 9), kind))
     extent = width * (0.02 if table.knots.size else 0.5)
-    made, run = [], []
+    made: list[Array] = []
+    run: list[int] = []
 
     def close() -> None:
         if len(run) == 1:
@@ -331,7 +332,7 @@ def merged(groups: Array, used: int, table: Table, width: float) -> Array:
             made.append(np.stack([x, weight, reach, np.zeros(Q)]))
         run.clear()
 
-    for g in order:
+    for g in order.tolist():
         if run:
             h = run[0]
             low, high = min(b[run].min(), b[g].min()), max(b[run].max(), b[g].max())

@@ -16,6 +16,7 @@ Natural units: stretchings in ``x_s``, forces and stiffnesses per contact in ``f
 
 from __future__ import annotations
 
+import copy
 import math
 from typing import NamedTuple
 
@@ -27,7 +28,18 @@ from .drive import NOWHERE, Quadratic, Stop, drive_at, holds
 from .groups import BIRTH, MASS, REACH, WHOLE, Reading, divide, divide_passed, force_at, gather, kink_at, merged
 from .oscillator import Slider
 from .rules import (
-    COLLOCATION, GAUSS, INCREASE, INTEGRAL, LAST, MONOMIAL, NODE, PART, SLOPES, WEIGHT, P, Q,
+    COLLOCATION,
+    GAUSS,
+    INCREASE,
+    INTEGRAL,
+    LAST,
+    MONOMIAL,
+    NODE,
+    PART,
+    SLOPES,
+    WEIGHT,
+    P,
+    Q,
 )
 from .survival import Table, value_at, values_at
 
@@ -64,13 +76,6 @@ class Delays(NamedTuple):
     memoryless: bool
 
 
-class Thresholds(NamedTuple):
-    """Survival of the thresholds, and the mean of ``x_s**2 / 2`` over those beyond a stretching."""
-
-    survival: Table
-    energy: Table
-
-
 class Accuracy(NamedTuple):
     """Largest error of a step, and how far the slider may go while all that is attached re-attaches in a step."""
 
@@ -81,7 +86,7 @@ class Accuracy(NamedTuple):
 class _Case(NamedTuple):
     """All that stays the same in a call."""
 
-    thresholds: Thresholds
+    table: Table
     delays: Delays
     slider: Slider
     drive: Quadratic
@@ -192,7 +197,7 @@ def _in_panel(panels: Array, k: int, t: float) -> float:
         for b in range(1, P + 1):
             c += MONOMIAL[a, b] * (panels[k, 2 + b] - base)
         total = (total + c) * u
-    return base + total
+    return float(base + total)
 
 
 @bare
@@ -288,7 +293,7 @@ def _unresolved(row: Array) -> float:
 @bare
 def _observe(state: State, work: _Work, count: int, case: _Case) -> None:
     """Contacts at the nodes of a step, the slider being where the nodes say."""
-    nodes, table = work.nodes, case.thresholds.survival
+    nodes, table = work.nodes, case.table
     A0 = state.scalar[MASS_IN]
     for k in range(1, P + 1):
         y = nodes[_X, k]
@@ -300,7 +305,7 @@ def _observe(state: State, work: _Work, count: int, case: _Case) -> None:
 @bare
 def _newborn(state: State, work: _Work, case: _Case, dt: float) -> float:
     """Add what attaches in the step to what `_observe` has found, and what of it breaks at once."""
-    nodes, table = work.nodes, case.thresholds.survival
+    nodes, table = work.nodes, case.table
     _own_births(work, case.delays, dt)
     change = 0.0
     for k in range(1, P + 1):
@@ -414,7 +419,7 @@ def _pull(state: State, work: _Work, case: _Case, dt: float) -> None:
 @inlined
 def _gather(state: State, work: _Work, case: _Case, low: float, high: float) -> int:
     """Read the groups for ways of the slider from `low` to `high`."""
-    table, origin = case.thresholds.survival, state.scalar[POSITION]
+    table, origin = case.table, state.scalar[POSITION]
     return gather(state.groups, state.used[GROUPS], origin, work.reading, table, low, high)
 
 
@@ -422,7 +427,7 @@ def _gather(state: State, work: _Work, case: _Case, low: float, high: float) -> 
 def _try_step(state: State, work: _Work, case: _Case, dt: float) -> float:
     """Solve a step without taking it; returns its error in tolerances (above 1: it is too long)."""
     nodes, scalar, slider, tol = work.nodes, state.scalar, case.slider, case.accuracy.tolerance
-    table = case.thresholds.survival
+    table = case.table
     state.used[STEPS] += 1
     _known_births(state, work, case.delays, dt)
     rigid = _is_rigid(slider)
@@ -494,7 +499,7 @@ def _try_step(state: State, work: _Work, case: _Case, dt: float) -> float:
     if case.delays.share > 0.0 and m > _NEGLIGIBLE * tol:
         d = dt / case.delays.grain
         trouble = max(trouble, d ** (2 * Q) / max(1.0, d / m))
-    return trouble
+    return float(trouble)
 
 
 @bare
@@ -513,7 +518,7 @@ def _along(work: _Work, row: int, u: float) -> float:
     total = work.curves[row, P]
     for a in range(P - 1, -1, -1):
         total = total * u + work.curves[row, a]
-    return total
+    return float(total)
 
 
 @bare
@@ -529,13 +534,13 @@ def _crossing(work: _Work, row: int, level: float, sign: float) -> float:
                     b = u
                 else:
                     a = u
-            return b
+            return float(b)
     return 2.0
 
 
 @bare
 def _commit(state: State, work: _Work, case: _Case, dt: float, low: float, high: float) -> None:
-    nodes, scalar, slider, table = work.nodes, state.scalar, case.slider, case.thresholds.survival
+    nodes, scalar, slider, table = work.nodes, state.scalar, case.slider, case.table
     origin = scalar[POSITION]
     y = nodes[_X, P]
     groups = state.groups
@@ -548,25 +553,22 @@ def _commit(state: State, work: _Work, case: _Case, dt: float, low: float, high:
         work.curves[_DAMPED, k] = 0.0 if math.isinf(K) else slider.mass * slider.damping * nodes[_V, k] ** 2
         work.curves[_LOST, k] = nodes[_F, k] * nodes[_V, k]
     for k in range(P + 1):
-        w = d = l = 0.0
+        w = d = f = 0.0
         for a in range(P + 1):
             w += INTEGRAL[k, a] * work.curves[_WORK, a]
             d += INTEGRAL[k, a] * work.curves[_DAMPED, a]
-            l += INTEGRAL[k, a] * work.curves[_LOST, a]
+            f += INTEGRAL[k, a] * work.curves[_LOST, a]
         nodes[_WORK, k] = dt * w
         nodes[_DAMPED, k] = dt * d
-        nodes[_LOST, k] = dt * l - nodes[_STORED, k] + nodes[_STORED, 0]
+        nodes[_LOST, k] = dt * f - nodes[_STORED, k] + nodes[_STORED, 0]
     state.used[GROUPS] = divide_passed(groups, state.used[GROUPS], origin + y, table)
     kept = 0
-    lost = 0.0
     for g in range(state.used[GROUPS]):
         alive = False
         spare = 0.25 * abs(groups[BIRTH, g, Q - 1] - groups[BIRTH, g, 0])
         for j in range(Q):
             b, m, r = groups[BIRTH, g, j], groups[MASS, g, j], groups[REACH, g, j]
             reach = max(r, origin + high - b, b - origin - low)
-            if m != 0.0 and reach > r and reach > table.bottom and r < table.top:
-                lost += m * (value_at(case.thresholds.energy, r) - value_at(case.thresholds.energy, reach))
             if m != 0.0 and reach < table.top + spare:
                 alive = True
             groups[BIRTH, kept, j], groups[MASS, kept, j], groups[REACH, kept, j] = b, m, reach
@@ -582,8 +584,6 @@ def _commit(state: State, work: _Work, case: _Case, dt: float, low: float, high:
             reach = max(abs(y - b), 0.0)
             groups[BIRTH, kept, j], groups[MASS, kept, j], groups[REACH, kept, j] = origin + b, m, reach
             groups[WHOLE, kept, j] = 1.0
-            if reach > table.bottom:
-                lost += m * (value_at(case.thresholds.energy, 0.0) - value_at(case.thresholds.energy, reach))
         kept += 1
     state.used[GROUPS] = kept
     n = state.used[PANELS]
@@ -607,13 +607,13 @@ def _commit(state: State, work: _Work, case: _Case, dt: float, low: float, high:
     scalar[CONTACT_FORCE], scalar[ATTACHED] = nodes[_F, P], nodes[_A, P]
     scalar[WORK] += nodes[_WORK, P]
     scalar[DAMPED] += nodes[_DAMPED, P]
-    scalar[LOST] += lost
+    scalar[LOST] += max(nodes[_LOST, P], 0.0)  # what the slider did to the contacts, and they do not store
     scalar[STORED] = nodes[_STORED, P]
-    _spring(scalar, scalar, case)
+    _spring(scalar, case)
 
 
 @bare
-def _spring(row: Array, scalar: Array, case: _Case) -> None:
+def _spring(row: Array, case: _Case) -> None:
     if _is_rigid(case.slider):
         row[DRIVE_FORCE] = row[CONTACT_FORCE]
     else:
@@ -630,7 +630,7 @@ def _sample(row: Array, t: float, start: Array, work: _Work, case: _Case, dt: fl
     row[ATTACHED] = min(max(_along(work, _A, u), 0.0), 1.0)  # a polynomial overshoots
     row[WORK], row[DAMPED] = start[WORK] + _along(work, _WORK, u), start[DAMPED] + _along(work, _DAMPED, u)
     row[LOST], row[STORED] = start[LOST] + _along(work, _LOST, u), _along(work, _STORED, u)
-    _spring(row, start, case)
+    _spring(row, case)
 
 
 @bare
@@ -646,7 +646,7 @@ def _next_front(state: State, delays: Delays, t: float, smallest: float) -> floa
         state.front[i] = k
         if k < n:
             front = min(front, state.rough[k % size] + delays.time[i])
-    return front
+    return float(front)
 
 
 @bare
@@ -663,7 +663,7 @@ def _mark_rough(state: State, t: float) -> None:
 def _first_step(state: State, case: _Case) -> float:
     """A step in which next to nothing can happen that the next ones would not see."""
     if _is_rigid(case.slider):
-        return 0.1 * case.accuracy.width / max(abs(state.scalar[VELOCITY]), 1e-300)
+        return float(0.1 * case.accuracy.width / max(abs(state.scalar[VELOCITY]), 1e-300))
     return 0.5 / math.sqrt((case.slider.stiffness + 1.0) / case.slider.mass)
 
 
@@ -683,14 +683,21 @@ def _arrest(state: State) -> None:
 
 @bare
 def _run(
-    state: State, work: _Work, case: _Case, stop: Stop, until: float, times: Array, rows: Array, start: Array,
+    state: State,
+    work: _Work,
+    case: _Case,
+    stop: Stop,
+    until: float,
+    times: Array,
+    rows: Array,
+    start: Array,
     max_steps: int,
 ) -> tuple[int, int, int]:
     scalar, slider, nodes = state.scalar, case.slider, work.nodes
     smallest = 1e-12 * max(1.0, abs(until))
     filled = 0
     tol = case.accuracy.tolerance
-    _spring(scalar, scalar, case)
+    _spring(scalar, case)
     if _is_rigid(slider):
         scalar[VELOCITY] = drive_at(case.drive, scalar[TIME])[1]
         if scalar[VELOCITY] == 0.0 and case.delays.arrest and state.used[GROUPS] < state.groups.shape[1]:
@@ -706,9 +713,9 @@ def _run(
         left = until - scalar[TIME]
         if left <= smallest:
             return FINISHED, filled, max_steps
-        if state.used[GROUPS] + _SPARE > state.groups.shape[1] or state.used[PANELS] == state.panels.shape[0]:
-            if not _forget(state, case.delays):
-                return NO_ROOM, filled, max_steps
+        full = state.used[GROUPS] + _SPARE > state.groups.shape[1] or state.used[PANELS] == state.panels.shape[0]
+        if full and not _forget(state, case.delays):
+            return NO_ROOM, filled, max_steps
         front = _next_front(state, case.delays, scalar[TIME], smallest) - scalar[TIME]
         nodes[_F, 0], nodes[_S, 0] = scalar[CONTACT_FORCE], scalar[SLOPE]
         planned = scalar[NEXT_STEP]
@@ -757,7 +764,10 @@ def _run(
                     w = _crossing(work, _X, level, s)
                     if w < min(u, 1.0):
                         beyond = (nodes[_X, P] - level) * s
-                        if kink_at(state.groups, state.used[GROUPS], case.thresholds.survival, state.extremes[e - 2]) * beyond > _EVENT * tol:
+                        if (
+                            kink_at(state.groups, state.used[GROUPS], case.table, state.extremes[e - 2]) * beyond
+                            > _EVENT * tol
+                        ):
                             u, what = w, 2.0
             if what == 0.0:
                 break
@@ -798,8 +808,8 @@ def _run(
         _commit(state, work, case, dt, low, high)
         e = state.used[EXTREMES]
         if event == 1.0:
-            if case.thresholds.survival.knots.size > 0:
-                state.used[GROUPS] = divide(state.groups, state.used[GROUPS], scalar[POSITION], case.thresholds.survival)
+            if case.table.knots.size > 0:
+                state.used[GROUPS] = divide(state.groups, state.used[GROUPS], scalar[POSITION], case.table)
             if case.delays.arrest:
                 _arrest(state)
             if broke:
@@ -816,14 +826,17 @@ def _run(
         elif event == 2.0:
             _mark_rough(state, scalar[TIME])
             state.used[EXTREMES] = e - 2
-        elif e >= 2 and (scalar[POSITION] - state.extremes[e - 2]) * s > 0.0:
-            if (state.extremes[e - 2] - state.extremes[e - 1]) * s > 0.0:
+        elif e >= 2:
+            passed, turn = state.extremes[e - 2], state.extremes[e - 1]
+            if (scalar[POSITION] - passed) * s > 0.0 and (passed - turn) * s > 0.0:
                 state.used[EXTREMES] = e - 2
         if filled < times.size and times[filled] < scalar[TIME] - smallest:
             for row in range(_OLD):
                 _curve(work, row)
         while filled < times.size and times[filled] < scalar[TIME] - smallest:
             _sample(rows[filled], times[filled], start, work, case, dt)
+            lost = min(max(rows[filled, LOST], start[LOST]), scalar[LOST])
+            rows[filled, LOST] = max(lost, rows[filled - 1, LOST]) if filled > 0 else lost
             filled += 1
     return PAUSED, filled, 0
 
@@ -874,7 +887,7 @@ class Progress(NamedTuple):
 
 
 def initial_state(
-    thresholds: Thresholds,
+    table: Table,
     delays: Delays,
     stretching: Array,
     weight: Array,
@@ -888,7 +901,8 @@ def initial_state(
 
     Parameters
     ----------
-    thresholds : Thresholds
+    table : Table
+        Survival of the thresholds.
     delays : Delays
     stretching, weight : ndarray, shape (n, Q)
         Initial stretchings, any sign, at the nodes of Gauss of intervals, and the attached fraction of contacts at
@@ -904,7 +918,7 @@ def initial_state(
     State
     """
     n, reach = len(stretching), np.abs(stretching)
-    alive = np.maximum(values_at(thresholds.survival, reach.ravel()).reshape(reach.shape), 1e-12)
+    alive = np.maximum(values_at(table, reach.ravel()).reshape(reach.shape), 1e-12)
     groups = np.zeros((4, n + 128, Q))
     groups[BIRTH, :n], groups[MASS, :n], groups[REACH, :n] = position - stretching, weight / alive, reach
     groups[WHOLE, :n] = np.ptp(stretching, axis=1)[:, None] > 0.0
@@ -933,7 +947,7 @@ def initial_state(
 
 def advance(
     state: State,
-    thresholds: Thresholds,
+    table: Table,
     delays: Delays,
     slider: Slider,
     drive: Quadratic,
@@ -952,8 +966,8 @@ def advance(
     ----------
     state : State
         Where to start; it is not changed.
-    thresholds, delays, slider, drive
-        The thresholds, the delays, the slider and the drive.
+    table, delays, slider, drive
+        The survival of the thresholds, the delays, the slider and the drive.
     until : float
         Time to reach exactly: the end of the piece.
     times : ndarray
@@ -969,10 +983,10 @@ def advance(
     -------
     Progress
     """
-    state = State(*(part.copy() for part in state))
+    state = copy.deepcopy(state)
     times = np.asarray(times, float)
     rows = np.empty((times.size, COLUMNS))
-    case = _Case(thresholds, delays, slider, drive, accuracy)
+    case = _Case(table, delays, slider, drive, accuracy)
     filled, reason, steps = 0, NO_ROOM, max_steps
     before = np.zeros(SCALARS)
     while reason == NO_ROOM:
@@ -983,7 +997,7 @@ def advance(
         reason, more, steps = _run(state, work, case, stop, until, times[filled:], rows[filled:], before, steps)
         filled += more
         if reason == NO_ROOM:
-            state = _with_room(state, thresholds.survival, accuracy.width)
+            state = _with_room(state, table, accuracy.width)
     return Progress(state, rows[:filled], reason)
 
 

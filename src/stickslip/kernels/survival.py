@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -68,11 +69,11 @@ def tabulate(
             pieces[:, side, 0], pieces[:, side, 1] = a, 1.0 / (b - a)
             pieces[:, side, 2:] = function(x) @ _FIT.T
             fitted = pieces[:, side, 2:] @ np.vander(_CHECK, DEGREE + 1, increasing=True).T
-            worst = max(worst, np.abs(fitted - function(a[:, None] + (b - a)[:, None] * _CHECK)).max())
+            worst = max(worst, np.abs(fitted - function(np.asarray(a[:, None] + (b - a)[:, None] * _CHECK, float))).max())
         if worst < tolerance or 2 * count > most:
             break
         count *= 2
-    one = np.flatnonzero(function(left + width) < function(np.zeros(1)) * (1.0 - 1e-15))
+    one = np.flatnonzero(function(np.asarray(left + width, float)) < function(np.zeros(1)) * (1.0 - 1e-15))
     bottom = float(left[one[0]]) if one.size else top
     return Table(pieces, split, 1.0 / width, bottom, top, np.asarray(knots, float))
 
@@ -88,7 +89,7 @@ def value_at(table: Table, x: float) -> float:
     total = table.pieces[i, side, DEGREE + 2]
     for k in range(DEGREE + 1, 1, -1):
         total = total * u + table.pieces[i, side, k]
-    return total
+    return float(total)
 
 
 @inlined
@@ -131,7 +132,7 @@ def widest(table: Table, tolerance: float, most: float, order: int) -> float:
     weights = np.tile(WEIGHT / 8, 8)
     while True:
         worst = 0.0
-        for low, high in zip(edges[:-1], edges[1:], strict=True):
+        for low, high in pairwise(edges.tolist()):
             if high - low < 1e-6 * width:
                 continue
             size = min(width, 0.999 * (high - low))

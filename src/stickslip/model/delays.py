@@ -42,7 +42,7 @@ class DelayModel(Protocol):
         ...
 
     def parts(self) -> tuple[tuple[Array, Array], list[tuple[float, Distribution]]]:
-        """Given times with their weights, and the distributions of the rest with theirs; by default given times only."""
+        """Given times and their weights, and the distributions of the rest with theirs; by default given times only."""
         return self.quadrature(), []
 
     def absence(self, s: ArrayLike) -> ComplexArray:

@@ -169,9 +169,9 @@ def estimate(rig: Rig) -> Work:
         finer = 1e-4 / rig.method.rtol if isinstance(rig.method, MasterEquation) else (rig.method.cells / 400.0) ** 2
         steps = _PANELS * finer ** (1 / 6) * path
         cohorts = 400.0 * math.sqrt(finer)
-        parts.append(Part(key="simulation.rtol", value=1e-4 / finer, quantity=None, power=-1 / 6 if ageing is None else -1.0,
-                          what=f"a path of {path:.2g} x_s",
-                          seconds=_PANEL * steps if ageing is None else _AGEING_COHORT * cohorts**2 * path))  # fmt: skip
+        power, seconds = (-1 / 6, _PANEL * steps) if ageing is None else (-1.0, _AGEING_COHORT * cohorts**2 * path)
+        parts.append(Part(key="simulation.rtol", value=1e-4 / finer, quantity=None, power=power,
+                          what=f"a path of {path:.2g} x_s", seconds=seconds))  # fmt: skip
     if isinstance(ageing, Langevin):
         # Thresholds take steps that are short against their time of ageing, at rest as in motion.
         ages = duration * ageing.rate**2

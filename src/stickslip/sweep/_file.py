@@ -163,8 +163,8 @@ class Document(Part):
         for key in ("contacts", "seed"):
             if getattr(run, key) is not None:
                 raise InputError(f"run.{key}: belongs to method = 'contacts'")
-        usual = given if isinstance(given, MasterEquation) else MasterEquation()
-        return usual if run.rtol is None else replace(usual, rtol=run.rtol)
+        master = given if isinstance(given, MasterEquation) else MasterEquation()
+        return master if run.rtol is None else replace(master, rtol=run.rtol)
 
     def _measures(self, *, own_seed: bool) -> tuple[str, ...]:
         names = list(USUAL if self.measure is None else self.measure)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from functools import lru_cache
+from itertools import pairwise
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
@@ -14,6 +15,7 @@ from stickslip.errors import InputError
 from stickslip.model import DelayModel, Interface, MasterEquation, OnArrest, Slider
 from stickslip.model.distribution import check_density
 from stickslip.model.distributions import Distribution, SteadyState
+from stickslip.model.quadrature import hashable
 from stickslip.simulation.engines.base import (
     COLUMNS,
     Advance,
@@ -34,7 +36,7 @@ Array = NDArray[np.float64]
 
 _STEPS = 2_000
 """Steps in an advance."""
-_SAFETY = 3e-5, 0.87
+_SAFETY = 1e-4, 0.87
 """Tolerance of a step for an error of 1e-4, and the power by which it falls: errors of steps fall a little faster."""
 _FINE = 2.5e-3
 """Distance of the stretchings shown, in ``x_s``."""
@@ -53,8 +55,8 @@ class Panels(Engine):
 
         self._interface, self._method = beginning.interface, method
         distribution = beginning.interface.threshold_distribution
-        self._thresholds, self._accuracy = _thresholds(distribution), _accuracy(distribution, method.rtol)
-        self._delays = _delays(beginning.interface.delay, method)
+        self._thresholds, self._accuracy = _thresholds(hashable(distribution)), _accuracy(hashable(distribution), method.rtol)
+        self._delays = _delays(hashable(beginning.interface.delay), method)
         self.slider = slider_constants(beginning.slider)
         if beginning.sliding:
             initial: Distribution = SteadyState(thresholds=distribution)
@@ -97,7 +99,7 @@ class Panels(Engine):
 
         state = self._state
         place, mass, reach = spread_out(state.groups[:, : state.used[kernel.GROUPS]], _FINE)
-        fraction = mass * values_at(self._thresholds.survival, reach)
+        fraction = mass * values_at(self._thresholds, reach)
         kept = fraction > 0.0
         return Stretchings(self.here()[1] - place[kept], fraction[kept], cells=True)
 
@@ -143,13 +145,14 @@ class Panels(Engine):
         """
         from stickslip.kernels import panels as kernel
         from stickslip.kernels.groups import MASS, REACH
+        from stickslip.kernels.rules import P
         from stickslip.kernels.survival import values_at
 
         turned = self.copy()
         turned._interface, turned.slider = interface, slider_constants(slider)
         state = turned._state = copy.deepcopy(self._state)
         if interface.delay != self._interface.delay:
-            turned._delays = _delays(interface.delay, self._method)
+            turned._delays = _delays(hashable(interface.delay), self._method)
             ratio, now = _stretched(self._delays, turned._delays), state.scalar[kernel.TIME]
             panels = state.panels[: state.used[kernel.PANELS]]
             panels[:, 0] = now - ratio * (now - panels[:, 0])
@@ -158,13 +161,12 @@ class Panels(Engine):
             state.cursor[:] = 0
         if interface.thresholds != self._interface.thresholds:
             distribution = interface.threshold_distribution
-            turned._thresholds = _thresholds(distribution)
-            turned._accuracy = _accuracy(distribution, self._method.rtol)
+            turned._thresholds = _thresholds(hashable(distribution))
+            turned._accuracy = _accuracy(hashable(distribution), self._method.rtol)
             n = state.used[kernel.GROUPS]
             reach, mass = state.groups[REACH, :n], state.groups[MASS, :n]
             old, new = (
-                values_at(table.survival, reach.ravel()).reshape(reach.shape)
-                for table in (self._thresholds, turned._thresholds)
+                values_at(table, reach.ravel()).reshape(reach.shape) for table in (self._thresholds, turned._thresholds)
             )
             held = new > 1e-12  # the others break at once
             mass[:] = np.where(held, mass * old / np.where(held, new, 1.0), 0.0)
@@ -172,7 +174,8 @@ class Panels(Engine):
             state.scalar[[kernel.MASS_IN, kernel.ATTACHED]] -= lost
             state.scalar[kernel.MASS_OUT] += lost
             # It re-attaches with what breaks in the next step.
-            state.panels[: state.used[kernel.PANELS], 2 : 3 + kernel.P] -= lost
+            past = state.panels[: int(state.used[kernel.PANELS])]
+            past[:, 2 : 3 + P] -= lost
         return turned
 
 
@@ -195,15 +198,9 @@ def _stretched(old: kernel.Delays, new: kernel.Delays) -> float:
 
 
 @lru_cache(maxsize=64)
-def _thresholds(distribution: Distribution) -> kernel.Thresholds:
-    """Survival of the thresholds, and the energy beyond a stretching."""
-    from stickslip.kernels.panels import Thresholds
-
-    top, knots = _end(distribution)
-    return Thresholds(
-        _table(distribution.survival, top, knots),
-        _table(lambda x: 0.5 * distribution.partial_moment(x, 2), top, knots),
-    )
+def _thresholds(distribution: Distribution) -> Table:
+    """Survival of the thresholds."""
+    return _table(distribution.survival, *_end(distribution))
 
 
 def _end(distribution: Distribution) -> tuple[float, Array]:
@@ -229,7 +226,7 @@ def _accuracy(distribution: Distribution, rtol: float) -> kernel.Accuracy:
     from stickslip.kernels.panels import Accuracy
     from stickslip.kernels.survival import widest
 
-    table, tolerance = _thresholds(distribution).survival, _tolerance(rtol)
+    table, tolerance = _thresholds(hashable(distribution)), _tolerance(rtol)
     return Accuracy(tolerance, widest(table, tolerance, 0.3 * distribution.moment(1), order=1))
 
 
@@ -272,7 +269,7 @@ def _nodes(initial: Distribution, thresholds: Distribution, accuracy: kernel.Acc
     edges = [low, *(knot for knot in sorted(knots) if low < knot < high), high]
     # Weights of a bell as wide as that are good to the tolerance.
     width = min(std * min(1.5 * (accuracy.tolerance / 1e-5) ** (0.5 / Q), 1.0), accuracy.width)
-    parts = [np.linspace(a, b, math.ceil((b - a) / width) + 1) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    parts = [np.linspace(a, b, math.ceil((b - a) / width) + 1) for a, b in pairwise(edges)]
     left, right = (np.concatenate(ends)[:, None] for ends in zip(*((p[:-1], p[1:]) for p in parts), strict=True))
     x = left + (right - left) * GAUSS
     weight = (right - left) * WEIGHT * initial.density(x) * (thresholds.survival(np.abs(x)) > 1e-12)
