@@ -370,7 +370,7 @@ def test_the_branch_carries_the_same_cycle_as_a_fresh_start():
     ],
 )
 def test_varying_a_parameter_under_way_keeps_what_must_be_kept(parameter, value):
-    from stickslip.kernels import panels
+    from stickslip.kernels import panel_state
     from stickslip.kernels.drive import drive_at
     from stickslip.kernels.rules import NODE, P
 
@@ -379,24 +379,30 @@ def test_varying_a_parameter_under_way_keeps_what_must_be_kept(parameter, value)
     kept = before.engine.state.scalar.copy()
     after = before.turned(parameter.set(before.rig, value))
     assert np.array_equal(before.engine.state.scalar, kept)
-    forces = [panels.TIME, panels.POSITION, panels.VELOCITY, panels.DRIVE_FORCE, panels.CONTACT_FORCE]
+    forces = [
+        panel_state.TIME,
+        panel_state.POSITION,
+        panel_state.VELOCITY,
+        panel_state.DRIVE_FORCE,
+        panel_state.CONTACT_FORCE,
+    ]
     assert np.array_equal(after.engine.state.scalar[forces], kept[forces])
-    end, speed = drive_at(after.drive, after.engine.state.scalar[panels.TIME])
-    length = end - after.engine.state.scalar[panels.POSITION]
-    assert after.rig.slider.stiffness * length == pytest.approx(kept[panels.DRIVE_FORCE], rel=1e-12)
+    end, speed = drive_at(after.drive, after.engine.state.scalar[panel_state.TIME])
+    length = end - after.engine.state.scalar[panel_state.POSITION]
+    assert after.rig.slider.stiffness * length == pytest.approx(kept[panel_state.DRIVE_FORCE], rel=1e-12)
     assert speed == parameter.set(before.rig, value).velocity
     later, rows = after.on(2.0)
     # Forces do not jump, and contacts are neither lost nor made.
-    assert rows[1, 0] == pytest.approx(kept[panels.DRIVE_FORCE], abs=0.05)
-    total = later.engine.state.scalar[panels.MASS_IN] + later.engine.state.scalar[panels.MASS_OUT]
+    assert rows[1, 0] == pytest.approx(kept[panel_state.DRIVE_FORCE], abs=0.05)
+    total = later.engine.state.scalar[panel_state.MASS_IN] + later.engine.state.scalar[panel_state.MASS_OUT]
     assert total == pytest.approx(1.0, abs=1e-9)
     state = later.engine.state
-    begun = state.scalar[panels.TIME] - later.rig.interface.delay.time
-    past = state.panels[: state.used[panels.PANELS]]
+    begun = state.scalar[panel_state.TIME] - later.rig.interface.delay.time
+    past = state.panels[: state.used[panel_state.PANELS]]
     here = int(np.searchsorted(past[:, 0], begun, side="right")) - 1
     at = np.polynomial.Polynomial.fit(NODE, past[here, 2 : 3 + P], P, domain=[0, 1], window=[0, 1])
     out = past[-1, 2 + P] - at((begun - past[here, 0]) / past[here, 1])
-    assert state.scalar[panels.MASS_OUT] == pytest.approx(out, abs=1e-9)
+    assert state.scalar[panel_state.MASS_OUT] == pytest.approx(out, abs=1e-9)
 
 
 def test_a_branch_that_is_not_there():

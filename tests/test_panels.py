@@ -9,11 +9,11 @@ import pytest
 import reference
 from scipy.linalg import expm
 
-from stickslip.kernels import panels, renewal, survival
+from stickslip.kernels import panel_state, panels, renewal, survival
 from stickslip.kernels.drive import FORCE_ABOVE, FORCE_BELOW, TRAVEL, Quadratic, Stop
 from stickslip.kernels.groups import spread_out
 from stickslip.kernels.oscillator import RIGID, Slider, is_rigid, response
-from stickslip.kernels.panels import (
+from stickslip.kernels.panel_state import (
     ATTACHED,
     CONTACT_FORCE,
     DAMPED,
@@ -28,6 +28,7 @@ from stickslip.kernels.panels import (
     WORK,
     Accuracy,
     Delays,
+    initial_state,
 )
 from stickslip.kernels.rules import GAUSS, WEIGHT
 from stickslip.model import MasterEquation, RandomDelay
@@ -102,7 +103,7 @@ def run(
     **options,
 ):
     """Pull relaxed contacts at constant velocity, or go on from a state; sampled every 0.01."""
-    state = start or panels.initial_state(tables(distribution), delays, *narrow(), velocity=velocity)
+    state = start or initial_state(tables(distribution), delays, *narrow(), velocity=velocity)
     begin, position, force = state.scalar[[TIME, POSITION, DRIVE_FORCE]]
     spring = 0.0 if is_rigid(slider) else force / slider.stiffness
     return panels.advance(
@@ -128,7 +129,7 @@ def sliding(delays, velocity, *, distribution=GAUSSIAN, slider=SLIDER):
     weight = positive.survival(x) * WEIGHT
     rate = velocity / cycle
     weight *= m1 / cycle / weight.sum()
-    state = panels.initial_state(tables(distribution), delays, x, weight, velocity=velocity, rate=rate)
+    state = initial_state(tables(distribution), delays, x, weight, velocity=velocity, rate=rate)
     force = 0.5 * m2 / cycle + slider.mass * slider.damping * velocity
     state.scalar[DRIVE_FORCE] = force
     return state, force
@@ -176,7 +177,7 @@ def test_table_gives_the_survival_to_rounding(distribution):
 def test_nothing_breaks_the_slider_is_an_oscillator(damping):
     slider = SLIDER._replace(damping=damping)
     pull = Quadratic(0.0, 0.05, 0.3, 0.4)
-    start = panels.initial_state(tables(Uniform(low=5.0, high=6.0)), NO_DELAY, *AT_REST, velocity=2.0)
+    start = initial_state(tables(Uniform(low=5.0, high=6.0)), NO_DELAY, *AT_REST, velocity=2.0)
     rows = run(
         1.0, distribution=Uniform(low=5.0, high=6.0), slider=slider, start=start, pull=pull, tolerance=1e-10
     ).rows
@@ -197,7 +198,7 @@ def test_nothing_breaks_the_slider_is_an_oscillator(damping):
 @pytest.mark.eq(1, 3, 4)
 @pytest.mark.parametrize("distribution", DISTRIBUTIONS, ids=type)
 def test_contacts_that_never_come_back_follow_the_survival_there_and_back(distribution):
-    start = panels.initial_state(tables(distribution), NEVER_BACK, *AT_REST)
+    start = initial_state(tables(distribution), NEVER_BACK, *AT_REST)
     out = run(0.81, distribution=distribution, delays=NEVER_BACK, slider=RIGID, start=start)
     back = run(2.02, distribution=distribution, delays=NEVER_BACK, slider=RIGID, start=out.state, velocity=-1.0)
     rows = np.concatenate([out.rows, back.rows])
@@ -212,7 +213,7 @@ def test_contacts_that_never_come_back_follow_the_survival_there_and_back(distri
 @pytest.mark.eq(1, 2, 4)
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
 def test_exponential_thresholds_have_a_closed_form(tolerance):
-    start = panels.initial_state(tables(Exponential(mean=1.0)), NO_DELAY, *AT_REST)
+    start = initial_state(tables(Exponential(mean=1.0)), NO_DELAY, *AT_REST)
     rows = run(3.0, distribution=Exponential(mean=1.0), slider=RIGID, start=start, tolerance=tolerance).rows
     assert np.abs(rows[:, CONTACT_FORCE] - (1 - np.exp(-rows[:, POSITION]))).max() < 3 * tolerance
 
@@ -255,7 +256,7 @@ def test_fourth_order_and_more_in_the_number_of_steps_through_a_slip(delays):
     for tolerance in (1e-4, 1e-5, 1e-6, 1e-7):
         found = run(2.0, delays=delays, tolerance=tolerance)
         used = found.state.used
-        steps.append(used[panels.STEPS] - used[panels.REJECTED])
+        steps.append(used[panel_state.STEPS] - used[panel_state.REJECTED])
         errors.append(np.sqrt(np.mean((found.rows - exact)[:, DRIVE_FORCE] ** 2)))
     assert -np.polyfit(np.log(steps), np.log(errors), 1)[0] > 4.0
 
@@ -263,7 +264,7 @@ def test_fourth_order_and_more_in_the_number_of_steps_through_a_slip(delays):
 def test_the_error_is_that_of_the_stored_reference_of_fig_4():
     exact = np.load(pathlib.Path(__file__).parent / "data" / "fig4c_reference.npy")
     for tolerance, error in ((1e-4, 1e-4), (1e-6, 1e-6), (1e-9, 1e-8)):
-        start = panels.initial_state(tables(GAUSSIAN), after(0.2), *narrow())
+        start = initial_state(tables(GAUSSIAN), after(0.2), *narrow())
         rows = run(6.0, delays=after(0.2), start=start, times=0.005 * np.arange(1201), tolerance=tolerance).rows
         assert np.sqrt(np.mean((rows[:, DRIVE_FORCE] - exact) ** 2)) < error
 
@@ -286,7 +287,7 @@ def test_agrees_with_the_renewal_convolution_for_a_random_delay():
 
 def agree(distribution, delays, velocity, time=None, weight_of_time=None):
     x, weight = narrow(0.05)
-    start = panels.initial_state(tables(distribution), delays, x, weight)
+    start = initial_state(tables(distribution), delays, x, weight)
     positive = distribution.positive()
     # Each node makes a kink of its own in the convolution where the density at 0 is finite.
     fine, weight_of_fine = narrow(0.05, 256)
@@ -321,8 +322,8 @@ def agree(distribution, delays, velocity, time=None, weight_of_time=None):
 
 def test_motion_backwards_is_the_mirror_image():
     delays = after(0.1)
-    start = panels.initial_state(tables(GAUSSIAN), delays, *narrow(), velocity=1.0)
-    mirror = panels.initial_state(tables(GAUSSIAN), delays, *narrow(), velocity=-1.0)
+    start = initial_state(tables(GAUSSIAN), delays, *narrow(), velocity=1.0)
+    mirror = initial_state(tables(GAUSSIAN), delays, *narrow(), velocity=-1.0)
     ahead = run(3.0, delays=delays, start=start).rows
     back = run(3.0, delays=delays, start=mirror, velocity=-1.0).rows
     assert back[:, [POSITION, VELOCITY, CONTACT_FORCE]] == pytest.approx(
@@ -332,7 +333,7 @@ def test_motion_backwards_is_the_mirror_image():
 
 
 def test_a_shuttle_breaks_no_more_than_its_widest_swing():
-    state = panels.initial_state(tables(GAUSSIAN), NEVER_BACK, *AT_REST)
+    state = initial_state(tables(GAUSSIAN), NEVER_BACK, *AT_REST)
     for velocity, duration in ((1.0, 0.95), (-1.0, 1.8), (1.0, 1.8)):
         state = run(duration, delays=NEVER_BACK, slider=RIGID, start=state, velocity=velocity).state
     assert state.scalar[ATTACHED] == pytest.approx(float(GAUSSIAN.survival(0.95)), abs=1e-11)
@@ -343,7 +344,7 @@ def test_a_ringing_slider_breaks_what_its_widest_swing_reaches():
     # Let go with a stretched spring and no damping: the first oscillation decides what breaks, however long the
     # steps.
     slider = SLIDER._replace(damping=0.0)
-    start = panels.initial_state(tables(GAUSSIAN), NEVER_BACK, *AT_REST)
+    start = initial_state(tables(GAUSSIAN), NEVER_BACK, *AT_REST)
     found = [
         run(
             0.2, delays=NEVER_BACK, slider=slider, start=start, pull=Quadratic(0.0, 0.70, 0.0, 0.0), tolerance=tolerance
@@ -408,10 +409,10 @@ def test_neither_samples_nor_pauses_change_the_steps():
     times = np.linspace(0.0, 2.0, 201)
     whole = run(2.0, times=times, **case)
     state, rows, reason = run(2.0, times=times, max_steps=7, **case)
-    while reason == panels.PAUSED:
+    while reason == panel_state.PAUSED:
         state, more, reason = run(2.0, start=state, times=times[len(rows) :], max_steps=7, **case)
         rows = np.concatenate([rows, more])
-    assert reason == panels.FINISHED
+    assert reason == panel_state.FINISHED
     assert np.array_equal(rows, whole.rows)
     assert np.array_equal(state.scalar, whole.state.scalar)
     assert np.array_equal(state.scalar, run(2.0, times=times[::50], **case).state.scalar)
@@ -429,14 +430,14 @@ def test_stops_at_the_first_sample_where_the_condition_holds(stop, column, expec
     velocity = -1.0 if stop.kind == 3 else 1.0
     state, rows, reason = run(5.0, velocity=velocity, stop=stop)
     past = (np.abs(rows[:, column]) >= abs(expected)).tolist()
-    assert reason == panels.STOPPED
+    assert reason == panel_state.STOPPED
     assert past.index(True) == len(rows) - 1
     assert state.scalar[TIME] == pytest.approx(rows[-1, TIME], abs=1e-12)
-    assert state.scalar[: panels.COLUMNS] == pytest.approx(rows[-1], abs=1e-12)
+    assert state.scalar[: panel_state.COLUMNS] == pytest.approx(rows[-1], abs=1e-12)
 
 
 def test_the_state_given_is_left_alone():
-    start = panels.initial_state(tables(GAUSSIAN), NO_DELAY, *narrow(), velocity=1.0)
+    start = initial_state(tables(GAUSSIAN), NO_DELAY, *narrow(), velocity=1.0)
     copies = [array.copy() for array in start]
     run(1.5, start=start)
     assert all(np.array_equal(array, copy) for array, copy in zip(start, copies, strict=True))
@@ -444,22 +445,22 @@ def test_the_state_given_is_left_alone():
 
 def test_slow_and_resting_sliders_need_few_steps():
     slow = run(5e4, delays=after(0.2), velocity=1e-4, times=np.zeros(0), max_steps=20_000)
-    assert slow.reason == panels.FINISHED
+    assert slow.reason == panel_state.FINISHED
     rest = run(1e6, delays=after(0.2), start=slow.state, velocity=0.0, times=np.zeros(0), max_steps=5_000)
-    assert rest.reason == panels.FINISHED
+    assert rest.reason == panel_state.FINISHED
     assert rest.state.scalar[MASS_OUT] == pytest.approx(0.0, abs=1e-12)
     assert rest.state.used[0] < 1000
 
 
 def test_distributions_all_but_equal_do_not_stall_it():
     progress = run(3.0, distribution=Uniform(low=1.0, high=1.0 + 1e-7), delays=after(0.1), max_steps=50_000)
-    assert progress.reason == panels.FINISHED
+    assert progress.reason == panel_state.FINISHED
 
 
 def test_stretchings_are_the_distribution_of_the_attached():
     progress = run(2.3, delays=after(0.2))
     state = progress.state
-    place, mass, reach = spread_out(state.groups[:, : state.used[panels.GROUPS]], 1e-4)
+    place, mass, reach = spread_out(state.groups[:, : state.used[panel_state.GROUPS]], 1e-4)
     mass = mass * survival.values_at(tables(GAUSSIAN), reach)
     x, scalar = state.scalar[POSITION] - place, state.scalar
     assert mass.sum() == pytest.approx(scalar[MASS_IN], abs=1e-5)

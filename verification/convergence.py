@@ -22,7 +22,7 @@ from stickslip import (
     simulate,
 )
 from stickslip.kernels.drive import Quadratic, Stop
-from stickslip.kernels.panels import REJECTED, STEPS
+from stickslip.kernels.panel_state import REJECTED, STEPS
 from stickslip.model import Rig
 from stickslip.paper import Claim
 from stickslip.paper.cases import FIG4, FIG8

@@ -69,7 +69,9 @@ def tabulate(
             pieces[:, side, 0], pieces[:, side, 1] = a, 1.0 / (b - a)
             pieces[:, side, 2:] = function(x) @ _FIT.T
             fitted = pieces[:, side, 2:] @ np.vander(_CHECK, DEGREE + 1, increasing=True).T
-            worst = max(worst, np.abs(fitted - function(np.asarray(a[:, None] + (b - a)[:, None] * _CHECK, float))).max())
+            worst = max(
+                worst, np.abs(fitted - function(np.asarray(a[:, None] + (b - a)[:, None] * _CHECK, float))).max()
+            )
         if worst < tolerance or 2 * count > most:
             break
         count *= 2

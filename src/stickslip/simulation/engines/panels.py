@@ -29,7 +29,7 @@ from stickslip.simulation.engines.base import (
 )
 
 if TYPE_CHECKING:
-    from stickslip.kernels import panels as kernel
+    from stickslip.kernels import panel_state as kernel
     from stickslip.kernels.survival import Table
 
 Array = NDArray[np.float64]
@@ -51,11 +51,14 @@ class Panels(Engine):
     mechanisms = frozenset({"on_arrest"})
 
     def __init__(self, beginning: Beginning, method: MasterEquation) -> None:
-        from stickslip.kernels import panels as kernel
+        from stickslip.kernels import panel_state as kernel
 
         self._interface, self._method = beginning.interface, method
         distribution = beginning.interface.threshold_distribution
-        self._thresholds, self._accuracy = _thresholds(hashable(distribution)), _accuracy(hashable(distribution), method.rtol)
+        self._thresholds, self._accuracy = (
+            _thresholds(hashable(distribution)),
+            _accuracy(hashable(distribution), method.rtol),
+        )
         self._delays = _delays(hashable(beginning.interface.delay), method)
         self.slider = slider_constants(beginning.slider)
         if beginning.sliding:
@@ -81,19 +84,19 @@ class Panels(Engine):
 
     def here(self) -> tuple[float, float]:
         """Time, and position of the slider."""
-        from stickslip.kernels import panels as kernel
+        from stickslip.kernels import panel_state as kernel
 
         return float(self._state.scalar[kernel.TIME]), float(self._state.scalar[kernel.POSITION])
 
     def contact_force(self) -> float:
         """Force of the contacts now, per contact."""
-        from stickslip.kernels import panels as kernel
+        from stickslip.kernels import panel_state as kernel
 
         return float(self._state.scalar[kernel.CONTACT_FORCE])
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts now, those that attached in one step spread over its panel."""
-        from stickslip.kernels import panels as kernel
+        from stickslip.kernels import panel_state as kernel
         from stickslip.kernels.groups import spread_out
         from stickslip.kernels.survival import values_at
 
@@ -105,10 +108,11 @@ class Panels(Engine):
 
     def advance(self, leg: Leg) -> Advance:
         """Go on by some steps."""
-        from stickslip.kernels import panels as kernel
+        from stickslip.kernels import panel_state as kernel
+        from stickslip.kernels.panels import advance
 
         before = self.copy()
-        done = kernel.advance(
+        done = advance(
             self._state,
             self._thresholds,
             self._delays,
@@ -143,7 +147,7 @@ class Panels(Engine):
         InputError
             If the delay is not the old one scaled.
         """
-        from stickslip.kernels import panels as kernel
+        from stickslip.kernels import panel_state as kernel
         from stickslip.kernels.groups import MASS, REACH
         from stickslip.kernels.rules import P
         from stickslip.kernels.survival import values_at
@@ -223,7 +227,7 @@ def _tolerance(rtol: float) -> float:
 @lru_cache(maxsize=64)
 def _accuracy(distribution: Distribution, rtol: float) -> kernel.Accuracy:
     """Tolerance of a step, and the widest panel on which a sum over nodes is good to it."""
-    from stickslip.kernels.panels import Accuracy
+    from stickslip.kernels.panel_state import Accuracy
     from stickslip.kernels.survival import widest
 
     table, tolerance = _thresholds(hashable(distribution)), _tolerance(rtol)
@@ -233,7 +237,7 @@ def _accuracy(distribution: Distribution, rtol: float) -> kernel.Accuracy:
 @lru_cache(maxsize=64)
 def _delays(delay: DelayModel, method: MasterEquation) -> kernel.Delays:
     """Times until a broken contact re-attaches, as the kernel takes them."""
-    from stickslip.kernels.panels import Delays
+    from stickslip.kernels.panel_state import Delays
     from stickslip.kernels.survival import EMPTY, widest
 
     mean, arrest = delay.moment(1), isinstance(delay, OnArrest)
