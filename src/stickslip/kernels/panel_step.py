@@ -258,7 +258,7 @@ def try_step(state: State, work: Work, case: Case, dt: float) -> float:
         _newborn(state, work, case, dt)
     if not case.delays.memoryless:  # what broke in the last sweep re-attaches, too
         own_births(work, case.delays, dt)
-        for k in range(1, P + 1):
+        for k in range(P + 1):
             nodes[AT_ATTACHED, k] = scalar[MASS_IN] - nodes[AT_BROKEN, k] + nodes[AT_BORN, k]
     error = max(_unresolved(nodes[AT_FORCE]), _unresolved(nodes[AT_BROKEN]), _unresolved(nodes[AT_BORN]))
     if not rigid:
