@@ -107,7 +107,7 @@ def test_where_smooth_sliding_is_unstable_a_small_perturbation_grows_into_the_cy
 def test_the_tolerance_of_cycles_is_fine_enough():
     rough, fine = (
         is_sustained(Rig(delayed(0.1), FIG6.slider, constant(1.0)), method=MasterEquation(rtol=rtol))
-        for rtol in (1e-3, 1e-5)
+        for rtol in (1e-4, 1e-6)
     )
     assert rough.peak_to_peak == pytest.approx(fine.peak_to_peak, rel=2e-3)
     assert rough.period == pytest.approx(fine.period, rel=2e-3)
@@ -176,7 +176,7 @@ def test_an_oscillation_that_has_not_settled_is_undecided():
     ],
 )
 def test_small_perturbations_grow_or_decay_at_the_linear_rate(interface, slider, velocity, duration):
-    method = MasterEquation(rtol=1e-7)  # the perturbation is 1e-3
+    method = MasterEquation(rtol=1e-10)  # the slow mode starts at 1e-7
     run = simulate(
         Rig(interface, slider, constant(velocity, duration)), method=method, start=FromSliding(perturbation=1e-3)
     )

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-METHOD = MasterEquation(rtol=1e-3)
+METHOD = MasterEquation(rtol=1e-4)
 """The largest error that keeps the settled numbers; see `stickslip.cycles`."""
 
 LOOK = 3.0

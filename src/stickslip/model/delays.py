@@ -197,7 +197,7 @@ class RandomDelay(DelayModel):
     def parts(self) -> tuple[tuple[Array, Array], list[tuple[float, Distribution]]]:
         """Return the atom at zero, if negative draws are clipped, and the Gaussians."""
         atom = self._parts()[0]
-        gaussians: list[tuple[float, Distribution]] = list(self._gaussian_parts())
+        gaussians: list[tuple[float, Distribution]] = list(self._gaussian_parts)
         return (np.zeros(1 if atom > 0 else 0), np.full(1 if atom > 0 else 0, atom)), gaussians
 
     def moment(self, order: int) -> float:
