@@ -51,7 +51,7 @@ def _rigid(interface, method):
 
 
 def _cases() -> dict[str, Callable[[], object]]:
-    few, coarse = ss.Contacts(12, seed=1), ss.MasterEquation(cells=10)
+    few, coarse = ss.Contacts(12, seed=1), ss.MasterEquation(rtol=1e-2)
     cases: dict[str, Callable[[], object]] = {}
     for name, delay in DELAYS.items():
         interface = ss.Interface(thresholds=TENTH, delay=delay)
@@ -69,7 +69,7 @@ def _cases() -> dict[str, Callable[[], object]]:
         cases[f"{method}, until"] = partial(_until, method)
         cases[f"{method}, rigid"] = partial(_rigid, delayed, method)
         cases[f"{method}, ageing"] = partial(_run, ageing, method, drive=back)
-    cases["memoryless"] = partial(_run, delayed, ss.MasterEquation(cells=10, memoryless=True))
+    cases["memoryless"] = partial(_run, delayed, ss.MasterEquation(rtol=1e-2, memoryless=True))
     cases["contacts, ageing with a delay"] = partial(_run, strong, few, drive=ss.constant(0.5, 0.4))
     cases["contacts, ageing, sliding"] = partial(_run, ageing, few, drive=ss.constant(0.5, 0.4), start=ss.FromSliding())
     cases["contacts, ageing, in one place"] = partial(_run, ageing, few, drive=ss.constant(0.0, 0.4))

@@ -171,9 +171,9 @@ def test_every_complaint_of_several_is_told_apart():
     assert [c["key"] for c in documents.complaints(caught.value)] == ["slider.mass", "slider.stiffness"]
 
 
-def test_the_fields_that_are_the_cause_are_named_for_cells_too():
-    document = small(simulation__method="master equation", simulation__cells=50_000)
-    with pytest.raises(InputError, match="cells"):
+def test_the_fields_that_are_the_cause_are_named_for_the_master_equation_too():
+    document = small(simulation__method="master equation", simulation__rtol=1e-12)
+    with pytest.raises(InputError, match="rtol"):
         next(answers.run({"document": document}, silent))
 
 

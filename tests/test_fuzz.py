@@ -161,7 +161,7 @@ CALLS = (
     lambda a, b: ss.Slider(stiffness=a, mass=b, damping=1.0),
     lambda a, b: ss.Output(interval=a, snapshots=b),
     lambda a, b: ss.Contacts(a, seed=b),
-    lambda a, b: ss.MasterEquation(cells=a, memoryless=b),
+    lambda a, b: ss.MasterEquation(rtol=a, memoryless=b),
     lambda a, b: ss.ramp(a, b, duration=1.0),
     lambda a, b: ss.constant(a, duration=b),
     lambda a, b: RIG.replace(**{str(a): b}),

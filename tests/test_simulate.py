@@ -403,7 +403,7 @@ def test_snapshots_hold_all_attached_contacts():
     np.testing.assert_allclose(mean, force, atol=0.5 * width)
 
 
-@pytest.mark.parametrize("method", [Contacts(100), MasterEquation(cells=50)], ids=["contacts", "cohorts"])
+@pytest.mark.parametrize("method", [Contacts(100), MasterEquation(rtol=1e-3)], ids=["contacts", "cohorts"])
 def test_a_snapshot_at_the_end_of_the_drive_is_taken(method):
     run = run_of(
         replace(FIG4, drive=constant(1.0, 1.0)), method, output=Output(interval=0.1, snapshots=(0.5, 1.0, 1.0))
@@ -423,7 +423,7 @@ def test_in_smooth_sliding_stretchings_follow_the_steady_distribution(method):
     distribution = SteadyState(thresholds=TENTH)
     expected = attached * -np.diff(distribution.survival(edges))
     got = run["stretching_density"].to_numpy() * np.diff(edges)
-    # Counts in a bin scatter as a binomial number's; a cohort solver has no scatter, but cells of 1/400.
+    # Counts in a bin scatter as a binomial number's; the master equation has no scatter.
     n = method.count if isinstance(method, Contacts) else np.inf
     slack = 6 * np.sqrt(expected / n) if math.isfinite(n) else attached * distribution.density(0.0) / 400
     assert np.all(np.abs(got - expected) <= slack + 1e-4)
@@ -588,8 +588,8 @@ def test_contacts_scatter_about_the_master_equation():
 REPEATED = {
     "contacts": (FIG4, {"method": Contacts(300, seed=9)}),
     "random delays": (MOTIONS["random delay, redraw"], {"method": Contacts(300, seed=9)}),
-    "cohorts": (replace(FIG4, drive=constant(1.0, 1.5)), {"method": MasterEquation(cells=100)}),
-    "memoryless": (replace(FIG4, drive=constant(1.0, 1.5)), {"method": MasterEquation(cells=100, memoryless=True)}),
+    "cohorts": (replace(FIG4, drive=constant(1.0, 1.5)), {"method": MasterEquation(rtol=1e-3)}),
+    "memoryless": (replace(FIG4, drive=constant(1.0, 1.5)), {"method": MasterEquation(rtol=1e-3, memoryless=True)}),
     "sliding": (FIG4, {"method": Contacts(300, seed=9), "start": FromSliding(perturbation=0.1)}),
     "output": (FIG4, {"method": Contacts(50), "output": Output(interval=0.07, snapshots=(2.0, 1 / 3), bins=9)}),
     "conditions": (
@@ -814,8 +814,8 @@ def test_more_samples_than_a_run_can_hold_are_refused_even_if_it_may_take_long()
         (lambda: Contacts("many"), r"^Contacts\.count = 'many': must be a number"),
         (lambda: Contacts(10, seed=-1), r"^Contacts\.seed = -1: must be .* at least 0"),
         (lambda: Contacts(10, seed=None), r"^Contacts\.seed = None: must be a number"),
-        (lambda: MasterEquation(cells=1), r"^MasterEquation\.cells = 1: must be .* at least 10"),
-        (lambda: MasterEquation(cells=math.inf), r"^MasterEquation\.cells = inf: must be a finite number"),
+        (lambda: MasterEquation(rtol=1), r"^MasterEquation\.rtol = 1: must be .* at most 0\.1"),
+        (lambda: MasterEquation(rtol=math.inf), r"^MasterEquation\.rtol = inf: must be a finite number"),
         (lambda: Output(interval=0), r"^Output\.interval = 0: must be .* above 0"),
         (lambda: Output(interval=math.nan), r"^Output\.interval = nan: must be a finite number above 0"),
         (lambda: Output(snapshots=(1.0, -1.0)), r"^Output\.snapshots\[1\] = -1: must be .* at least 0"),

@@ -171,7 +171,7 @@ MISTAKES = [
     ("run.contacts", 0, "Contacts.count = 0", "at least 1"),
     ("run.method", "monte carlo", "run.method", "'contacts' or 'master equation'"),
     ("run.method", "master equation", "run.contacts", "method = 'contacts'"),
-    ("run.cells", 400, "run.cells", "method = 'master equation'"),
+    ("run.rtol", 1e-4, "run.rtol", "method = 'master equation'"),
     ("run.distance", "4 mm", "run.distance = '4 mm'", "plain number"),
     ("run.extensions", -1, "run.extensions = -1", "at least 0"),
     ("measure", ["perod"], "'perod'", "did you mean 'period'"),
@@ -312,7 +312,7 @@ def test_a_run_lasts_as_long_as_the_file_asks():
 
 
 def test_the_master_equation_needs_no_seed_and_feels_the_smooth_start():
-    document = changed("run", {"method": "master equation", "cells": 50, "distance": 20.0, "cycles": 0.0})
+    document = changed("run", {"method": "master equation", "rtol": 1e-3, "distance": 20.0, "cycles": 0.0})
     plan = from_document(document)
     assert "seed" not in plan.measures
     case = plan.study

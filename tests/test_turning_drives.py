@@ -14,13 +14,12 @@ from scipy.linalg import expm
 
 import stickslip as ss
 from stickslip.kernels import events as kernel
-from stickslip.kernels.cohorts import TOLERANCE
 from stickslip.kernels.drive import Quadratic
 from stickslip.kernels.oscillator import Slider
 
 BROAD = ss.Uniform(low=0.3, high=1.7)
-COARSE = ss.MasterEquation(cells=100)
-ONE_RUN = TOLERANCE / COARSE.cells**2  # to which the master equation knows where the slider is
+COARSE = ss.MasterEquation(rtol=2e-4)
+ONE_RUN = 10.0 * COARSE.rtol  # to which the master equation knows where the slider is
 QUICK, ALL = 8, 312
 
 every_rig = pytest.mark.parametrize(
@@ -199,7 +198,7 @@ def test_contacts_move_as_in_a_plain_loop(seed):
 @every_rig
 @pytest.mark.parametrize(
     ("method", "slack"),
-    [(ss.Contacts(500, seed=3), 1e-9), (COARSE, 2.0 / COARSE.cells**2)],
+    [(ss.Contacts(500, seed=3), 1e-9), (COARSE, ONE_RUN)],
     ids=["contacts", "master equation"],
 )
 @pytest.mark.eq(4, 11)
@@ -214,8 +213,8 @@ def test_forces_stay_within_the_thresholds_and_balances_close(seed, method, slac
     assert np.all((attached >= 0.0) & (attached <= 1.0 + 1e-11))
     if delay.time == 0.0:
         assert attached == pytest.approx(1.0, abs=1e-11)
-    if delay.time == math.inf:
-        assert np.all(np.diff(attached) <= 1e-12)
+    if delay.time == math.inf:  # between the ends of a step of the master equation, to its error
+        assert np.all(np.diff(attached) <= (COARSE.rtol if method is COARSE else 1e-12))
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])

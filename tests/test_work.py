@@ -17,7 +17,7 @@ RIG = ss.Rig(INTERFACE, SLIDER, ss.constant(1.0, duration=10.0), method=ss.Conta
 TOO_MUCH = {
     "slider.mass": RIG.replace(mass=1e-28),
     "simulation.contacts": RIG.replace(method=ss.Contacts(100_000_000), drive=ss.constant(1.0, duration=1000.0)),
-    "simulation.cells": RIG.replace(method=ss.MasterEquation(cells=100_000), drive=ss.constant(1.0, duration=1000.0)),
+    "simulation.rtol": RIG.replace(method=ss.MasterEquation(rtol=1e-9), drive=ss.constant(1.0, duration=1e6)),
     "interface.ageing.time": RIG.replace(interface=AGEING),
     "simulation.interval": RIG.replace(output=ss.Output(interval=1e-12)),
 }
@@ -70,10 +70,10 @@ def test_memory_is_estimated_too():
 
 
 @pytest.mark.parametrize(
-    ("rig", "cells"), [(RIG, None), (RIG, 100), (RIG.replace(drive=ss.constant(1.0, duration=400.0)), None)]
+    ("rig", "rtol"), [(RIG, None), (RIG, 1e-4), (RIG.replace(drive=ss.constant(1.0, duration=400.0)), None)]
 )
-def test_the_estimate_is_of_the_right_size(rig, cells):
-    rig = rig if cells is None else rig.replace(method=ss.MasterEquation(cells=cells))
+def test_the_estimate_is_of_the_right_size(rig, rtol):
+    rig = rig if rtol is None else rig.replace(method=ss.MasterEquation(rtol=rtol))
     ss.simulate(rig.replace(drive=ss.constant(1.0, duration=1e-3)))  # compiled
     begun = time.process_time()
     ss.simulate(rig)

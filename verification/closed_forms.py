@@ -70,14 +70,14 @@ def _exponential() -> tuple[Claim, ...]:
     run = rigid_slide(rest, 5.0)
     steady = rigid_slide(Interface(thresholds=distribution, initial=SteadyState(thresholds=distribution)), 5.0)
     exact = mean * (1 - np.exp(-run["displacement"].to_numpy() / mean))
-    cohorts = rigid_slide(rest, 5.0, method=MasterEquation(cells=1600))
+    cohorts = rigid_slide(rest, 5.0, method=MasterEquation(rtol=1e-6))
     other = mean * (1 - np.exp(-cohorts["displacement"].to_numpy() / mean))
     return (
         finding(
             "Exponential thresholds have no memory: F = m1 (1 - exp(-X/m1)) from rest, and never falls",
             at_most("error of F, renewal", float(np.abs(run["friction_force"] - exact).max()), 1e-8, "f_s"),
             at_most(
-                "error of F, cohorts (second order, 1600 cells)",
+                "error of F, master equation, rtol 1e-6",
                 float(np.abs(cohorts["friction_force"] - other).max()),
                 2e-6,
                 "f_s",

@@ -16,15 +16,15 @@ from stickslip.measure.verdict import TINY
 from stickslip.model import FromRest, FromSliding, MasterEquation, Slider, Start
 from stickslip.model.parameters import Parameter, parameter_named
 from stickslip.model.rig import Ends, Rig
-from stickslip.simulation import Beginning, Leg, Population, check_method, follow_leg
+from stickslip.simulation import Beginning, Leg, Panels, check_method, follow_leg
 
 if TYPE_CHECKING:
     from stickslip.kernels.drive import Quadratic
 
 Array = NDArray[np.float64]
 
-METHOD = MasterEquation(cells=100)
-"""The fewest cohorts that keep the settled numbers; see `stickslip.cycles`."""
+METHOD = MasterEquation(rtol=1e-4)
+"""The largest error that keeps the settled numbers; see `stickslip.cycles`."""
 
 LOOK = 3.0
 """Cycles, by their expected length, between two looks at the amplitude."""
@@ -72,7 +72,7 @@ class Ride:
     """A rig on its way: where it is, and how it is pulled. Immutable, so that one can go back and try again."""
 
     rig: Rig
-    engine: Population
+    engine: Panels
     drive: Quadratic
     cycle: float  # expected travel of the drive in one
 
@@ -82,7 +82,7 @@ class Ride:
         from stickslip.kernels.drive import Quadratic
 
         beginning = Beginning(rig.interface, rig.slider, rig.velocity, start)
-        engine = Population(beginning, method)
+        engine = Panels(beginning, method)
         drive = Quadratic(0.0, beginning.drive_position(engine.contact_force()), rig.velocity, 0.0)
         return cls(rig, engine, drive, _expected_cycle(rig))
 

@@ -208,7 +208,7 @@ _KEYS: Mapping[str, str] = {
     "Slider.damping": "slider.damping",
     "Contacts.count": "simulation.contacts",
     "Contacts.seed": "simulation.seed",
-    "MasterEquation.cells": "simulation.cells",
+    "MasterEquation.rtol": "simulation.rtol",
     "Output.interval": "simulation.interval",
     "FromSliding.perturbation": "simulation.start",
     "Langevin.rate": "interface.ageing.time",
@@ -344,6 +344,4 @@ def paper(case: PaperCase, name: str) -> Document:
         method=Contacts(case.contacts, seed=1),
         name=name,
     )
-    document = rigs.to_document(rig, digits=12)
-    document["simulation"]["cells"] = 100
-    return document
+    return rigs.to_document(rig, digits=12)

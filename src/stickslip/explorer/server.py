@@ -121,7 +121,7 @@ def _warm(begin: documents.Document) -> None:
     """Load the kernels before the first move of a slider."""
     for method in ("contacts", "master equation"):
         document = json.loads(json.dumps(begin))
-        document["simulation"] = {**document.get("simulation", {}), "method": method, "contacts": 100, "cells": 20}
+        document["simulation"] = {**document.get("simulation", {}), "method": method, "contacts": 100}
         with suppress(Exception):  # the first question will tell
             for _ in answers.run({"document": document}, lambda _share: None):
                 pass

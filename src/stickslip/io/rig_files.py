@@ -410,7 +410,7 @@ class _Reader:
                 lambda: (
                     _OF_CONTACTS[simulation["method"]](count, simulation["seed"])
                     if simulation["method"] in _OF_CONTACTS
-                    else MasterEquation(cells=simulation["cells"])
+                    else MasterEquation(rtol=simulation["rtol"])
                 ),
                 {"count": "contacts"},
             ),

@@ -443,7 +443,7 @@ SIMULATION: Mapping[str, Key] = {
         otherwise="10,000; 100 for each block of a chain",
     ),
     "seed": Key("Of the random numbers: the same seed gives the same run.", 1, default=1),
-    "cells": Key("Resolution of the master equation: cohorts per breaking displacement, 10 to 1e5.", 200, default=400),
+    "rtol": Key("Error of the master equation, in total contact strengths: 1e-10 to 0.1.", 1e-5, default=1e-4),
     "start": Key(
         "The state that a run starts from: at rest with an unstretched spring, or in steady smooth sliding.",
         "from rest",
@@ -473,6 +473,7 @@ RENAMED: Mapping[str, str] = {
         "is gone, as it was no measured coefficient; write mu_s and mu_k beside normal_load, "
         "or contact_strength = coefficient x normal_load"
     ),
+    "simulation.cells": "is gone; write rtol, the error of the force, such as 1e-4",
 }
 """Keys that were, and what to write now."""
 

@@ -220,7 +220,7 @@ class RigWriter:
             name = "contacts" if isinstance(method, Contacts) else "quasi-static"
             found: Document = {"method": name, "contacts": method.count, "seed": method.seed}
         elif isinstance(method, MasterEquation) and not method.memoryless:
-            found = {"method": "master equation", "cells": method.cells}
+            found = {"method": "master equation", "rtol": method.rtol}
         else:
             raise self._refuse(f"the method {shown(method)}")
         found["start"] = "sliding" if isinstance(start, FromSliding) else "from rest"

@@ -184,6 +184,8 @@ def _one_mistake(item: Any, document: type[Part]) -> str:
     kind, value = item["type"], item["input"]
     key = ".".join(path) or "the file"
     if kind == "extra_forbidden":
+        if key == "run.cells":
+            return "run.cells: is gone; write rtol, the error of the force, such as 1e-4"
         known = _keys_beside(path, document)
         near = difflib.get_close_matches(path[-1], known, n=1, cutoff=0.5)
         remedy = f"; did you mean {near[0]!r}?" if near else f"; known here: {', '.join(known)}"

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from ._jit import bare, inlined
 from .blocks import BUDGET_SPENT
-from .cohorts import EXTINCT, Table, survival
 from .leapfrog import (
     BROKEN,
     DRIVE_FORCE,
@@ -30,6 +29,7 @@ from .leapfrog import (
     slide,
 )
 from .network import Network
+from .survival import Table, value_at, values_at
 
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
@@ -38,6 +38,9 @@ NO_ROOM, NO_HISTORY = 6, 7
 """Why `advance` returned, besides what `blocks` knows: too many cohorts, or too many steps in a delay."""
 FIRST = 1e-3
 """The first break of infinitely many contacts is that of this fraction."""
+
+EXTINCT = 1e-12
+"""A cohort of which a smaller fraction survives is dropped; its rest counts as broken."""
 
 BIRTH, MASS, REACH, ALIVE = range(4)
 
@@ -93,6 +96,15 @@ class State(NamedTuple):
     cohorts: Cohorts
 
 
+def smooth_sliding(table: Table, cells: float, attached: float) -> tuple[Floats, Floats]:
+    """Stretchings and weights of smooth sliding, ``Q_s(x) = J_c(x)/<x_s>``, at the cohorts' own resolution."""
+    x = np.arange(int(cells * table.top), -1, -1) / cells
+    weight = values_at(table, x)
+    weight[-1] *= 0.5
+    kept = weight > EXTINCT
+    return x[kept], attached * weight[kept] / weight[kept].sum()
+
+
 def make_state(
     motion: Motion, births: Floats, alive: Floats, thresholds: Thresholds, delays: Delays, room: int, kept: int
 ) -> State:
@@ -114,7 +126,7 @@ def make_state(
     n, count = births.shape
     cohort = np.zeros((n, 4, max(room, count + 1)))
     reach = np.abs(motion.blocks.X[:, None] - births)
-    held = np.array([[survival(thresholds.table, x) for x in row] for row in reach])
+    held = np.array([[value_at(thresholds.table, x) for x in row] for row in reach])
     cohort[:, BIRTH, :count], cohort[:, REACH, :count] = births, reach
     cohort[:, ALIVE, :count], cohort[:, MASS, :count] = alive, alive / np.maximum(held, EXTINCT)
     motion.blocks.held[:] = alive.sum(axis=1)
@@ -202,7 +214,7 @@ def _attach(cohorts: Cohorts, j: int, b: float, alive: float, reach: float, tabl
         i += 1
         cohorts.used[j, 0] = i + 1
     cohort[j, BIRTH, i], cohort[j, REACH, i], cohort[j, ALIVE, i] = b, reach, alive
-    cohort[j, MASS, i] = alive / survival(table, reach)
+    cohort[j, MASS, i] = alive / value_at(table, reach)
 
 
 @bare
@@ -219,7 +231,7 @@ def _drift(state: State, j: int, fraction: float, sliding: float, thresholds: Th
         if x <= weakest or x <= cohort[j, REACH, i] or cohort[j, ALIVE, i] == 0.0:
             continue
         before = max(cohort[j, REACH, i], abs(X - b))
-        left = survival(table, x)
+        left = value_at(table, x)
         alive = cohort[j, MASS, i] * left if left > EXTINCT else 0.0
         gone = cohort[j, ALIVE, i] - alive
         cohort[j, REACH, i], cohort[j, ALIVE, i] = x, alive
@@ -232,7 +244,7 @@ def _drift(state: State, j: int, fraction: float, sliding: float, thresholds: Th
             cohorts.used[j, 1] += 1
     b = X + 0.5 * (then - X)
     reach = abs(then - b)
-    young = survival(table, reach)
+    young = value_at(table, reach)
     attaching = cohorts.due[j] + fraction * broken
     alive = attaching * young
     held = blocks.held[j]

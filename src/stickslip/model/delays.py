@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
 from stickslip.errors import InputError, shown
-from stickslip.model.distributions import Gaussian
+from stickslip.model.distributions import Distribution, Gaussian
 from stickslip.model.records import Number, check
 from stickslip.model.registry import registrar
 
@@ -42,6 +42,10 @@ class DelayModel(Protocol):
     def quadrature(self) -> tuple[Array, Array]:
         """Rising delays and their weights, for the mean of a smooth function of the delay."""
         ...
+
+    def parts(self) -> tuple[tuple[Array, Array], list[tuple[float, Distribution]]]:
+        """Given times and their weights, and the distributions of the rest with theirs; by default given times only."""
+        return self.quadrature(), []
 
     def absence(self, s: ArrayLike) -> ComplexArray:
         """``1 - laplace(s)``, without cancellation at small `s`."""
@@ -189,6 +193,12 @@ class RandomDelay(DelayModel):
         kept = [(weight, mean) for weight, mean in self._parts()[1] if weight > 2e-6]
         total = sum(weight for weight, _ in kept) / (1.0 - self._parts()[0])
         return [(w / total, Gaussian(mean=mean, std=self.std, lower=0.0)) for w, mean in kept]
+
+    def parts(self) -> tuple[tuple[Array, Array], list[tuple[float, Distribution]]]:
+        """Return the atom at zero, if negative draws are clipped, and the Gaussians."""
+        atom = self._parts()[0]
+        gaussians: list[tuple[float, Distribution]] = list(self._gaussian_parts)
+        return (np.zeros(1 if atom > 0 else 0), np.full(1 if atom > 0 else 0, atom)), gaussians
 
     def moment(self, order: int) -> float:
         """Mean of ``tau**order``."""

@@ -34,21 +34,20 @@ class Contacts:
 
 @dataclass(frozen=True, kw_only=True)
 class MasterEquation:
-    """Method: the master equation, Eqs. (1)-(4), on cohorts: the limit of infinitely many contacts.
+    """Method: the master equation, Eqs. (1)-(4): the limit of infinitely many contacts, to a given error.
 
     Parameters
     ----------
-    cells : int
-        Resolution: cohorts per ``x_s`` of motion. The error falls as ``cells**-2``. With thresholds that age it is
-        the kinetic equation that is solved, with a sixteenth as many cohorts, and ``cells/40`` cells of the gap per
-        standard deviation, in steps of at most ``4/cells`` times ``rate**-2`` and ``x_s``; the error falls as
-        ``cells**-2``, too (400: 0.1 % of the steady force up to ``velocity = rate**2``, peaks to 0.5 %).
+    rtol : float
+        Error of the forces, in ``f_s`` per contact: root mean square over some cycles, within a factor of 10. Steps of
+        time follow from it. With thresholds that age it is the kinetic equation that is solved, at a resolution whose
+        error in the steady force is ten times that, up to ``velocity = rate**2`` (default: 0.1 %, peaks to 0.5 %).
     memoryless : bool
         Use the paper's approximation, Eq. (10), for the detached contacts in place of the true delay. It has no
         memory and gives an oscillation of its own; for comparison only.
     """
 
-    cells: Annotated[int, Number(at_least=10, at_most=100_000, hint="cohorts per x_s")] = 400
+    rtol: Annotated[float, Number(at_least=1e-10, at_most=0.1, hint="error of the force")] = 1e-4
     memoryless: bool = False
 
     def __post_init__(self) -> None:

@@ -84,7 +84,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     kinds, oscillations = [], []
     for std, delay, start, duration in _RUNS.values():
         interface = replace(_interface(0.01, std), delay=Delay(delay))
-        method = MasterEquation(cells=100 if quick else 400)
+        method = MasterEquation(rtol=1e-3 if quick else 1e-4)
         run = simulate(
             Rig(interface, FIG4.slider, constant(FIG4.velocity, duration)),
             method=method,

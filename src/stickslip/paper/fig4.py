@@ -55,7 +55,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     end = 90.0 if quick else _END
     methods: tuple[Method, Method] = (
         Contacts(FIG4.contacts, seed=4),
-        MasterEquation(cells=200 if quick else 400),
+        MasterEquation(rtol=1e-4 if quick else 1e-5),
     )
     counts = (1_000, 4_000) if quick else (1_000, 4_000, 16_000)
     parts = portions(progress, len(_SOLVERS) * len(STIFFNESSES) * len(_DELAYS) + len(counts))

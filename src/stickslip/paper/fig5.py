@@ -56,7 +56,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     parts = portions(progress, 4)
     interval = 2e-4 if quick else 5e-5
     methods: tuple[Method, Method] = (
-        MasterEquation(cells=200 if quick else 800),
+        MasterEquation(rtol=1e-4 if quick else 1e-5),
         Contacts(FIG5.contacts if quick else 100 * FIG5.contacts, seed=5),
     )
     found = first_instability(FIG5.interface, FIG5.slider.stiffness)

@@ -6,7 +6,7 @@ makes the Dataset.
 
 from stickslip.simulation.engines import Beginning, Leg
 from stickslip.simulation.engines.beginnings import initial_nodes
-from stickslip.simulation.engines.population import Population
+from stickslip.simulation.engines.panels import Panels
 from stickslip.simulation.follow import follow_leg
 from stickslip.simulation.result import LABELS, labelled
 from stickslip.simulation.run import check_method, pull_rigidly, rerun, rig_of, simulate
@@ -16,7 +16,7 @@ __all__ = [
     "LABELS",
     "Beginning",
     "Leg",
-    "Population",
+    "Panels",
     "Work",
     "check_method",
     "estimate",

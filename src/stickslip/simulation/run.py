@@ -8,7 +8,7 @@
 >>> print(*run.sizes, *list(run.data_vars)[:4])
 time displacement velocity spring_force friction_force
 
-The method is a value: `Contacts` (N contacts, event by event) or `MasterEquation` (N to infinity, on cohorts).
+The method is a value: `Contacts` (N contacts, event by event) or `MasterEquation` (N to infinity, to a given error).
 Thresholds that age have solvers of their own behind the same two names: N contacts in small steps, with exact moments
 of breaking, and for `Langevin` the kinetic equation of Eqs. (13)-(17).
 """

@@ -35,11 +35,13 @@ _AGE = 2e-7
 """The same for a contact with ageing thresholds in one time of ageing, whether it breaks or not."""
 _AGEING_BREAK = 8e-6
 """The same for a break of a contact whose threshold ages."""
-_COHORT = 8e-6, 3e-8
-"""The same for a step of the master equation: by itself, and for each cohort in an ``x_s``."""
+_PANELS = 30.0
+"""Steps of the master equation over an ``x_s``."""
+_PANEL = 3e-5
+"""Seconds each of them takes."""
 _AGEING_COHORT = 6e-8
 """The same for a cohort of the kinetic equation in one time of ageing or ``x_s``, for each of their number."""
-_RADIAN = 8e-7, 8e-6
+_RADIAN = 8e-7, 2e-5
 """The same for a radian of the slider's oscillation: between contacts, and with the master equation."""
 _SAMPLE = 1e-6, 200.0
 """Seconds and bytes a sample takes."""
@@ -166,13 +168,15 @@ def estimate(rig: Rig) -> Work:
         return _of_blocks(rig, slider)
     distance = sum(_way(piece) for piece in rig.drive.pieces)
     parts = []
-    path, turns = distance, 0.0
+    path, turns, ageing = distance, 0.0, rig.interface.ageing
     if isinstance(slider, Slider) and slider.mass > 0:
         frequency = math.sqrt((slider.stiffness + 1.0) / slider.mass)
         turns = frequency * duration
         # A slip leaves the slider ringing, the longer, the less it is damped.
         damping_ratio = slider.damping / (2.0 * frequency)
         rings = 1.0 / damping_ratio if damping_ratio > 0 else math.inf
+        if isinstance(rig.method, MasterEquation) and ageing is None:
+            turns = min(turns, 10.0 * rings * (1.0 + distance))
         path += 0.1 * min(turns, distance * rings)
         if isinstance(rig.start, FromSliding):
             path += (
@@ -185,7 +189,7 @@ def estimate(rig: Rig) -> Work:
         parts.append(Part(key="slider.mass", value=slider.mass, quantity="mass", power=-0.5, what=words,
                           seconds=radian * turns))  # fmt: skip
     mean = rig.interface.threshold_distribution.moment(1)
-    lives, ageing = path / mean, rig.interface.ageing
+    lives = path / mean
     if isinstance(rig.method, Contacts | QuasiStatic):
         count = rig.method.count
         each = _BREAK if ageing is None else _AGEING_BREAK
@@ -193,18 +197,20 @@ def estimate(rig: Rig) -> Work:
                           what=f"about {count * lives:.2g} breaks of {count:.2g} contacts",
                           seconds=each * count * lives, bytes=_CONTACT * count))  # fmt: skip
     else:
-        cells = rig.method.cells
-        step = _COHORT[0] + _COHORT[1] * cells if ageing is None else _AGEING_COHORT * cells
-        parts.append(Part(key="simulation.cells", value=cells, quantity=None, power=1.0,
-                          what=f"about {cells * path:.2g} cohorts over a path of {path:.2g} x_s",
-                          seconds=step * cells * path))  # fmt: skip
+        # The kinetic equation is of second order, panels are of fifth.
+        finer = 1e-4 / rig.method.rtol if isinstance(rig.method, MasterEquation) else (rig.method.cells / 400.0) ** 2
+        steps = _PANELS * finer ** (1 / 6) * path
+        cohorts = 400.0 * math.sqrt(finer)
+        power, seconds = (-1 / 6, _PANEL * steps) if ageing is None else (-1.0, _AGEING_COHORT * cohorts**2 * path)
+        parts.append(Part(key="simulation.rtol", value=1e-4 / finer, quantity=None, power=power,
+                          what=f"a path of {path:.2g} x_s", seconds=seconds))  # fmt: skip
     if isinstance(ageing, Langevin):
         # Thresholds take steps that are short against their time of ageing, at rest as in motion.
         ages = duration * ageing.rate**2
         if isinstance(rig.method, Contacts | QuasiStatic):
             each = _AGE * rig.method.count
         else:
-            each = _AGEING_COHORT * rig.method.cells**2
+            each = _AGEING_COHORT * cohorts**2
         parts.append(Part(key="interface.ageing.time", value=ageing.rate**-2, quantity="time", power=-1.0,
                           what=f"{ages:.2g} times of ageing", seconds=each * ages))  # fmt: skip
     if (interval := rig.output.interval) is not None:

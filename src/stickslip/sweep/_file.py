@@ -87,7 +87,7 @@ _Axes: Any = create_model("_Axes", __base__=Part, **_OF_AXES)
 class _Run(Part):
     method: Literal["contacts", "master equation"] | None = None
     contacts: int | None = None
-    cells: int | None = None
+    rtol: float | None = None
     seed: int | None = None
     start: _Start | None = None
     distance: Length | None = None
@@ -168,8 +168,8 @@ class Document(Part):
         run = self.run
         kind = run.method or {Contacts: "contacts", QuasiStatic: "quasi-static"}.get(type(given), "master equation")
         if kind != "master equation":
-            if run.cells is not None:
-                raise InputError("run.cells: belongs to method = 'master equation'")
+            if run.rtol is not None:
+                raise InputError("run.rtol: belongs to method = 'master equation'")
             usual = given if isinstance(given, Contacts | QuasiStatic) else Contacts()
             made = Contacts if kind == "contacts" else QuasiStatic
             return made(
@@ -178,8 +178,8 @@ class Document(Part):
         for key in ("contacts", "seed"):
             if getattr(run, key) is not None:
                 raise InputError(f"run.{key}: belongs to method = 'contacts'")
-        usual_cells = given.cells if isinstance(given, MasterEquation) else MasterEquation().cells
-        return MasterEquation(cells=usual_cells if run.cells is None else run.cells)
+        master = given if isinstance(given, MasterEquation) else MasterEquation()
+        return master if run.rtol is None else replace(master, rtol=run.rtol)
 
     def _measures(self, *, own_seed: bool) -> tuple[str, ...]:
         names = list(USUAL if self.measure is None else self.measure)

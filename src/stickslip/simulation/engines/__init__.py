@@ -1,6 +1,6 @@
 """The engines: one solver each, all behind the protocol of `base`, each registered for its method."""
 
-from stickslip.simulation.engines import blocks, events, growth, langevin, population
+from stickslip.simulation.engines import blocks, events, growth, langevin, panels
 from stickslip.simulation.engines.base import (
     COLUMNS,
     ENGINES,
@@ -29,7 +29,7 @@ __all__ = [
     "events",
     "growth",
     "langevin",
-    "population",
+    "panels",
     "slider_constants",
     "solves",
 ]

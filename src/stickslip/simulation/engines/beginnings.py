@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import math
+from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,11 @@ from numpy.typing import NDArray
 from stickslip.model import Delay, DelayModel, Interface
 from stickslip.model.distributions import Distribution, SteadyState
 from stickslip.model.newborn import stretching_nodes, stretchings_within, thresholds_beyond
+from stickslip.model.quadrature import hashable
 from stickslip.simulation.engines.base import Beginning, Stretchings
+
+if TYPE_CHECKING:
+    from stickslip.kernels.survival import Table
 
 Array = NDArray[np.float64]
 
@@ -95,22 +100,24 @@ def attached_now(x: Array, attach: Array, now: float) -> Stretchings:
     return Stretchings(held, np.full(held.size, 1.0 / x.size), cells=False)
 
 
-def survival_table(distribution: Distribution) -> tuple[Array, Array, float]:
-    """Tabulate survival and density of thresholds, and the spacing.
+@lru_cache(maxsize=64)
+def _survival_of(distribution: Distribution) -> Table:
+    from stickslip.kernels.survival import tabulate
 
-    For cubic interpolation, to 1e-13 for smooth distributions.
-    """
-    end = distribution.support[1]
-    count = math.ceil(end / min(max(2e-3 * distribution.standard_deviation(), end / 2**20), end / 64))
-    spacing = end / count
-    x = spacing * np.arange(count + 1)
-    survival = distribution.survival(x)
-    survival[-1] = 0.0
-    with np.errstate(divide="ignore", invalid="ignore"):
-        density = distribution.density(x)
-    if not np.isfinite(density[0]):  # distributions with a singular start
-        density[0] = (survival[0] - survival[1]) / spacing
-    return survival, density, spacing
+    return tabulate(distribution.survival, *end_and_knots(distribution))
+
+
+def survival_of(distribution: Distribution) -> Table:
+    """Return the survival of thresholds as kernels take it."""
+    table: Table = _survival_of(hashable(distribution))
+    return table
+
+
+def end_and_knots(distribution: Distribution) -> tuple[float, Array]:
+    """Where next to nothing survives any more, and the knots up to there; none is the end itself."""
+    top = float(distribution.inverse_survival(1e-13))
+    knots = np.array([knot for knot in distribution.knots if 0 < knot < top * (1 + 1e-6)])
+    return (1.02 * top if knots.size and knots[-1] > top * (1 - 1e-6) else top), knots
 
 
 def initial_nodes(interface: Interface, finer: int = 1) -> tuple[Array, Array]:

@@ -23,7 +23,7 @@ from stickslip.model import (
 )
 from stickslip.model.distribution import check_density
 from stickslip.simulation.engines.base import Advance, Beginning, Engine, Leg, Stretchings, looks_aside, solves
-from stickslip.simulation.engines.beginnings import first_contacts, initial_nodes, survival_table
+from stickslip.simulation.engines.beginnings import first_contacts, initial_nodes, survival_of
 
 if TYPE_CHECKING:
     from stickslip.kernels.leapfrog import Motion, Piece, Sampling
@@ -369,7 +369,6 @@ class BlocksOfCohorts(ElasticEngine):
 
     def __init__(self, beginning: Beginning, method: MasterEquation) -> None:
         from stickslip.kernels import block_cohorts as kernel
-        from stickslip.kernels.cohorts import smooth_sliding, tabulate
         from stickslip.kernels.leapfrog import at_rest
 
         body, interface = beginning.slider, beginning.interface
@@ -378,12 +377,12 @@ class BlocksOfCohorts(ElasticEngine):
         load, push, prestress = balanced(beginning)
         self._network = network_of(body, load, push)
         distribution = interface.threshold_distribution
-        table = tabulate(*survival_table(distribution))
-        self._thresholds = kernel.Thresholds(table, _weakest(table.survival, table.spacing))
-        self._cells = float(method.cells)
+        table = survival_of(distribution)
+        self._thresholds = kernel.Thresholds(table, table.bottom)
+        self._cells = 400.0 * math.sqrt(1e-4 / method.rtol)
         past_rate = 0.0
         if beginning.sliding:
-            x, fraction = smooth_sliding(table, self._cells, beginning.attached)
+            x, fraction = kernel.smooth_sliding(table, self._cells, beginning.attached)
             past_rate = beginning.attached * beginning.velocity / distribution.moment(1)
         elif isinstance(beginning.start, Prestressed):
             x, fraction = np.zeros(1), np.ones(1)
@@ -404,7 +403,7 @@ class BlocksOfCohorts(ElasticEngine):
             )
         motion = at_rest(X, first_velocities(beginning, body), self._sliding, anchored)
         fractions = np.broadcast_to(fraction, x.shape)
-        room = int(2.0 * self._cells * table.spacing * table.survival.size) + x.shape[1] + 64
+        room = int(2.0 * self._cells * table.top) + x.shape[1] + 64
         self._state = kernel.make_state(
             motion, X[:, None] - x, fractions, self._thresholds, self._delays, room, int(1.05 * steps) + 64
         )
@@ -451,8 +450,3 @@ class BlocksOfCohorts(ElasticEngine):
                 self._state = kernel.with_history(self._state)
             else:
                 return why
-
-
-def _weakest(survival: Array, spacing: float) -> float:
-    """Stretching up to which next to no threshold lies."""
-    return spacing * max(int(np.argmax(survival < 1.0 - 1e-15)) - 1, 0)

@@ -1,0 +1,44 @@
+"""The master equation beside the plain loop over contacts, in the same run: Fig. 4c to a given error."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from plain import plain_contacts
+
+import stickslip as ss
+from stickslip.paper.cases import FIG4
+
+CYCLES = 4.0
+"""In t = 0 .. 6."""
+EXACT = np.load(Path(__file__).parents[1] / "tests" / "data" / "fig4c_reference.npy")
+
+
+def plain(duration):
+    rng, slider = np.random.default_rng(1), FIG4.slider
+    stretching, threshold = rng.normal(0.0, 0.01, 10_000), rng.normal(1.0, 0.1, 10_000)
+    delay = FIG4.interface.delay.time
+    return plain_contacts(
+        rng, stretching, threshold, slider.stiffness, slider.mass, slider.damping, delay, 1.0, duration, 1e-4
+    )
+
+
+def master(rtol):
+    rig = ss.Rig(FIG4.interface, FIG4.slider, ss.constant(1.0, 6.0))
+    return ss.simulate(rig, method=ss.MasterEquation(rtol=rtol), output=ss.Output(interval=0.005))
+
+
+def test_plain_loop(benchmark):
+    plain(0.01)
+    benchmark.group = "Fig. 4c, four cycles"
+    benchmark.extra_info.update(role="plain")
+    benchmark.pedantic(plain, (6.0,), rounds=3)
+
+
+@pytest.mark.parametrize(("rtol", "error", "promised"), [(1e-4, 1e-4, 50), (3e-6, 1e-6, 50)])
+def test_master_equation(benchmark, rtol, error, promised):
+    master(rtol)
+    benchmark.group = "Fig. 4c, four cycles"
+    benchmark.extra_info.update(role="fast", promised=promised, what=f"master equation, error below {error:g}")
+    run = benchmark.pedantic(master, (rtol,), rounds=10)
+    assert np.sqrt(np.mean((run["spring_force"].to_numpy() - EXACT) ** 2)) < error

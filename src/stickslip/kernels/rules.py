@@ -1,0 +1,66 @@
+"""Rules of integration and interpolation on a panel: a step of time, in which all is a polynomial.
+
+A panel has `P` nodes of Radau behind its start, at which equations are met, and `Q` nodes of Gauss, which stand for
+what happens in it: the integral of anything smooth over the panel is a sum over them.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+P = 5
+"""Nodes of a step behind its start; its order is ``P + 1``."""
+Q = 4
+"""Nodes that stand for what attaches in a step; they integrate polynomials up to order ``2 Q - 1``."""
+
+
+def _powers(nodes: Array) -> Array:
+    """Coefficients of the polynomials that are 1 at one node and 0 at the others."""
+    return np.ascontiguousarray(np.linalg.inv(np.vander(nodes, increasing=True)))
+
+
+def _values(nodes: Array, points: Array) -> Array:
+    return np.asarray(np.vander(points, nodes.size, increasing=True) @ _powers(nodes))
+
+
+def _slopes(nodes: Array, points: Array) -> Array:
+    power = np.arange(nodes.size)
+    return np.asarray((power * points[:, None] ** np.maximum(power - 1, 0)) @ _powers(nodes))
+
+
+def _integrals(nodes: Array) -> Array:
+    power = np.arange(1, nodes.size + 1)
+    return np.ascontiguousarray((nodes[:, None] ** power / power) @ _powers(nodes))
+
+
+def _radau() -> Array:
+    """Places where the Legendre polynomials of the last two orders are equal; the last is 1."""
+    difference = np.zeros(P + 1)
+    difference[P], difference[P - 1] = 1.0, -1.0
+    places = np.sort(0.5 * (1.0 + np.polynomial.legendre.legroots(difference)))
+    places[-1] = 1.0
+    return np.asarray(places)
+
+
+NODE = np.append(0.0, _radau())
+"""Start and nodes of a step, as fractions of it, shape (P + 1,)."""
+COLLOCATION = _integrals(NODE[1:])
+"""Integrals up to each node from the values at the nodes, the start left out: the scheme Radau IIA."""
+INTEGRAL = _integrals(NODE)
+"""The same from the values at the start and the nodes."""
+MONOMIAL = _powers(NODE)
+"""Coefficients of the polynomial through start and nodes."""
+SLOPES = np.ascontiguousarray(_slopes(NODE, NODE))
+"""Slopes at start and nodes."""
+GAUSS, WEIGHT = 0.5 * (1.0 + np.polynomial.legendre.leggauss(Q)[0]), 0.5 * np.polynomial.legendre.leggauss(Q)[1]
+"""Nodes and weights of Gauss, shape (Q,)."""
+GAUSS_MONOMIAL = _powers(GAUSS)
+"""Coefficients of the polynomial through the nodes of Gauss."""
+PART = np.stack([_values(NODE, u * GAUSS) for u in NODE[1:]])
+"""Values at the nodes of Gauss between the start and each node, shape (P, Q, P + 1)."""
+INCREASE = np.stack([_slopes(NODE, u * GAUSS) * (u * WEIGHT)[:, None] for u in NODE[1:]])
+"""Slopes there times weights: what part of an increase belongs to each node of Gauss."""
+_CHEBYSHEV = np.linalg.inv(np.polynomial.chebyshev.chebvander(2 * NODE - 1, P))
+LAST = np.ascontiguousarray(_CHEBYSHEV[P - 2 :])
+"""Coefficients of the last three Chebyshev polynomials: they tell whether the polynomial is resolved."""

@@ -1,0 +1,104 @@
+"""The master equation by its public name: its error follows its tolerance, whatever the rig."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip.io import datasets, rig_files
+from stickslip.model import DelayModel, OnArrest
+
+
+@dataclass(frozen=True)
+class EitherOr(DelayModel):
+    """Short for a fraction `often` of the contacts, long for the others."""
+
+    short: float
+    long: float
+    often: float
+
+    def moment(self, order):
+        return self.often * self.short**order + (1 - self.often) * self.long**order
+
+    def laplace(self, s):
+        s = np.asarray(s, dtype=complex)
+        return self.often * np.exp(-s * self.short) + (1 - self.often) * np.exp(-s * self.long)
+
+    def sample(self, rng, size):
+        return np.where(rng.random(size) < self.often, self.short, self.long)
+
+    def quadrature(self):
+        return np.array([self.short, self.long]), np.array([self.often, 1 - self.often])
+
+
+def rig(slider, *, thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2), duration=6.0):
+    stiffness, mass, damping = slider
+    interface = ss.Interface(thresholds=thresholds, delay=delay)
+    slider = ss.Slider(stiffness=stiffness, mass=mass, damping=damping)
+    return ss.Rig(interface, slider, ss.constant(1.0, duration))
+
+
+RIGS = {
+    "soft": rig((0.5, 1e-4, 60.0)),
+    "stiff": rig((20.0, 1e-6, 1000.0), duration=4.0),
+    "random delay": rig((2.0, 1e-4, 42.4), delay=ss.RandomDelay(mean=0.2, std=0.12)),
+    "two delays": rig((2.0, 1e-4, 42.4), delay=EitherOr(0.05, 0.2, 0.3)),
+    "uniform": rig((1.0, 1e-4, 60.0), thresholds=ss.Uniform(low=0.7, high=1.3)),
+    "next to tau*": rig((2.0, 1e-4, 42.4), delay=ss.Delay(0.0757)),
+}
+
+
+def force(case, rtol):
+    run = ss.simulate(case, method=ss.MasterEquation(rtol=rtol), output=ss.Output(interval=0.005))
+    return run["spring_force"].to_numpy()
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_the_error_is_within_a_factor_of_ten_of_the_tolerance(name):
+    exact = force(RIGS[name], 1e-10)
+    for rtol in (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8):
+        assert np.sqrt(np.mean((force(RIGS[name], rtol) - exact) ** 2)) < 10 * rtol
+
+
+def test_mass_and_energy_are_kept():
+    case = RIGS["soft"]
+    run = ss.simulate(case, method=ss.MasterEquation(rtol=1e-6))
+    kept = sum(run[name] for name in ("kinetic_energy", "spring_energy", "contact_energy"))
+    lost = run["damped_energy"] + run["broken_energy"]
+    assert np.abs(run["work"] - (kept - kept[0]) - lost).max() < 1e-5
+
+
+def test_contacts_re_attach_on_arrest():
+    """As they do after a delay that is longer than the slip, and shorter than the time up to the next one."""
+    slider = ss.Slider(stiffness=0.5, mass=1e-4, damping=100.0)
+    on_arrest, later = (
+        ss.simulate(
+            ss.Rig(
+                ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.05), delay=delay),
+                slider,
+                ss.constant(0.01, duration=400.0),
+            ),
+            method=ss.MasterEquation(),
+            output=ss.Output(interval=0.5),
+        )
+        for delay in (OnArrest(), ss.Delay(1.0))
+    )
+    assert float(on_arrest["spring_force"].max()) == pytest.approx(float(later["spring_force"].max()), abs=0.02)
+    assert float(on_arrest["attached"][-1]) > 0.9
+
+
+def test_a_rig_file_with_cells_says_what_to_write_now(tmp_path):
+    place = tmp_path / "rig.toml"
+    text = rig_files.example_file("pmma_slider").read_text()
+    assert "[simulation]" in text
+    place.write_text(text.replace("[simulation]", "[simulation]\ncells = 400"))
+    with pytest.raises(ss.InputError, match=r"simulation\.cells: is gone; write rtol, the error of the force"):
+        ss.read_rig(place)
+
+
+def test_a_run_of_old_says_what_to_do():
+    plain = datasets.encode(ss.MasterEquation())
+    plain["cells"] = plain.pop("rtol")
+    with pytest.raises(ss.InputError, match=r"MasterEquation\.cells, which is gone; make the run again with an rtol"):
+        datasets.decode(plain, datasets.records())
