@@ -1,6 +1,6 @@
 """The engines: one solver each, all behind the protocol of `base`, each registered for its method."""
 
-from stickslip.simulation.engines import events, growth, langevin, population
+from stickslip.simulation.engines import events, growth, langevin, population, thermal
 from stickslip.simulation.engines.base import (
     COLUMNS,
     ENGINES,
@@ -31,4 +31,5 @@ __all__ = [
     "population",
     "slider_constants",
     "solves",
+    "thermal",
 ]
