@@ -75,8 +75,10 @@ CLOCK, CLOCK_BACK = MOTION, MOTION + 1
 FLOATS = MOTION + 2
 AHEAD, BEHIND, DRAWN, VARIED, DELAYED, CAPPED = range(COUNTS, COUNTS + 6)
 
+NEED = 2
+"""Variates that an event may need, at most."""
 LAG = 30.0
-"""A clock is set so many widths behind the slider, and again when it is as far ahead: digits are kept."""
+"""Widths: a clock is set so many widths behind the slider, and again when it is as far ahead: digits are kept."""
 _STILL = 1e-4  # widths of oscillation that make no difference
 _STEP = 0.125  # widths that the slider goes between two looks at the clock; its error is 3e-7
 
@@ -190,17 +192,6 @@ def with_caps(state: State) -> State:
     _cap_again(state, state.cap, 1.0)
     _cap_again(state, state.cap_back, -1.0)
     return state
-
-
-def contact_force(state: State, f_d: float) -> float:
-    """Force of the contacts, per contact."""
-    from .thermal_motion import ANCHOR, REFERENCE, SUM
-
-    X, N = state.motion[POSITION], state.contacts.size
-    n = state.counts[ATTACHED]
-    slid = state.counts[SLIDE] * f_d if state.counts[SLIDE] != 0 else X - state.motion[ANCHOR]
-    force = n * (X - state.motion[REFERENCE]) - state.motion[SUM]
-    return float((force + (N - n) * slid * (f_d > 0)) / N)
 
 
 def _power_of_two(wanted: float, most: int) -> int:
@@ -670,7 +661,7 @@ def advance(
     to_go = budget
     attachment = peek(state.waiting)
     while True:
-        if counts[DRAWN] >= draws.thresholds.size or counts[VARIED] >= draws.variates.size:
+        if counts[DRAWN] >= draws.thresholds.size or counts[VARIED] + NEED > draws.variates.size:
             return DRAWS_USED_UP
         if random_delay and counts[DELAYED] >= draws.delays.size:
             return DRAWS_USED_UP

@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ._jit import bare, inlined
+from ._jit import bare, inlined, jit
 from .drive import NOWHERE, Quadratic, Stop, holds
-from .flight import NEAR, Flight, at, energies, first_crossing, take_off
+from .flight import NEAR, Flight, at, energies, first_crossing, soon, take_off
 from .oscillator import Slider
 
 Floats = NDArray[np.float64]
@@ -178,6 +178,10 @@ def crossing(
     v = flight.v
     if (to_ahead <= 0.0 and v > 0.0) or (to_behind <= 0.0 and v < 0.0):
         return 0.0, 0.0, v, 1 if v > 0.0 else -1
+    if v != 0.0:
+        h, y, u, passed, applies = soon(flight, to_ahead if v > 0.0 else -to_behind, most)
+        if applies:
+            return h, y, u, passed if v > 0.0 else -passed
     h, side = first_crossing(flight, max(to_ahead, 0.0), max(to_behind, 0.0), most, cuts)
     y, u = at(flight, h)
     return h, y, u, side
@@ -313,3 +317,13 @@ def until_turning(flight: Flight, h: float) -> float:
         else:
             high = middle
     return high
+
+
+@jit
+def friction(motion: Floats, counts: Counts, f_d: float, N: float) -> float:
+    """Friction force, per contact."""
+    n, X = float(counts[ATTACHED]), motion[POSITION]
+    force = n * (X - motion[REFERENCE]) - motion[SUM]
+    if f_d > 0.0:
+        force += (N - n) * (counts[SLIDE] * f_d if counts[SLIDE] != 0 else X - motion[ANCHOR])
+    return float(force / N)
