@@ -1,6 +1,6 @@
 """The engines: one solver each, all behind the protocol of `base`, each registered for its method."""
 
-from stickslip.simulation.engines import events, growth, langevin, population, thermal
+from stickslip.simulation.engines import events, growth, langevin, population, thermal, thermal_population
 from stickslip.simulation.engines.base import (
     COLUMNS,
     ENGINES,
@@ -32,4 +32,5 @@ __all__ = [
     "slider_constants",
     "solves",
     "thermal",
+    "thermal_population",
 ]
