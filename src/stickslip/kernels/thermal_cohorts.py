@@ -611,8 +611,12 @@ def sliding_state(model: Model, delays: Delays, velocity: float, step: float, f_
     """Put a slider at 0 in steady sliding on its contacts: newborns taken along, a step at a time, until none is left."""
     mean = float((delays.time * delays.weight).sum()) if delays.time.size else math.inf
     state = _empty(model, delays, 1024, 0.0)
-    state.cohort[SINCE, 0], state.cohort[BIRTH, 0] = 0.0, 0.0
-    state.run[0, :] = _untouched(model)
+    for _ in range(4):  # most newborns should not break before the first step is over
+        state.run[0, :], state.cohort[REACH, 0] = _untouched(model), 0.0
+        if _follow(state, model, 0, 0.0, step / velocity, 0.0, step) > 0.97:
+            break
+        step *= 0.5
+    state.run[0, :], state.cohort[REACH, 0] = _untouched(model), 0.0
     alive, runs, reaches = [1.0], [state.run[0].copy()], [0.0]
     while alive[-1] > EXTINCT:
         done = len(alive) - 1

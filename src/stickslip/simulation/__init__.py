@@ -10,6 +10,7 @@ from stickslip.simulation.engines.population import Population
 from stickslip.simulation.follow import Progress, follow_leg
 from stickslip.simulation.result import LABELS, labelled
 from stickslip.simulation.run import check_method, pull_rigidly, rerun, rig_of, simulate
+from stickslip.simulation.steps_and_holds import slide_hold_slide, velocity_step
 from stickslip.simulation.work import Work, estimate
 
 __all__ = [
@@ -28,4 +29,6 @@ __all__ = [
     "rerun",
     "rig_of",
     "simulate",
+    "slide_hold_slide",
+    "velocity_step",
 ]

@@ -73,7 +73,8 @@ class ThermalPopulation(Engine):
         mean = interface.threshold_distribution.moment(1)
         # Second order: half a width makes 1e-5 of the force.
         reach = 0.5 * min(1.0, math.sqrt(_rtol(method) / 1e-4))
-        self._limits = kernel.Limits(reach, 1.5 * reach * self._model.width / mean, 0.35 * math.sqrt(reach / 0.5))
+        broken = min(1.5 * reach * self._model.width / mean, 0.006)
+        self._limits = kernel.Limits(reach, broken, 0.35 * math.sqrt(reach / 0.5))
         if beginning.sliding:
             self._cap(beginning.velocity)
             step = 0.5 * reach * self._model.width
@@ -230,7 +231,7 @@ def _thermal_table(distribution: Distribution, width: float) -> tuple[float, Tab
 def _threshold_nodes(distribution: Distribution, width: float) -> tuple[Array, Array]:
     """Mean thresholds of cells of a width, or of as many as there may be, and their weights."""
     low, high = (float(distribution.inverse_survival(p)) for p in (1.0 - 1e-7, 1e-7))
-    count = int(min(max(math.ceil((high - low) / width), 60), _NODES))
+    count = int(min(max(math.ceil((high - low) / width), 150), _NODES))
     edges = np.linspace(low, high, count + 1)
     edges[0], edges[-1] = 0.0, np.inf
     weight = -np.diff(distribution.survival(edges))
