@@ -14,10 +14,11 @@ import math
 from dataclasses import dataclass
 
 from stickslip.errors import InputError
-from stickslip.model import Contacts, FromSliding, Langevin, Slider
+from stickslip.model import Bell, Contacts, ExponentialGrowth, FromSliding, Langevin, Slider
 from stickslip.model.drive import Piece, Travel
 from stickslip.model.rig import Rig
 from stickslip.model.units import Quantity
+from stickslip.simulation.engines.thermal_population import activation_width
 
 LONGEST = 3600.0
 """Seconds that a run may take without being asked for."""
@@ -30,6 +31,10 @@ _AGE = 2e-7
 """The same for a contact with ageing thresholds in one time of ageing, whether it breaks or not."""
 _AGEING_BREAK = 8e-6
 """The same for a break of a contact whose threshold ages."""
+_CLOCKED_BREAK, _CLOCKED_STEP, _THINNED_BREAK = 6e-7, 4e-7, 1e-5
+"""The same for a break by thermal activation: on the shared clock, a step of that, and one by one."""
+_THERMAL_COHORT = 6e-8
+"""The same for a cohort, or a node of it, in a step of the master equation with thermal activation."""
 _COHORT = 8e-6, 3e-8
 """The same for a step of the master equation: by itself, and for each cohort in an ``x_s``."""
 _AGEING_COHORT = 6e-8
@@ -154,7 +159,9 @@ def estimate(rig: Rig) -> Work:
                           seconds=radian * turns))  # fmt: skip
     mean = rig.interface.threshold_distribution.moment(1)
     lives, ageing = path / mean, rig.interface.ageing
-    if isinstance(rig.method, Contacts):
+    if rig.interface.temperature is not None:
+        parts.append(_thermal(rig, path, lives, turns))
+    elif isinstance(rig.method, Contacts):
         count = rig.method.count
         each = _BREAK if ageing is None else _AGEING_BREAK
         parts.append(Part(key="simulation.contacts", value=count, quantity=None, power=1.0,
@@ -178,6 +185,26 @@ def estimate(rig: Rig) -> Work:
                           what=f"{samples:.2g} samples", seconds=_SAMPLE[0] * samples,
                           bytes=_SAMPLE[1] * samples))  # fmt: skip
     return Work(rig=rig, parts=tuple(parts))
+
+
+def _thermal(rig: Rig, path: float, lives: float, turns: float) -> Part:
+    """Return the work of contacts that break by thermal activation, along a path and over radians of oscillation."""
+    interface, mean = rig.interface, rig.interface.threshold_distribution.moment(1)
+    width = activation_width(interface)
+    shared = isinstance(interface.temperature, Bell) and interface.ageing is None
+    if isinstance(rig.method, Contacts):
+        count = rig.method.count
+        breaks = _CLOCKED_BREAK if shared else _THINNED_BREAK
+        return Part(key="simulation.contacts", value=count, quantity=None, power=1.0,
+                    what=f"about {count * lives:.2g} breaks of {count:.2g} contacts by thermal activation",
+                    seconds=breaks * count * lives + _CLOCKED_STEP * 8.0 * path / width,
+                    bytes=_CONTACT * count)  # fmt: skip
+    numbers = 1 if isinstance(interface.temperature, Bell) and not isinstance(interface.ageing, ExponentialGrowth) else 200
+    cohorts = max(2.0 / width, 200.0 / mean) * interface.threshold_distribution.support[1]
+    steps = cohorts * path + 3.0 * turns
+    return Part(key="interface.temperature", value=width, quantity=None, power=-2.0,
+                what=f"about {steps:.2g} steps of {cohorts:.2g} cohorts", seconds=_THERMAL_COHORT * numbers * steps * cohorts,
+                bytes=16.0 * numbers * cohorts)  # fmt: skip
 
 
 def _way(piece: Piece) -> float:

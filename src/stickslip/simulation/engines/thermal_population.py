@@ -38,7 +38,6 @@ from stickslip.simulation.engines.thermal import check_newborns, growth_of, haza
 if TYPE_CHECKING:
     from stickslip.kernels import thermal_cohorts as kernel
     from stickslip.kernels.cohorts import Table
-    from stickslip.kernels.hazard import Hazard
 
 Array = NDArray[np.float64]
 
@@ -96,10 +95,6 @@ class ThermalPopulation(Engine):
             raise InputError(
                 f"MasterEquation(memoryless=True): not available with Interface.temperature = {interface.temperature}"
             )
-
-    @property
-    def _kernel_state(self) -> kernel.State:
-        return self._state
 
     def _cap(self, velocity: float) -> None:
         """Look at thresholds themselves from when they may be met before contacts break."""
@@ -179,7 +174,7 @@ def _model(interface: Interface) -> kernel.Model:
 
     hazard, distribution = hazard_of(interface), interface.threshold_distribution
     thresholds = tabulate(*survival_table(distribution))
-    width = _width(hazard, distribution.moment(1))
+    width = activation_width(interface)
     low, thermal = 0.0, thresholds
     node = weight = np.empty(0)
     if isinstance(interface.temperature, Bell) and not isinstance(interface.ageing, ExponentialGrowth):
@@ -189,16 +184,18 @@ def _model(interface: Interface) -> kernel.Model:
     return kernel.Model(hazard, growth_of(interface), thresholds, thermal, low, node, weight, False, width)
 
 
-def _width(hazard: Hazard, mean: float) -> float:
-    """Length over which the rate grows by a factor of e where contacts mostly break."""
-    from stickslip.kernels.hazard import BARRIER, BELL
-
-    if hazard.kind == BELL:
-        return hazard.scale
-    if hazard.kind == BARRIER:
-        left = min(1.0, (10.0 / hazard.scale) ** (1.0 / hazard.power))
-        return mean / (hazard.scale * hazard.power * left ** (hazard.power - 1.0))
-    return hazard.scale / mean
+def activation_width(interface: Interface) -> float:
+    """Stretching over which the rate of breaking grows by a factor of e, where contacts mostly break."""
+    mean = interface.threshold_distribution.moment(1)
+    match interface.temperature:
+        case Bell(width=width):
+            return width
+        case Parabolic(temperature=temperature):
+            return temperature / mean
+        case Barrier(height=height, power=power):
+            left = min(1.0, (10.0 / height) ** (1.0 / power))
+            return mean / (height * power * left ** (power - 1.0))
+    return math.inf
 
 
 def _thermal_table(distribution: Distribution, width: float) -> tuple[float, Table]:
