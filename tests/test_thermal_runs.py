@@ -27,7 +27,9 @@ STEADY = {
     "bell, seldom": (ss.Interface(thresholds=NARROW, temperature=ss.Bell(width=0.05, attempts=1e6)), 0.01, 0.13126),
     "bell, growing": (LT, 1.0, 0.56522),
     "bell, growing, fast": (LT, 1162.0, 0.53898),
-    "parabolic": (ss.Interface(thresholds=NARROW, temperature=ss.Parabolic(temperature=0.01, attempts=1e6)), 1.0, 0.45415),
+    "parabolic": (
+        ss.Interface(thresholds=NARROW, temperature=ss.Parabolic(temperature=0.01, attempts=1e6)), 1.0, 0.45415,
+    ),
     "barrier": (ss.Interface(thresholds=NARROW, temperature=ss.Barrier(height=100, attempts=1e6)), 1.0, 0.39555),
     "barrier, Kramers": (
         ss.Interface(thresholds=NARROW, temperature=ss.Barrier(height=100, attempts=1e6, kramers=True)), 1.0, 0.40097,
@@ -62,7 +64,9 @@ def test_contacts_slide_with_the_steady_force(case):
 # Limits and accounts
 # ---------------------------------------------------------------------------------------------------------------------
 
-THERE_AND_BACK = ss.constant(1.0, 1.5).then(ss.constant(-1.0, 1.5)).then(ss.constant(0.0, 2.0)).then(ss.constant(2.0, 0.7))
+THERE_AND_BACK = (
+    ss.constant(1.0, 1.5).then(ss.constant(-1.0, 1.5)).then(ss.constant(0.0, 2.0)).then(ss.constant(2.0, 0.7))
+)
 
 
 def pulled(interface, drive=THERE_AND_BACK, **slider):
@@ -141,7 +145,7 @@ def test_the_energy_account_closes(case, method):
     run = ss.simulate(pulled(COMBINED[case]), method=method)
     spent = run.kinetic_energy + run.spring_energy + run.contact_energy + run.damped_energy + run.broken_energy
     balance = run.work - spent
-    # Exact event by event; with cohorts of the order of the step, and of first order where detached contacts begin to slide.
+    # Exact event by event; with cohorts of the order of the step, of the first where detached contacts begin to slide.
     allowed = 1e-11 if isinstance(method, ss.Contacts) else (6e-4 if "sliding" in case else 5e-5)
     assert float(np.abs(balance - balance[0]).max()) < allowed * float(run.work.max())
 
@@ -265,10 +269,12 @@ def test_a_rig_has_its_own_units():
     rig = ss.Rig(T, ss.Slider(stiffness=1.0, mass=1e-3, damping=1.0), ss.constant(1.0), scales=scales)
     natural = ss.velocity_step(T, before=1.0, after=10.0, distance=1.0, points=50)
     run = ss.velocity_step(rig, before="2 mm/s", after=0.02, distance="2 um", points=50)
-    assert run.friction_force.units == "N" and run.velocity.units == "m/s"
+    assert run.friction_force.units == "N"
+    assert run.velocity.units == "m/s"
     np.testing.assert_allclose(run.friction_force, 50.0 * natural.friction_force, rtol=1e-12)
     held = ss.slide_hold_slide(rig, velocity=2e-3, holds=("100 ms",))
-    assert float(held.hold[0]) == pytest.approx(0.1) and held.slip_to_peak.units == "m"
+    assert float(held.hold[0]) == pytest.approx(0.1)
+    assert held.slip_to_peak.units == "m"
     assert float(held.peak[0]) == pytest.approx(50.0 * 0.00484, rel=1e-2)
 
 

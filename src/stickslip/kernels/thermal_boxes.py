@@ -16,24 +16,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import bare, inlined
+from .flight import at
 from .growth import Growth
 from .hazard import Hazard, ageing_time, largest_rate, rate, steepness, threshold_at
 from .heap import Heap, first, make_heap, smallest, update
 from .oscillator import Slider
-from .flight import at
 from .thermal_motion import (
-    ATTACHED,
     BUDGET_SPENT,
     CONDITION_HELD,
     COUNTS,
     DRAWS_USED_UP,
-    EVENTS,
     LOOK,
     LOOKED,
     MOTION,
     POSITION,
     REACHED_END,
-    SAMPLE,
     SLIDE,
     TIME,
     VELOCITY,

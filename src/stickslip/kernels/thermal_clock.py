@@ -22,28 +22,25 @@ from numpy.typing import NDArray
 
 from ._jit import bare, inlined
 from .event_queue import Queue, clear, first_slot, is_full, make_queue, peek, pop, push
-from .flight import MIDDLE, NEAR, at
+from .flight import NEAR, at
 from .oscillator import Slider
 from .thermal_motion import (
-    ATTACHED,
     BUDGET_SPENT,
     CONDITION_HELD,
     COUNTS,
     DRAWS_USED_UP,
-    EVENTS,
     LOOK,
     LOOKED,
     MOTION,
     POSITION,
     REACHED_END,
-    SAMPLE,
     SLIDE,
     TIME,
+    VELOCITY,
     WIND,
     WIND_BACK,
-    VELOCITY,
     Constants,
-    Flight_,
+    Leg,
     Piece,
     Sampling,
     balance,
@@ -390,7 +387,7 @@ def _integral(rate: float, h: float, y: float, v: float, u: float, per_width: fl
 
 
 @inlined
-def _smooth(leg: Flight_, h: float, width: float) -> float:
+def _smooth(leg: Leg, h: float, width: float) -> float:
     """Longest flight up to `h` that the clocks can follow in one piece: the slider neither goes far nor oscillates."""
     f = leg.motion
     allowed = _STEP * width
@@ -400,7 +397,7 @@ def _smooth(leg: Flight_, h: float, width: float) -> float:
 
 
 @bare
-def _settled(leg: Flight_, h: float, width: float) -> float:
+def _settled(leg: Leg, h: float, width: float) -> float:
     """Longest flight up to `h` in which the slider does not oscillate, unless by next to nothing."""
     f = leg.motion
     g = 0.5 * f.eta
@@ -422,7 +419,7 @@ def _settled(leg: Flight_, h: float, width: float) -> float:
 
 @inlined
 def _until(
-    leg: Flight_, guess: float, h: float, rate: float, need: float, side: float, per_width: float
+    leg: Leg, guess: float, h: float, rate: float, need: float, side: float, per_width: float
 ) -> tuple[float, float, float, bool]:
     """Time within `h` at which a clock has run on by `need`, the displacement and velocity then, and whether it has.
 
@@ -434,6 +431,8 @@ def _until(
     y, u = at(f, t)
     for _ in range(60):
         miss = _integral(rate, t, side * y, side * f.v, side * u, per_width) - need
+        if miss == 0.0:  # as where a contact breaks as soon as it attaches
+            return t, y, u, True
         if miss > 0.0:
             high = t
         elif t == h:
@@ -482,7 +481,7 @@ def _positions(state: State, c: Constants) -> tuple[float, int, float, int]:
 
 @inlined
 def _flight(
-    state: State, leg: Flight_, bell: Bell, most: float, c: Constants
+    state: State, leg: Leg, bell: Bell, most: float, c: Constants
 ) -> tuple[float, float, float, int, float, float]:
     """How long the flight lasts, at most `most`; displacement and velocity then; what ends it; readings of the clocks.
 
@@ -551,7 +550,7 @@ def _flight(
 
 
 @bare
-def _run_on(motion: Floats, leg: Flight_, bell: Bell, h: float, y: float, u: float) -> None:
+def _run_on(motion: Floats, leg: Leg, bell: Bell, h: float, y: float, u: float) -> None:
     """Let the clocks run on through a part of a flight."""
     A, v = bell.width, leg.motion.v
     rate = bell.attempts * math.exp((leg.X - motion[CLOCK]) / A)
@@ -584,13 +583,13 @@ def _happen(state: State, happens: int, draws: Draws, bell: Bell, c: Constants) 
         slot = first_slot(state.clock_back)
         pop(state.clock_back)
         return slot
-    if happens == _CAP or happens == _CAP_BACK:
+    if happens in (_CAP, _CAP_BACK):
         queue, side = (state.cap, 1.0) if happens == _CAP else (state.cap_back, -1.0)
         slot = first_slot(queue)
         pop(queue)
         motion[POSITION] = state.contacts[slot]["birth"] + side * state.contacts[slot]["threshold"]
         return slot
-    if happens == _PLACE or happens == _PLACE_BACK:
+    if happens in (_PLACE, _PLACE_BACK):
         side = 1.0 if happens == _PLACE else -1.0
         slot = _top(state, state.over, BEHIND) if happens == _PLACE else _top(state, state.under, AHEAD)
         motion[POSITION] = state.contacts[slot]["birth"]

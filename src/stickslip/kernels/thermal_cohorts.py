@@ -1,15 +1,15 @@
 """The master equation of contacts that break by thermal activation, on cohorts, under the motion of a slider, Eq. (11).
 
-A cohort is what attached in one step, at the same place and time. Each of its contacts keeps its threshold, so that what
-survives is an average over thresholds of ``exp(-H)``, with ``H`` the integral of the rate over the cohort's life.
+A cohort is what attached in one step, at the same place and time. Each of its contacts keeps its threshold, so that
+what survives is an average over thresholds of ``exp(-H)``, with ``H`` the integral of the rate over the cohort's life.
 
-- By `Bell`, without ageing or with thresholds that grow by an addend ``g``, ``H = G exp(-x_c/A)``: one number, ``ln G``,
-  says what survives, by a table of ``J(u) = Int P_c(x_c) exp(-exp((u - x_c)/A)) dx_c`` at ``u = A ln G``.
+- By `Bell`, without ageing or with thresholds that grow by an addend ``g``, ``H = G exp(-x_c/A)``: one number,
+  ``ln G``, says what survives, by a table of ``J(u) = Int P_c(x_c) exp(-exp((u - x_c)/A)) dx_c`` at ``u = A ln G``.
 - Otherwise ``H`` is followed at nodes of the thresholds.
 
 Within a step the slider moves one way and by less than a fraction of the width over which rates change; in a hold steps
-grow with time. Half of what attaches in a step does so at each of its ends; what of the first half breaks within the step
-is passed on, so that no contact is lost.
+grow with time. Half of what attaches in a step does so at each of its ends; what of the first half breaks within the
+step is passed on, so that no contact is lost.
 """
 
 from __future__ import annotations
@@ -360,7 +360,7 @@ def _load(case: _Case, scalar: Array, loss: float) -> Load:
 
 
 @jit
-def _friction(case: _Case, trial: _Trial) -> float:
+def _friction(trial: _Trial) -> float:
     return trial.force + (1.0 - trial.mass) * trial.slid
 
 
@@ -372,12 +372,12 @@ def _try_step(state: State, case: _Case, dt: float) -> tuple[_Trial, float]:
     load = _load(case, scalar, scalar[LOSS])
     trial = _arrive(state, case, due, dt, load)
     disagreement = 0.0
-    loss = (scalar[FRICTION] + load.stiffness * (trial.X - scalar[POSITION]) - _friction(case, trial)) / dt
+    loss = (scalar[FRICTION] + load.stiffness * (trial.X - scalar[POSITION]) - _friction(trial)) / dt
     if not is_rigid(slider):
         for _ in range(2 if slider.mass > 0.0 else 4):
             guess = trial.X
             trial = _arrive(state, case, due, dt, _load(case, scalar, loss))
-            loss = (scalar[FRICTION] + load.stiffness * (trial.X - scalar[POSITION]) - _friction(case, trial)) / dt
+            loss = (scalar[FRICTION] + load.stiffness * (trial.X - scalar[POSITION]) - _friction(trial)) / dt
             disagreement = abs(trial.X - guess)
             if disagreement < 1e-3 * case.limits.reach * case.limits.reach * width:
                 break
@@ -414,7 +414,7 @@ def _longest_step(scalar: Array, case: _Case) -> float:
 @jit
 def _commit(state: State, case: _Case, trial: _Trial) -> None:
     """Make the trial the state."""
-    scalar, cohort, model, f_d = state.scalar, state.cohort, case.model, case.f_d
+    scalar, cohort, _model, f_d = state.scalar, state.cohort, case.model, case.f_d
     X, now = scalar[POSITION], scalar[TIME]
     dX, end = trial.X - X, now + trial.dt
     half = 0.5 * trial.attaching
@@ -451,7 +451,7 @@ def _commit(state: State, case: _Case, trial: _Trial) -> None:
     lost += out * f_d * slides + 0.5 * middle * middle * trial.attaching
     scalar[BROKEN] += lost
     scalar[STORED] = stored + 0.5 * (1.0 - trial.mass) * trial.slid * trial.slid
-    friction = _friction(case, trial)
+    friction = _friction(trial)
     if is_rigid(case.slider):
         scalar[WORK] += 0.5 * (scalar[FRICTION] + friction) * dX
     else:
@@ -608,7 +608,7 @@ def initial_state(model: Model, delays: Delays, x: Array, weight: Array, since: 
 
 
 def sliding_state(model: Model, delays: Delays, velocity: float, step: float, f_d: float) -> State:
-    """Put a slider at 0 in steady sliding on its contacts: newborns taken along, a step at a time, until none is left."""
+    """Put a slider at 0 in steady sliding on its contacts: newborns taken along step by step until none is left."""
     mean = float((delays.time * delays.weight).sum()) if delays.time.size else math.inf
     state = _empty(model, delays, 1024, 0.0)
     for _ in range(4):  # most newborns should not break before the first step is over

@@ -67,7 +67,7 @@ class Constants(NamedTuple):
     massless: bool
 
 
-class Flight_(NamedTuple):
+class Leg(NamedTuple):
     """A flight from one event towards the next: where it begins, with which forces, and its motion."""
 
     t: float
@@ -110,7 +110,7 @@ def drive_now(drive: Quadratic, t: float) -> tuple[float, float]:
 
 
 @inlined
-def set_out(motion: Floats, counts: Counts, drive: Quadratic, c: Constants) -> Flight_:
+def set_out(motion: Floats, counts: Counts, drive: Quadratic, c: Constants) -> Leg:
     """Motion from here on, if nothing happened."""
     t, X, v = motion[TIME], motion[POSITION], motion[VELOCITY]
     D, drive_v = drive_now(drive, t)
@@ -119,7 +119,7 @@ def set_out(motion: Floats, counts: Counts, drive: Quadratic, c: Constants) -> F
     if c.rigid or c.massless:
         free = c.N - n if c.f_d > 0.0 and counts[SLIDE] == 0 else 0.0
         v = drive_v if c.rigid else c.K * drive_v / (c.K + (n + free) * c.part)
-        return Flight_(t, X, n, F_d, drive_v, take_off(0.0, 0.0, math.inf, v, 0.0, 0.0, 0.0))
+        return Leg(t, X, n, F_d, drive_v, take_off(0.0, 0.0, math.inf, v, 0.0, 0.0, 0.0))
     stiffness = n
     F_c = n * (X - motion[REFERENCE]) - motion[SUM]
     if c.f_d > 0.0:
@@ -135,7 +135,7 @@ def set_out(motion: Floats, counts: Counts, drive: Quadratic, c: Constants) -> F
         c.K * drive_v * c.inverse_mass,
         0.5 * c.K * drive.acceleration * c.inverse_mass,
     )
-    return Flight_(t, X, n, F_d, drive_v, flight)
+    return Leg(t, X, n, F_d, drive_v, flight)
 
 
 @inlined
@@ -156,7 +156,7 @@ def balance(motion: Floats, counts: Counts, drive: Quadratic, c: Constants) -> f
 
 
 @inlined
-def is_straight(leg: Flight_, h: float, y: float, u: float, to_ahead: float, to_behind: float) -> bool:
+def is_straight(leg: Leg, h: float, y: float, u: float, to_ahead: float, to_behind: float) -> bool:
     """Whether a short flight keeps its direction and passes nothing: it goes by `y` and ends at velocity `u`."""
     flight = leg.motion
     v = flight.v
@@ -167,9 +167,7 @@ def is_straight(leg: Flight_, h: float, y: float, u: float, to_ahead: float, to_
 
 
 @bare
-def crossing(
-    leg: Flight_, to_ahead: float, to_behind: float, most: float, cuts: Floats
-) -> tuple[float, float, float, int]:
+def crossing(leg: Leg, to_ahead: float, to_behind: float, most: float, cuts: Floats) -> tuple[float, float, float, int]:
     """First passage of a position ahead (1) or behind (-1) within `most`; or 0 and the end of what was searched.
 
     Returns the time, the displacement and the velocity then, and which.
@@ -188,7 +186,7 @@ def crossing(
 
 
 @inlined
-def sample(motion: Floats, counts: Counts, row: Floats, leg: Flight_, part: float, a: float, c: Constants) -> None:
+def sample(motion: Floats, counts: Counts, row: Floats, leg: Leg, part: float, a: float, c: Constants) -> None:
     """Fill a row with what the flight passes a time `part` after its beginning."""
     n = leg.n
     y, u = at(leg.motion, part)
@@ -213,7 +211,7 @@ def sample(motion: Floats, counts: Counts, row: Floats, leg: Flight_, part: floa
 
 @inlined
 def sample_until(
-    motion: Floats, counts: Counts, piece: Piece, sampling: Sampling, leg: Flight_, end: float, c: Constants
+    motion: Floats, counts: Counts, piece: Piece, sampling: Sampling, leg: Leg, end: float, c: Constants
 ) -> bool:
     """Fill the samples up to `end`, or to the first at which the condition holds, and go there; whether it does."""
     drive = piece.drive
@@ -232,7 +230,7 @@ def sample_until(
 
 @inlined
 def fly(
-    motion: Floats, counts: Counts, leg: Flight_, h: float, y: float, u: float, ends_at: float, a: float, c: Constants
+    motion: Floats, counts: Counts, leg: Leg, h: float, y: float, u: float, ends_at: float, a: float, c: Constants
 ) -> None:
     """Make the end of the flight the state."""
     if not c.rigid:

@@ -7,8 +7,8 @@
 ...     ageing=ss.LogarithmicGrowth(slope=0.02, time=1e-3),
 ... )
 >>> run = ss.velocity_step(interface, before=1.0, after=10.0, distance=6.0)
->>> rise = float(run.friction_force.max() - run.friction_force[0])  # direct effect: A ln(10), less what breaks meanwhile
->>> round(rise, 4)
+>>> rise = float(run.friction_force.max() - run.friction_force[0])
+>>> round(rise, 4)  # the direct effect: A ln(10), less what breaks meanwhile
 0.0217
 """
 
@@ -109,9 +109,16 @@ def velocity_step(
     values["drive_velocity"] = np.where(track.times <= approach, v, w)
     provenance = store.provenance(
         "velocity_step",
-        {"rig": rig, "before": before, "after": after, "distance": distance, "stiffness": stiffness, "method": told.method,
-         "points": points},
-    )  # fmt: skip
+        {
+            "rig": rig,
+            "before": before,
+            "after": after,
+            "distance": distance,
+            "stiffness": stiffness,
+            "method": told.method,
+            "points": points,
+        },
+    )
     data = xr.Dataset(
         {name: labelled(name, "time", value) for name, value in values.items()},
         {"time": labelled("time", "time", track.times - approach)},
@@ -200,7 +207,9 @@ def slide_hold_slide(
     )
     data = xr.Dataset(
         {
-            "relaxation": _named("hold", relaxation, "f_s", "force at the end of the hold less that of sliding, per contact"),
+            "relaxation": _named(
+                "hold", relaxation, "f_s", "force at the end of the hold less that of sliding, per contact"
+            ),
             "peak": _named("hold", peak, "f_s", "largest force after the hold less that of sliding, per contact"),
             "slip_to_peak": _named("hold", slip, "x_s", "displacement from the end of the hold to the peak"),
             "sliding_force": _named((), np.asarray(steady), "f_s", "friction force of sliding, per contact"),
@@ -254,7 +263,7 @@ def _natural(rig: Rig | Interface, who: str, method: Method | None, stiffness: f
     if interface.temperature is None and (isinstance(chosen, Contacts) or stiffness != math.inf):
         what = "Contacts" if stiffness == math.inf else f"a spring (stiffness = {shown(stiffness)})"
         raise InputError(
-            f"{who}: Interface.temperature = None: not available with {what}: without temperature a slider without mass "
-            "jumps; use simulate(rig)"
+            f"{who}: Interface.temperature = None: not available with {what}; give a temperature, or use simulate(rig) "
+            "with a slider that has a mass"
         )
     return _Told(who, interface, rig if isinstance(rig, Rig) else None, chosen, stiffness)

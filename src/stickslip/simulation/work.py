@@ -143,7 +143,7 @@ def estimate(rig: Rig) -> Work:
     slider, duration = rig.slider, rig.drive.duration
     distance = sum(_way(piece) for piece in rig.drive.pieces)
     parts = []
-    path, turns = distance, 0.0
+    path, turns, ringing = distance, 0.0, 0.0
     if isinstance(slider, Slider) and slider.mass > 0:
         frequency = math.sqrt((slider.stiffness + 1.0) / slider.mass)
         turns = frequency * duration
@@ -151,6 +151,7 @@ def estimate(rig: Rig) -> Work:
         damping_ratio = slider.damping / (2.0 * frequency)
         rings = 1.0 / damping_ratio if damping_ratio > 0 else math.inf
         path += 0.1 * min(turns, distance * rings)
+        ringing = 20.0 * (1.0 + distance) * rings if damping_ratio < 1 else 0.0
         if isinstance(rig.start, FromSliding):
             path += abs(rig.start.perturbation * rig.drive.pieces[0].start) / frequency * min(turns, rings)
         radian = _RADIAN[0] if isinstance(rig.method, Contacts) else _RADIAN[1]
@@ -160,7 +161,7 @@ def estimate(rig: Rig) -> Work:
     mean = rig.interface.threshold_distribution.moment(1)
     lives, ageing = path / mean, rig.interface.ageing
     if rig.interface.temperature is not None:
-        parts.append(_thermal(rig, path, lives, turns))
+        parts.append(_thermal(rig, path, lives, min(turns, ringing)))
     elif isinstance(rig.method, Contacts):
         count = rig.method.count
         each = _BREAK if ageing is None else _AGEING_BREAK
@@ -199,12 +200,15 @@ def _thermal(rig: Rig, path: float, lives: float, turns: float) -> Part:
                     what=f"about {count * lives:.2g} breaks of {count:.2g} contacts by thermal activation",
                     seconds=breaks * count * lives + _CLOCKED_STEP * 8.0 * path / width,
                     bytes=_CONTACT * count)  # fmt: skip
-    numbers = 1 if isinstance(interface.temperature, Bell) and not isinstance(interface.ageing, ExponentialGrowth) else 200
-    cohorts = max(2.0 / width, 200.0 / mean) * interface.threshold_distribution.support[1]
+    numbers = (
+        1 if isinstance(interface.temperature, Bell) and not isinstance(interface.ageing, ExponentialGrowth) else 200
+    )
+    cohorts = float(max(2.0 / width, 200.0 / mean) * interface.threshold_distribution.support[1])
     steps = cohorts * path + 3.0 * turns
+    work = numbers * cohorts
     return Part(key="interface.temperature", value=width, quantity=None, power=-2.0,
-                what=f"about {steps:.2g} steps of {cohorts:.2g} cohorts", seconds=_THERMAL_COHORT * numbers * steps * cohorts,
-                bytes=16.0 * numbers * cohorts)  # fmt: skip
+                what=f"about {steps:.2g} steps of {cohorts:.2g} cohorts",
+                seconds=_THERMAL_COHORT * steps * work, bytes=16.0 * work)  # fmt: skip
 
 
 def _way(piece: Piece) -> float:

@@ -153,6 +153,7 @@ class Thermal(Engine, Protocol):
 
     def _mend(self, why: int) -> bool:
         """Do what the kernel has come back for; whether it can go on."""
+        del why
         return False
 
     def _refill(self, first: bool = False) -> None:

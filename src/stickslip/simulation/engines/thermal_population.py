@@ -82,9 +82,7 @@ class ThermalPopulation(Engine):
         else:
             since = -math.inf if isinstance(interface.ageing, ExponentialGrowth) else 0.0
             nodes = initial_nodes(interface)
-            self._state = kernel.initial_state(
-                self._model, self._delays, *nodes, since, beginning.slider_velocity
-            )
+            self._state = kernel.initial_state(self._model, self._delays, *nodes, since, beginning.slider_velocity)
 
     @staticmethod
     def check(interface: Interface, method: MasterEquation) -> None:
