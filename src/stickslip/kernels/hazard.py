@@ -38,7 +38,7 @@ def rate(hazard: Hazard, x: float, threshold: float) -> float:
     lowered = left**hazard.power
     if hazard.kramers == 0.0:
         return hazard.attempts * math.exp(-hazard.scale * lowered)
-    return hazard.attempts * left ** (hazard.power - 1.0) * math.exp(-hazard.scale * lowered)
+    return float(hazard.attempts * left ** (hazard.power - 1.0) * math.exp(-hazard.scale * lowered))
 
 
 @inlined
@@ -60,7 +60,7 @@ def steepness(hazard: Hazard, x: float, threshold: float) -> float:
     if hazard.kind == PARABOLIC:
         return hazard.scale / max(x, math.sqrt(hazard.scale))
     left = max(1.0 - x / threshold, (1.0 / hazard.scale) ** (1.0 / hazard.power))
-    return threshold / (hazard.scale * hazard.power * left ** (hazard.power - 1.0))
+    return float(threshold / (hazard.scale * hazard.power * left ** (hazard.power - 1.0)))
 
 
 @inlined

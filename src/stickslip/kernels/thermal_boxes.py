@@ -205,7 +205,7 @@ def _accepted(state: State, model: Model, slot: int, draws: Draws) -> bool:
         return False
     threshold = threshold_at(model.growth, contact["threshold"], motion[TIME] - contact["since"])
     true = rate(model.hazard, motion[POSITION] - contact["birth"], threshold)
-    return _variate(state, draws) * contact["most"] < true
+    return bool(_variate(state, draws) * contact["most"] < true)
 
 
 @bare

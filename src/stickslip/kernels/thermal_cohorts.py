@@ -626,17 +626,17 @@ def sliding_state(model: Model, delays: Delays, velocity: float, step: float, f_
         runs.append(state.run[0].copy())
         reaches.append(float(state.cohort[REACH, 0]))
     count = len(alive) - 1
-    fraction = np.array(alive[:count])
+    left = np.array(alive[:count])
     share = np.full(count, step)
     share[0] *= 0.5
-    length = float((share * fraction).sum())
+    length = float((share * left).sum())
     share /= length + velocity * mean
     state = _empty(model, delays, 2 * count + 256, velocity / (length + velocity * mean))
     x = step * np.arange(count)
     cohort = state.cohort
     order = slice(count)
     cohort[BIRTH, order], cohort[SINCE, order] = -x[::-1], -x[::-1] / velocity
-    cohort[MASS, order], cohort[ALIVE, order] = share[::-1], (share * fraction)[::-1]
+    cohort[MASS, order], cohort[ALIVE, order] = share[::-1], (share * left)[::-1]
     cohort[REACH, order], state.run[order] = np.array(reaches[:count])[::-1], np.array(runs[:count])[::-1]
     state.scalar[SLID] = f_d
     return _summed(state, count, velocity)
@@ -690,7 +690,8 @@ def advance(
     max_steps: int = 2**62,
 ) -> Progress:
     """Go on from a state, which is not changed, under one piece of the drive; as `cohorts.advance`."""
-    state = State(*(part.copy() for part in state))
+    scalar, cohort, run, trial, broken, cursor, used = state
+    state = State(scalar.copy(), cohort.copy(), run.copy(), trial.copy(), broken.copy(), cursor.copy(), used.copy())
     rows = np.empty((times.size, COLUMNS))
     case = _Case(model, delays, slider, f_d, drive, limits)
     filled, reason, steps = 0, NO_ROOM, max_steps
@@ -700,8 +701,8 @@ def advance(
         if reason == NO_ROOM:
             if state.used[0] + 2 > state.cohort.shape[1]:
                 double = np.concatenate([state.cohort, np.zeros_like(state.cohort)], axis=1)
-                run, trial = (np.concatenate([part, np.zeros_like(part)]) for part in (state.run, state.trial))
-                state = state._replace(cohort=double, run=run, trial=trial)
+                longer, tried = (np.concatenate([part, np.zeros_like(part)]) for part in (state.run, state.trial))
+                state = state._replace(cohort=double, run=longer, trial=tried)
             else:
                 state = state._replace(broken=np.concatenate([state.broken, np.zeros_like(state.broken)], axis=1))
     return Progress(state, rows[:filled], reason)

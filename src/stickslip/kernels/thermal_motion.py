@@ -97,8 +97,8 @@ def constants(slider: Slider, f_d: float, N: float) -> Constants:
 def detached_stretching(motion: Floats, counts: Counts, c: Constants, X: float) -> float:
     """Common stretching of the detached contacts with the slider at `X`."""
     if counts[SLIDE] != 0:
-        return counts[SLIDE] * c.f_d
-    return X - motion[ANCHOR]
+        return float(counts[SLIDE] * c.f_d)
+    return float(X - motion[ANCHOR])
 
 
 @inlined

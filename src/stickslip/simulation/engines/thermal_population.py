@@ -192,7 +192,7 @@ def activation_width(interface: Interface) -> float:
             return temperature / mean
         case Barrier(height=height, power=power):
             left = min(1.0, (10.0 / height) ** (1.0 / power))
-            return mean / (height * power * left ** (power - 1.0))
+            return float(mean / (height * power * left ** (power - 1.0)))
     return math.inf
 
 
