@@ -175,8 +175,10 @@ class Thermal(Engine, Protocol):
 
     def here(self) -> tuple[float, float]:
         """Time, and position of the slider."""
+        from stickslip.kernels import thermal_motion as shared
+
         motion = self._state.motion
-        return float(motion[self._kernel.TIME]), float(motion[self._kernel.POSITION])
+        return float(motion[shared.TIME]), float(motion[shared.POSITION])
 
     def contact_force(self) -> float:
         """Friction force now, per contact."""
@@ -195,25 +197,27 @@ class Thermal(Engine, Protocol):
 
     def advance(self, leg: Leg) -> Advance:
         """Go on by some events."""
-        kernel, counts, motion = self._kernel, self._state.counts, self._state.motion
-        sampling = kernel.Sampling(leg.times, np.empty((leg.times.size, len(COLUMNS))))
+        from stickslip.kernels import thermal_motion as shared
+
+        counts, motion = self._state.counts, self._state.motion
+        sampling = shared.Sampling(leg.times, np.empty((leg.times.size, len(COLUMNS))))
         seen: list[Stretchings] = []
-        counts[kernel.SAMPLE] = 0
-        last = int(counts[kernel.EVENTS]) + _EVENTS
+        counts[shared.SAMPLE] = 0
+        last = int(counts[shared.EVENTS]) + _EVENTS
         looks = (*leg.looks, math.inf)
         while True:
-            piece = kernel.Piece(leg.drive, leg.end, leg.stop, looks[len(seen)])
-            why = self._go(piece, sampling, last - int(counts[kernel.EVENTS]))
-            if why == kernel.DRAWS_USED_UP:
+            piece = shared.Piece(leg.drive, leg.end, leg.stop, looks[len(seen)])
+            why = self._go(piece, sampling, last - int(counts[shared.EVENTS]))
+            if why == shared.DRAWS_USED_UP:
                 self._refill()
-            elif why == kernel.LOOK:  # before the flight that passes it, so that none is cut in two
-                seen.append(self._stretchings(float(motion[kernel.LOOKED])))
+            elif why == shared.LOOK:  # before the flight that passes it, so that none is cut in two
+                seen.append(self._stretchings(float(motion[shared.LOOKED])))
             elif not self._mend(why):
                 break
-        while looks[len(seen)] <= motion[kernel.TIME]:  # at the very end
+        while looks[len(seen)] <= motion[shared.TIME]:  # at the very end
             seen.append(self.stretchings())
-        rows = sampling.samples[: counts[kernel.SAMPLE]]
-        return Advance(rows, tuple(seen), over=why != kernel.BUDGET_SPENT)
+        rows = sampling.samples[: counts[shared.SAMPLE]]
+        return Advance(rows, tuple(seen), over=why != shared.BUDGET_SPENT)
 
 
 @solves(Contacts, temperature=(Bell,))
@@ -228,6 +232,8 @@ class Clocked(Thermal):
         return thermal_clock
 
     def __init__(self, beginning: Beginning, method: Contacts) -> None:
+        from stickslip.kernels import thermal_motion as shared
+
         self._begin(beginning, method)
         kernel = self._kernel
         hazard = hazard_of(beginning.interface)
@@ -236,7 +242,7 @@ class Clocked(Thermal):
         self._state = kernel.make_state(
             -x, threshold, pending, self._delay.moment(1), self._bell.width, beginning.slider_velocity
         )
-        self._state.counts[kernel.SLIDE] = int(beginning.sliding and self._sliding_force > 0)
+        self._state.counts[shared.SLIDE] = int(beginning.sliding and self._sliding_force > 0)
         for side in (1.0, -1.0):
             kernel.wind(self._state, self._bell, side, self._variates(method.count))
         self._refill(first=True)
@@ -278,10 +284,12 @@ class Clocked(Thermal):
 
     def _mend(self, why: int) -> bool:
         """Wind a clock that is too far ahead; whether it was that."""
+        from stickslip.kernels import thermal_motion as shared
+
         kernel = self._kernel
-        if why not in (kernel.WIND, kernel.WIND_BACK):
+        if why not in (shared.WIND, shared.WIND_BACK):
             return False
-        side = 1.0 if why == kernel.WIND else -1.0
+        side = 1.0 if why == shared.WIND else -1.0
         kernel.wind(self._state, self._bell, side, self._variates(self._state.contacts.size))
         return True
 
@@ -299,6 +307,8 @@ class Thinned(Thermal):
         return thermal_boxes
 
     def __init__(self, beginning: Beginning, method: Contacts) -> None:
+        from stickslip.kernels import thermal_motion as shared
+
         self._begin(beginning, method)
         kernel = self._kernel
         interface = beginning.interface
@@ -309,7 +319,7 @@ class Thinned(Thermal):
         else:  # growth towards a strength has come to its end; growth without end begins
             since = np.full(method.count, -math.inf if isinstance(interface.ageing, ExponentialGrowth) else 0.0)
         self._state = kernel.make_state(-x, threshold, since, pending, beginning.slider_velocity)
-        self._state.counts[kernel.SLIDE] = int(beginning.sliding and self._sliding_force > 0)
+        self._state.counts[shared.SLIDE] = int(beginning.sliding and self._sliding_force > 0)
         self._refill(first=True)
 
     @staticmethod
