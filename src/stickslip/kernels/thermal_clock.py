@@ -498,7 +498,7 @@ def _flight(
     if counts[AHEAD] > 0:
         reading = _next_reading(state, state.clock)
         rate = bell.attempts * math.exp((leg.X - clock) * per_width)
-        need = math.expm1(min((reading - clock) * per_width, 700.0))
+        need = math.expm1(min((reading - clock) * per_width, 300.0))
         guess = need / rate
         bend = 0.5 * guess * v * per_width
         guess = guess * (1.0 - bend) if abs(bend) < 0.2 else guess / (1.0 + max(bend, -0.5))
@@ -529,7 +529,7 @@ def _flight(
     if counts[BEHIND] > 0:
         reading_back = _next_reading(state, state.clock_back)
         rate_back = bell.attempts * math.exp((-leg.X - clock_back) * per_width)
-        need_back = math.expm1(min((reading_back - clock_back) * per_width, 700.0))
+        need_back = math.expm1(min((reading_back - clock_back) * per_width, 300.0))
         run_back = _integral(rate_back, h, -y, -v, -u, per_width)
         if run_back >= need_back:
             h, y, u, _ = _until(leg, need_back / rate_back, h, rate_back, need_back, -1.0, per_width)
