@@ -82,6 +82,8 @@ from .rigid import rigid_slide as rigid_slide
 from .rigid import static_friction as static_friction
 from .simulation import rerun as rerun
 from .simulation import simulate as simulate
+from .simulation import slide_hold_slide as slide_hold_slide
+from .simulation import velocity_step as velocity_step
 from .stability import critical as critical
 from .stability import growth_rate as growth_rate
 from .stability import stability_map as stability_map

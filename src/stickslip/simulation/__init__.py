@@ -10,6 +10,7 @@ from stickslip.simulation.engines.panels import Panels
 from stickslip.simulation.follow import follow_leg
 from stickslip.simulation.result import LABELS, labelled
 from stickslip.simulation.run import check_method, pull_rigidly, rerun, rig_of, simulate
+from stickslip.simulation.steps_and_holds import slide_hold_slide, velocity_step
 from stickslip.simulation.work import Work, estimate
 
 __all__ = [
@@ -27,4 +28,6 @@ __all__ = [
     "rerun",
     "rig_of",
     "simulate",
+    "slide_hold_slide",
+    "velocity_step",
 ]

@@ -16,11 +16,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from stickslip.errors import InputError
-from stickslip.model import Contacts, ElasticBody, FromSliding, Langevin, MasterEquation, QuasiStatic, Slider
+from stickslip.model import (
+    Bell,
+    Contacts,
+    ElasticBody,
+    ExponentialGrowth,
+    FromSliding,
+    Langevin,
+    MasterEquation,
+    QuasiStatic,
+    Slider,
+)
 from stickslip.model.drive import Piece, Travel
 from stickslip.model.rig import Rig
 from stickslip.model.units import Quantity
 from stickslip.simulation.engines.blocks import ANGLE
+from stickslip.simulation.engines.thermal_population import activation_width
 
 LONGEST = 3600.0
 """Seconds that a run may take without being asked for."""
@@ -39,6 +50,10 @@ _PANELS = 30.0
 """Steps of the master equation over an ``x_s``."""
 _PANEL = 3e-5
 """Seconds each of them takes."""
+_CLOCKED_BREAK, _CLOCKED_STEP, _THINNED_BREAK = 6e-7, 4e-7, 1e-5
+"""The same for a break by thermal activation: on the shared clock, a step of that, and one by one."""
+_THERMAL_COHORT = 6e-8
+"""The same for a cohort, or a node of it, in a step of the master equation with thermal activation."""
 _AGEING_COHORT = 6e-8
 """The same for a cohort of the kinetic equation in one time of ageing or ``x_s``, for each of their number."""
 _RADIAN = 8e-7, 2e-5
@@ -168,7 +183,7 @@ def estimate(rig: Rig) -> Work:
         return _of_blocks(rig, slider)
     distance = sum(_way(piece) for piece in rig.drive.pieces)
     parts = []
-    path, turns, ageing = distance, 0.0, rig.interface.ageing
+    path, turns, ringing, ageing = distance, 0.0, 0.0, rig.interface.ageing
     if isinstance(slider, Slider) and slider.mass > 0:
         frequency = math.sqrt((slider.stiffness + 1.0) / slider.mass)
         turns = frequency * duration
@@ -178,6 +193,7 @@ def estimate(rig: Rig) -> Work:
         if isinstance(rig.method, MasterEquation) and ageing is None:
             turns = min(turns, 10.0 * rings * (1.0 + distance))
         path += 0.1 * min(turns, distance * rings)
+        ringing = 20.0 * (1.0 + distance) * rings if damping_ratio < 1 else 0.0
         if isinstance(rig.start, FromSliding):
             path += (
                 abs(float(np.max(np.abs(rig.start.perturbation))) * rig.drive.pieces[0].start)
@@ -190,7 +206,9 @@ def estimate(rig: Rig) -> Work:
                           seconds=radian * turns))  # fmt: skip
     mean = rig.interface.threshold_distribution.moment(1)
     lives = path / mean
-    if isinstance(rig.method, Contacts | QuasiStatic):
+    if rig.interface.temperature is not None:
+        parts.append(_thermal(rig, path, lives, min(turns, ringing)))
+    elif isinstance(rig.method, Contacts | QuasiStatic):
         count = rig.method.count
         each = _BREAK if ageing is None else _AGEING_BREAK
         parts.append(Part(key="simulation.contacts", value=count, quantity=None, power=1.0,
@@ -246,6 +264,29 @@ def _of_blocks(rig: Rig, body: ElasticBody) -> Work:
                           what=f"{samples:.2g} samples of blocks", seconds=_BLOCK_SAMPLE[0] * samples,
                           bytes=_BLOCK_SAMPLE[1] * samples))  # fmt: skip
     return Work(rig=rig, parts=tuple(parts), block_steps=steps)
+
+
+def _thermal(rig: Rig, path: float, lives: float, turns: float) -> Part:
+    """Return the work of contacts that break by thermal activation, along a path and over radians of oscillation."""
+    interface, mean = rig.interface, rig.interface.threshold_distribution.moment(1)
+    width = activation_width(interface)
+    shared = isinstance(interface.temperature, Bell) and interface.ageing is None
+    if isinstance(rig.method, Contacts):
+        count = rig.method.count
+        breaks = _CLOCKED_BREAK if shared else _THINNED_BREAK
+        return Part(key="simulation.contacts", value=count, quantity=None, power=1.0,
+                    what=f"about {count * lives:.2g} breaks of {count:.2g} contacts by thermal activation",
+                    seconds=breaks * count * lives + _CLOCKED_STEP * 8.0 * path / width,
+                    bytes=_CONTACT * count)  # fmt: skip
+    numbers = (
+        1 if isinstance(interface.temperature, Bell) and not isinstance(interface.ageing, ExponentialGrowth) else 200
+    )
+    cohorts = float(max(2.0 / width, 200.0 / mean) * interface.threshold_distribution.support[1])
+    steps = cohorts * path + 3.0 * turns
+    work = numbers * cohorts
+    return Part(key="interface.temperature", value=width, quantity=None, power=-2.0,
+                what=f"about {steps:.2g} steps of {cohorts:.2g} cohorts",
+                seconds=_THERMAL_COHORT * steps * work, bytes=16.0 * work)  # fmt: skip
 
 
 def _way(piece: Piece) -> float:

@@ -1,6 +1,6 @@
 """The engines: one solver each, all behind the protocol of `base`, each registered for its method."""
 
-from stickslip.simulation.engines import blocks, events, growth, langevin, panels
+from stickslip.simulation.engines import blocks, events, growth, langevin, panels, thermal, thermal_population
 from stickslip.simulation.engines.base import (
     COLUMNS,
     ENGINES,
@@ -32,4 +32,6 @@ __all__ = [
     "panels",
     "slider_constants",
     "solves",
+    "thermal",
+    "thermal_population",
 ]

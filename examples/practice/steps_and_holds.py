@@ -1,0 +1,54 @@
+"""
+Velocity steps and holds
+========================
+
+What rate and state was made to describe, told by contacts that break by thermal activation: after a jump of the
+velocity the friction force rises at once, then falls over some slip; after a hold it peaks, the higher, the longer the
+hold. Contacts whose thresholds grow with the logarithm of their age weaken with velocity in the end and heal by the
+slope of that growth for each e-fold of time; contacts that do not age strengthen, and hardly heal.
+
+Run it with ``python examples/practice/steps_and_holds.py steps.png``.
+"""
+
+import sys
+
+import numpy as np
+from matplotlib.figure import Figure
+
+import stickslip as ss
+from stickslip import plot
+
+BELL = ss.Bell(width=0.01, attempts=1e6)
+THRESHOLDS = ss.Gaussian(mean=1.0, std=0.3)
+SLOPE = 0.02
+CONTACTS = {
+    "no ageing": ss.Interface(thresholds=THRESHOLDS, temperature=BELL),
+    "logarithmic ageing": ss.Interface(
+        thresholds=THRESHOLDS, temperature=BELL, ageing=ss.LogarithmicGrowth(slope=SLOPE, time=1e-3)
+    ),
+}
+HOLDS = np.geomspace(1.0, 1e4, 9)
+
+
+def draw() -> Figure:
+    """A step of the velocity from 1 to 10, and peaks after holds."""
+    with plot.house_style():
+        figure = plot.new_figure(plot.PAGE, 3.0)
+        step, heal = figure.subplots(1, 2)
+        for (name, interface), color in zip(CONTACTS.items(), (plot.BLUE, plot.ORANGE), strict=True):
+            run = ss.velocity_step(interface, before=1.0, after=10.0, distance=3.0)
+            step.plot(run.displacement, run.friction_force - run.friction_force[0], color=color, label=name)
+            holds = ss.slide_hold_slide(interface, velocity=1.0, holds=HOLDS.tolist())
+            heal.semilogx(holds.hold, holds.peak, "o-", color=color)
+        heal.semilogx(HOLDS, 0.0889 + SLOPE * np.log(HOLDS / 100.0), ":", color="0.4", label="slope of ageing")
+        step.set(xlabel="slip after the step ($x_s$)", ylabel="friction force, change ($f_s$)")
+        heal.set(xlabel="hold (time)", ylabel="peak above sliding ($f_s$)", ylim=(0.0, None))
+        step.legend()
+        heal.legend()
+    return figure
+
+
+if __name__ == "__main__":
+    figure = draw()
+    if sys.argv[1:]:
+        plot.save(figure, sys.argv[1])

@@ -1,0 +1,78 @@
+"""Rates at which contacts break by thermal activation, and thresholds that grow with age."""
+
+import math
+from typing import NamedTuple
+
+from ._jit import inlined
+from .growth import EXPONENTIAL, Growth, grown
+
+BELL, PARABOLIC, BARRIER = range(3)
+
+FIXED = Growth(1, 0.0, 1.0)
+"""Thresholds that do not grow."""
+
+
+class Hazard(NamedTuple):
+    """Kind of barrier, attempt rate, and its numbers.
+
+    `BELL`: `scale` is the width. `PARABOLIC`: the temperature. `BARRIER`: the height; with `power`, and `kramers` 1 for
+    Kramers' prefactor, else 0.
+    """
+
+    kind: int
+    attempts: float
+    scale: float
+    power: float
+    kramers: float
+
+
+@inlined
+def rate(hazard: Hazard, x: float, threshold: float) -> float:
+    """Rate at which a contact breaks that is stretched by ``x`` of either sign, within its threshold."""
+    x = abs(x)
+    if hazard.kind == BELL:
+        return hazard.attempts * math.exp((x - threshold) / hazard.scale)
+    if hazard.kind == PARABOLIC:
+        return hazard.attempts * math.exp(0.5 * (x - threshold) * (x + threshold) / hazard.scale)
+    left = 1.0 - x / threshold if x < threshold else 0.0
+    lowered = left**hazard.power
+    if hazard.kramers == 0.0:
+        return hazard.attempts * math.exp(-hazard.scale * lowered)
+    return float(hazard.attempts * left ** (hazard.power - 1.0) * math.exp(-hazard.scale * lowered))
+
+
+@inlined
+def largest_rate(hazard: Hazard, x: float, threshold: float) -> float:
+    """Largest rate of contacts stretched by no more than ``x`` on thresholds of at least `threshold`."""
+    if hazard.kind == BARRIER and hazard.kramers != 0.0:
+        # With the prefactor the rate falls again on the last bit of the way.
+        top = ((hazard.power - 1.0) / (hazard.power * hazard.scale)) ** (1.0 / hazard.power)
+        return rate(hazard, min(x, threshold * (1.0 - min(top, 1.0))), threshold)
+    return rate(hazard, x, threshold)
+
+
+@inlined
+def steepness(hazard: Hazard, x: float, threshold: float) -> float:
+    """Length over which the rate grows by a factor of e, about."""
+    x = abs(x)
+    if hazard.kind == BELL:
+        return hazard.scale
+    if hazard.kind == PARABOLIC:
+        return hazard.scale / max(x, math.sqrt(hazard.scale))
+    left = max(1.0 - x / threshold, (1.0 / hazard.scale) ** (1.0 / hazard.power))
+    return float(threshold / (hazard.scale * hazard.power * left ** (hazard.power - 1.0)))
+
+
+@inlined
+def threshold_at(growth: Growth, strength: float, age: float) -> float:
+    """Threshold of a contact of this strength and age."""
+    factor, addend = grown(growth, age)
+    return float(strength * factor + addend)
+
+
+@inlined
+def ageing_time(growth: Growth, age: float) -> float:
+    """Time in which a threshold does not grow much more."""
+    if growth.kind == EXPONENTIAL:
+        return 0.25 / growth.first
+    return math.inf if growth.first == 0.0 else age + growth.second

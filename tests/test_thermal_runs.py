@@ -1,0 +1,333 @@
+"""Contacts that break by thermal activation: N of them, and infinitely many; velocity steps and holds."""
+
+import math
+
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip.simulation import estimate
+from stickslip.simulation.engines import Beginning, engine_of
+from stickslip.simulation.follow import follow
+
+NARROW, WIDE = ss.Gaussian(mean=1.0, std=0.1), ss.Gaussian(mean=1.0, std=0.3)
+BELL = ss.Bell(width=0.01, attempts=1e6)
+GROWING = ss.LogarithmicGrowth(slope=0.02, time=1e-3)
+T = ss.Interface(thresholds=WIDE, temperature=BELL)
+LT = ss.Interface(thresholds=WIDE, temperature=BELL, ageing=GROWING)
+
+# Forces of steady sliding, by quadrature of the survival under the hazard: interface, velocity, force.
+STEADY = {
+    "bell, narrow": (ss.Interface(thresholds=NARROW, temperature=BELL), 1.0, 0.45670),
+    "bell, slow": (T, 0.01, 0.48057),
+    "bell": (T, 1.0, 0.50096),
+    "bell, fast": (T, 100.0, 0.52159),
+    "bell, nearly without temperature": (ss.Interface(thresholds=NARROW, temperature=BELL), 1e4, 0.50112),
+    "bell, thresholds met": (ss.Interface(thresholds=NARROW, temperature=BELL), 1e6, 0.50495),
+    "bell, seldom": (ss.Interface(thresholds=NARROW, temperature=ss.Bell(width=0.05, attempts=1e6)), 0.01, 0.13126),
+    "bell, growing": (LT, 1.0, 0.56522),
+    "bell, growing, fast": (LT, 1162.0, 0.53898),
+    "parabolic": (
+        ss.Interface(thresholds=NARROW, temperature=ss.Parabolic(temperature=0.01, attempts=1e6)), 1.0, 0.45415,
+    ),
+    "barrier": (ss.Interface(thresholds=NARROW, temperature=ss.Barrier(height=100, attempts=1e6)), 1.0, 0.39555),
+    "barrier, Kramers": (
+        ss.Interface(thresholds=NARROW, temperature=ss.Barrier(height=100, attempts=1e6, kramers=True)), 1.0, 0.40097,
+    ),
+}  # fmt: skip
+
+
+def slide(interface, velocity, method, distance):
+    """Friction force on the way of a rigid slider that starts in steady sliding."""
+    engine = engine_of(interface, method)(Beginning(interface, None, velocity, ss.FromSliding()), method)
+    times = np.linspace(0.0, distance / velocity, 201)
+    return follow(engine, ss.constant(velocity, distance / velocity), 0.0, times)["friction_force"]
+
+
+@pytest.mark.parametrize("case", STEADY)
+def test_the_master_equation_slides_with_the_steady_force(case):
+    interface, velocity, force = STEADY[case]
+    run = slide(interface, velocity, ss.MasterEquation(), 0.2)
+    assert run == pytest.approx(force, abs=1.5e-4)
+
+
+@pytest.mark.parametrize("case", STEADY)
+def test_contacts_slide_with_the_steady_force(case):
+    interface, velocity, force = STEADY[case]
+    count, distance = 5000, 5.0
+    run = slide(interface, velocity, ss.Contacts(count, seed=5), distance)
+    # The force of one contact has a standard deviation of .3 at most, and forgets within a length of .5.
+    assert run.mean() == pytest.approx(force, abs=4 * 0.3 / math.sqrt(count * distance / 0.5))
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Limits and accounts
+# ---------------------------------------------------------------------------------------------------------------------
+
+THERE_AND_BACK = (
+    ss.constant(1.0, 1.5).then(ss.constant(-1.0, 1.5)).then(ss.constant(0.0, 2.0)).then(ss.constant(2.0, 0.7))
+)
+
+
+def pulled(interface, drive=THERE_AND_BACK, **slider):
+    """A rig with a slider of some mass."""
+    given = {"stiffness": 2.0, "mass": 1e-2, "damping": 20.0} | slider
+    return ss.Rig(interface, ss.Slider(**given), drive, output=ss.Output(interval=0.05))
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.1])
+def test_without_attempts_contacts_are_those_without_temperature(delay):
+    cold = ss.Interface(thresholds=NARROW, delay=ss.Delay(delay))
+    barely = ss.Interface(thresholds=NARROW, delay=ss.Delay(delay), temperature=ss.Bell(width=1e-3, attempts=1e-9))
+    runs = [ss.simulate(pulled(interface), method=ss.Contacts(200, seed=3)) for interface in (cold, barely)]
+    for name in ("displacement", "friction_force", "attached", "broken_energy"):
+        np.testing.assert_allclose(runs[1][name], runs[0][name], rtol=0, atol=1e-9)
+
+
+def test_without_attempts_cohorts_are_those_without_temperature():
+    start = ss.Gaussian(mean=0.0, std=0.05)
+    cold = ss.Interface(thresholds=NARROW, initial=start)
+    barely = ss.Interface(thresholds=NARROW, initial=start, temperature=ss.Bell(width=0.01, attempts=1e-9))
+    exact = ss.rigid_slide(cold, 2.0)
+    run = ss.rigid_slide(barely, 2.0, method=ss.MasterEquation())
+    expected = np.interp(run.displacement, exact.displacement, exact.friction_force)
+    np.testing.assert_allclose(run.friction_force, expected, atol=5e-5)
+
+
+COMBINED = {
+    "bell": T,
+    "bell, delay, sliding force": ss.Interface(
+        thresholds=WIDE, temperature=ss.Bell(width=0.02, attempts=1e4), delay=ss.Delay(0.2), sliding_force=0.2
+    ),
+    "bell, growing, delay": ss.Interface(
+        thresholds=WIDE,
+        temperature=ss.Bell(width=0.02, attempts=1e4),
+        ageing=ss.LogarithmicGrowth(slope=0.02, time=1e-2),
+        delay=ss.RandomDelay(mean=0.1, std=0.03),
+    ),
+}
+ALL_COMBINED = COMBINED | {
+    "bell, growing to a strength": ss.Interface(
+        thresholds=WIDE,
+        temperature=ss.Bell(width=0.02, attempts=1e4),
+        ageing=ss.ExponentialGrowth(rate=3.0, newborn=0.3),
+    ),
+    "parabolic, delay": ss.Interface(
+        thresholds=WIDE, temperature=ss.Parabolic(temperature=0.02, attempts=1e4), delay=ss.Delay(0.1)
+    ),
+    "barrier, growing": ss.Interface(
+        thresholds=WIDE,
+        temperature=ss.Barrier(height=50.0, attempts=1e4),
+        ageing=ss.LogarithmicGrowth(slope=0.02, time=1e-2),
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    "case", [case if case in COMBINED else pytest.param(case, marks=pytest.mark.slow) for case in ALL_COMBINED]
+)
+def test_contacts_and_cohorts_agree_under_a_slider_that_turns_and_rests(case):
+    rig, count, seeds = pulled(ALL_COMBINED[case]), 2000, 12
+    cohorts = ss.simulate(rig, method=ss.MasterEquation())
+    runs = [ss.simulate(rig, method=ss.Contacts(count, seed=seed)) for seed in range(seeds)]
+    for name in ("friction_force", "displacement", "broken_energy"):
+        values = np.array([run[name].to_numpy() for run in runs])[:, 2:]
+        # The standard error of so few is itself uncertain: that of the whole run.
+        error = math.sqrt((values.var(axis=0, ddof=1)).mean() / seeds)
+        difference = values.mean(axis=0) - cohorts[name].to_numpy()[2:]
+        assert np.abs(difference).max() < 4.5 * error + 2e-4, name
+        assert np.sqrt((difference**2).mean()) < 2.5 * error
+
+
+@pytest.mark.parametrize("case", COMBINED)
+@pytest.mark.parametrize("method", [ss.Contacts(500, seed=2), ss.MasterEquation()], ids=["contacts", "cohorts"])
+def test_the_energy_account_closes(case, method):
+    run = ss.simulate(pulled(COMBINED[case]), method=method)
+    spent = run.kinetic_energy + run.spring_energy + run.contact_energy + run.damped_energy + run.broken_energy
+    balance = run.work - spent
+    # Exact event by event; with cohorts of the order of the step, of the first where detached contacts begin to slide.
+    allowed = 1e-11 if isinstance(method, ss.Contacts) else (6e-4 if "sliding" in case else 5e-5)
+    assert float(np.abs(balance - balance[0]).max()) < allowed * float(run.work.max())
+
+
+@pytest.mark.parametrize("case", COMBINED)
+def test_cohorts_lose_no_contact(case):
+    interface = COMBINED[case]
+    engine = engine_of(interface, ss.MasterEquation())(
+        Beginning(interface, None, 1.0, ss.FromSliding()), ss.MasterEquation()
+    )
+    drive = ss.constant(1.0, 0.5).then(ss.constant(0.0, 100.0)).then(ss.constant(1.0, 0.5))
+    follow(engine, drive, 0.0, np.linspace(0.0, 101.0, 11))
+    assert engine.mass == pytest.approx(1.0, abs=1e-12)
+
+
+def test_what_is_recorded_changes_nothing():
+    rig = pulled(T)
+    few = ss.simulate(rig, method=ss.Contacts(300, seed=1), output=ss.Output(interval=0.1))
+    many = ss.simulate(rig, method=ss.Contacts(300, seed=1), output=ss.Output(interval=0.05, snapshots=(0.7, 2.0)))
+    np.testing.assert_array_equal(few.friction_force, many.friction_force[::2])
+    assert ss.rerun(many).identical(many)
+
+
+@pytest.mark.parametrize("interface", [T, LT], ids=["clock", "boxes"])
+def test_a_long_hold_is_over_soon(interface):
+    """Contacts rest for 1e6 times: the number of events goes with the logarithm."""
+    engine = engine_of(interface, ss.Contacts(1000))(
+        Beginning(interface, None, 1.0, ss.FromSliding()), ss.Contacts(1000)
+    )
+    follow(engine, ss.constant(0.0, 1e6), 0.0, np.array([0.0, 1e6]))
+    assert engine._state.counts[2] < 150 * 1000
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Steps and holds
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("interface", "rise", "end"), [(T, 0.00955, 0.00447), (LT, 0.00943, -0.00461)])
+def test_a_velocity_step(interface, rise, end):
+    """The direct effect is nearly the width, whatever the ageing; in the end their balance decides."""
+    run = ss.velocity_step(interface, before=1.0, after=10.0, distance=6.0)
+    force = run.friction_force
+    first = float(force.sel(time=0.0))
+    assert (float(force.max()) - first) / math.log(10) == pytest.approx(rise, rel=0.01)
+    assert (float(force[-1]) - first) / math.log(10) == pytest.approx(end, rel=0.02)
+
+
+def test_a_velocity_step_of_contacts_is_that_of_cohorts():
+    given = {"before": 1.0, "after": 10.0, "distance": 1.0, "points": 200}
+    for interface in (T, LT):
+        cohorts = ss.velocity_step(interface, **given).friction_force
+        contacts = ss.velocity_step(interface, **given, method=ss.Contacts(20_000, seed=4)).friction_force
+        assert float(np.abs(contacts - cohorts).max()) < 4 * 0.3 / math.sqrt(20_000)
+
+
+def test_exponential_thresholds_are_rate_and_state():
+    """The force after a step is ``A/(1-A) ln 2 exp(-x)`` above that before, once the contacts' springs are taut."""
+    interface = ss.Interface(thresholds=ss.Exponential(mean=1.0), temperature=ss.Bell(width=0.03, attempts=1e6))
+    run = ss.velocity_step(interface, before=1.0, after=2.0, distance=1.2)
+    change = run.friction_force - float(run.friction_force[0])
+    values = np.interp([0.3, 0.5, 1.0], run.displacement, change)
+    assert values == pytest.approx([0.0159, 0.0130, 0.0079], abs=8e-4)
+
+
+HOLDS = {"T": (T, -0.0874, 0.0048), "LT": (LT, -0.0461, 0.0889)}
+
+
+@pytest.mark.parametrize("name", HOLDS)
+def test_slide_hold_slide(name):
+    interface, relaxation, peak = HOLDS[name]
+    run = ss.slide_hold_slide(interface, velocity=1.0, holds=(100.0,))
+    assert float(run.relaxation[0]) == pytest.approx(relaxation, abs=3e-4)
+    assert float(run.peak[0]) == pytest.approx(peak, abs=3e-4)
+    assert 0.13 < float(run.slip_to_peak[0]) < 0.34
+    contacts = ss.slide_hold_slide(interface, velocity=1.0, holds=(100.0,), method=ss.Contacts(20_000, seed=8))
+    error = 0.3 / math.sqrt(20_000)
+    assert float(contacts.relaxation[0]) == pytest.approx(relaxation, abs=4 * error)
+    assert float(contacts.peak[0]) == pytest.approx(peak, abs=4 * error)
+
+
+def test_contacts_heal_by_the_slope_of_their_growth():
+    run = ss.slide_hold_slide(LT, velocity=1.0, holds=(1e3, 1e4))
+    healing = float(run.peak[1] - run.peak[0])
+    assert healing == pytest.approx(0.0451, rel=0.01)
+    assert healing < 0.02 * math.log(10)
+
+
+@pytest.mark.parametrize(("stiffness", "growth", "frequency"), [(0.0200, 0.0240, 2.370), (0.0216, -0.0239, 2.458)])
+def test_a_spring_decides_whether_a_small_step_grows(stiffness, growth, frequency):
+    run = ss.velocity_step(LT, before=1.0, after=1.003, distance=25.0, stiffness=stiffness)
+    late = run.time > 6.0
+    t, force = run.time[late].to_numpy(), run.friction_force[late].to_numpy()
+    # The amplitudes of one complex mode are linear: search its growth and frequency alone.
+    from scipy.optimize import minimize
+
+    def misfit(mode):
+        shape = np.exp(mode[0] * t)
+        basis = np.stack([shape * np.cos(mode[1] * t), shape * np.sin(mode[1] * t), np.ones_like(t), t], axis=1)
+        return float(np.sum((force - basis @ np.linalg.lstsq(basis, force, rcond=None)[0]) ** 2)) / np.ptp(force) ** 2
+
+    found = minimize(misfit, [growth, frequency], method="Nelder-Mead", options={"xatol": 1e-5, "fatol": 1e-12}).x
+    assert found[0] == pytest.approx(growth, abs=0.001)
+    assert found[1] == pytest.approx(frequency, rel=0.003)
+
+
+def test_contacts_on_a_spring_are_cohorts_on_a_spring():
+    given = {"before": 1.0, "after": 10.0, "distance": 3.0, "stiffness": 0.1, "points": 200}
+    cohorts = ss.velocity_step(T, **given)
+    contacts = ss.velocity_step(T, **given, method=ss.Contacts(20_000, seed=6))
+    error = 0.3 / math.sqrt(20_000)
+    assert float(np.abs(contacts.friction_force - cohorts.friction_force).max()) < 4 * error
+    # In balance all the way: the spring's force is the friction force.
+    way = np.where(cohorts.time > 0, 10.0, 1.0) * cohorts.time
+    spring = 0.1 * (way - cohorts.displacement)
+    np.testing.assert_allclose(spring - spring[0], cohorts.friction_force - cohorts.friction_force[0], atol=2e-6)
+
+
+def test_a_rig_has_its_own_units():
+    scales = ss.Scales(force=50.0, stretching=2e-6, time=1e-3)
+    rig = ss.Rig(T, ss.Slider(stiffness=1.0, mass=1e-3, damping=1.0), ss.constant(1.0), scales=scales)
+    natural = ss.velocity_step(T, before=1.0, after=10.0, distance=1.0, points=50)
+    run = ss.velocity_step(rig, before="2 mm/s", after=0.02, distance="2 um", points=50)
+    assert run.friction_force.units == "N"
+    assert run.velocity.units == "m/s"
+    np.testing.assert_allclose(run.friction_force, 50.0 * natural.friction_force, rtol=1e-12)
+    held = ss.slide_hold_slide(rig, velocity=2e-3, holds=("100 ms",))
+    assert float(held.hold[0]) == pytest.approx(0.1)
+    assert held.slip_to_peak.units == "m"
+    assert float(held.peak[0]) == pytest.approx(50.0 * 0.00484, rel=1e-2)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What is refused
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: ss.velocity_step(T, before=0.0, after=1.0, distance=1.0), r"^velocity_step: before = 0"),
+        (lambda: ss.velocity_step(T, before=1.0, after="3 mm/s", distance=1.0), "must be a plain number"),
+        (lambda: ss.velocity_step(T, before=1.0, after=2.0, distance=1.0, stiffness=-1.0), "stiffness = -1"),
+        (lambda: ss.velocity_step("rig", before=1.0, after=2.0, distance=1.0), "a Rig or an Interface"),
+        (lambda: ss.slide_hold_slide(T, velocity=1.0, holds=()), "at least one time"),
+        (lambda: ss.slide_hold_slide(T, velocity=1.0, holds=(1.0, -2.0)), r"holds\[1\] = -2"),
+        (
+            lambda: ss.velocity_step(
+                ss.Interface(thresholds=WIDE), before=1.0, after=2.0, distance=1.0, method=ss.Contacts(10)
+            ),
+            "temperature = None: not available with Contacts",
+        ),
+        (
+            lambda: ss.simulate(pulled(ss.Interface(thresholds=WIDE, temperature=BELL, ageing=ss.Langevin(rate=1.0)))),
+            "temperature = .* and ageing = .*: not available with MasterEquation",
+        ),
+        (
+            lambda: ss.simulate(pulled(ss.Interface(thresholds=WIDE, temperature=BELL, newborn=NARROW))),
+            "Interface.newborn = .*: not available with MasterEquation; leave it out",
+        ),
+        (
+            lambda: ss.simulate(
+                pulled(ss.Interface(thresholds=WIDE, temperature=BELL, ageing=ss.ExponentialGrowth(rate=1.0)))
+            ),
+            "newborns without strength break at once",
+        ),
+        (
+            lambda: ss.simulate(pulled(T), method=ss.MasterEquation(memoryless=True)),
+            "memoryless=True.: not available with Interface.temperature",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(call, message):
+    with pytest.raises(ss.InputError, match=message) as caught:
+        call()
+    assert "\n" not in str(caught.value)
+
+
+def test_a_run_without_end_is_refused():
+    rig = pulled(T, ss.constant(1.0, 1e9)).replace(method=ss.Contacts(10_000))
+    with pytest.raises(ss.InputError, match=r"contacts = 1e\+04: .*breaks.* would take about .* days"):
+        ss.simulate(rig)
+    with pytest.raises(ss.InputError, match=r"interface.temperature = 0.01: .*steps of .* cohorts would take"):
+        ss.simulate(rig.replace(method=ss.MasterEquation()))
+    assert estimate(pulled(T)).seconds < 60
