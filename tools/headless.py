@@ -119,6 +119,8 @@ def window(browser: Browser, server: Server, fragment: str = "", **options: Any)
     page.on("request", lambda request: check(request.url))
     page.on("websocket", lambda socket: check(socket.url))
     page.goto(server.url + fragment)
+    if fragment.count("/") and page.is_visible("#waiting"):  # what comes with a link is computed on a click
+        page.click("#go")
     page.wait_for_selector("#friction:has-text('F')", state="attached", timeout=120_000)  # kernels may compile
     yield page
     context.close()

@@ -38,6 +38,7 @@ LARGEST_TRACE = 50_000_000
 """Bytes of a measured trace that the page may send."""
 _MOST_MARKED = 2_000  # slips; more cannot be told apart on a screen
 _FARTHEST = 1e3  # from the rig's own point, for the bistable band
+_SAMPLED, _SENSOR = 5e-3, 0.01  # the sample trace: seconds from row to row, noise over the largest force
 _EXTENSIONS = 3  # of a run that is undecided, each twice as long
 _COLUMNS = 9  # of the map, for the bistable band
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
@@ -477,8 +478,6 @@ def _ends(request: Plain, key: str) -> tuple[float, float]:
 def trace(content: bytes, name: str, options: Mapping[str, str], width: int, watch: Watch) -> Iterator[Plain]:
     """Analyse a measured trace; `options` may name its columns (force, time) and the time from row to row (step)."""
     watch(0.0)
-    if len(content) > LARGEST_TRACE:
-        raise InputError(too_large(len(content)))
     step = None
     if text := options.get("step", "").strip():
         try:
@@ -504,10 +503,20 @@ def trace(content: bytes, name: str, options: Mapping[str, str], width: int, wat
     }
 
 
-def too_large(size: float) -> str:
+def sample(watch: Watch) -> Iterator[bytes]:
+    """A trace to try: a run of the bench for teaching, as a force sensor with noise would have recorded it."""
+    rig = rigs.example("teaching_bench")
+    run = simulate(replace(rig, output=replace(rig.output, interval=_SAMPLED / rig.unit("time"))), progress=watch)
+    force = run["spring_force"].to_numpy()
+    force = force + np.random.default_rng(1).normal(0.0, _SENSOR * force.max(), force.size)
+    rows = [f"{t:.3f},{F:.4f}" for t, F in zip(run["time"].to_numpy(), force, strict=True)]
+    yield "\n".join(["time [s],force [N]", *rows, ""]).encode()
+
+
+def too_large(size: float, most: float) -> str:
     """Say that a file is too large."""
     return (
-        f"this file has {size / 1e6:.0f} MB, more than {LARGEST_TRACE / 1e6:.0f}; keep every n-th row or a part of it, "
+        f"this file has {size / 1e6:.3g} MB, more than {most / 1e6:g}; keep every n-th row or a part of it, "
         "or use `stickslip measure`"
     )
 
@@ -548,6 +557,7 @@ ANSWERS: Mapping[str, Callable[..., Iterator[Any]]] = {
     "advice": advice,
     "trace": trace,
     "download": download,
+    "sample": sample,
 }
 """What a worker can be asked; the last argument of each is its watch."""
 QUICK, SLOW = ("run", "stretchings", "contacts", "edit"), ("chart", "band", "advice")
