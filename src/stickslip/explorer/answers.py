@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from stickslip import advise, cycles, measure, plot, rigid, theory
+from stickslip import advise, cycles, measure, plot, rigid, stability, theory
 from stickslip.errors import InputError, UndecidedError, instance, number, shown
 from stickslip.explorer import documents, replay
 from stickslip.explorer.packing import Array, Plain, along_path, envelope, packed
@@ -40,6 +40,7 @@ _MOST_MARKED = 2_000  # slips; more cannot be told apart on a screen
 _FARTHEST = 1e3  # from the rig's own point, for the bistable band
 _SAMPLED, _SENSOR = 5e-3, 0.01  # the sample trace: seconds from row to row, noise over the largest force
 _EXTENSIONS = 3  # of a run that is undecided, each twice as long
+_POINTS = 72  # of the map along each parameter, twice over
 _COLUMNS = 9  # of the map, for the bistable band
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 
@@ -309,7 +310,7 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
     rig = documents.rig_of(request.get("document"))
     documents.check_thresholds(rig)
     over = _over(request)
-    found = advise.chart(rig, over, request.get("around", 20.0), 56, watch)
+    found = advise.chart(rig, over, request.get("around", 20.0), _POINTS, watch)
     rate = found["growth_rate"].transpose(over[1], over[0])
     values = rate.to_numpy()
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 1.0
@@ -333,8 +334,16 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
             for mine in (found["curve"].to_numpy() == curve for curve in np.unique(found["curve"].to_numpy()))
         ],
         "here": [float(found[f"here_{name}"]) for name in over],
-        "summary": found.attrs["summary"],
+        "summary": _about(rig),
     }
+
+
+def _about(rig: Rig) -> str:
+    """Whether smooth sliding is stable where the rig stands, in words."""
+    modes = stability.count_unstable(rig.natural)
+    if not modes:
+        return "Smooth sliding is stable at this point."
+    return f"Smooth sliding is unstable at this point: {modes} growing mode{'s' if modes > 1 else ''}."
 
 
 def _map_axis(parameter: xr.DataArray) -> Plain:

@@ -28,6 +28,9 @@ Document = dict[str, Any]
 
 LONGEST = 4.0
 """Seconds of a run, as estimated before it starts; it is cut short to that."""
+SHORTEST = 0.02
+"""Of a drive, that a run shows at least; one that would have to be shorter is refused."""
+MOST_CONTACTS = 1_000_000
 MOST_SAMPLES = 200_000
 """Of a run; by default there are 50,000 at most, and a screen shows some thousands."""
 MOST_PIECES = 1_000
@@ -137,10 +140,13 @@ def of(rig: Rig) -> Document:
 
 def shortened(rig: Rig, seconds: float) -> Rig:
     """Return the rig with its drive cut short, so that a run takes no longer than this by estimate, if that will do."""
+    short = rig
     for _ in range(6):
-        if (excess := estimate(rig).seconds / seconds) <= 1.0 or not math.isfinite(excess):
-            return rig
-        rig = _cut(rig, 0.95 / excess)
+        if (excess := estimate(short).seconds / seconds) <= 1.0:
+            return short
+        if not math.isfinite(excess) or short.drive.duration < SHORTEST * excess * rig.drive.duration:
+            break
+        short = _cut(short, 0.95 / excess)
     return rig
 
 
@@ -204,6 +210,11 @@ def check_size(rig: Rig, seconds: float = LONGEST) -> None:
                 f"interface.{name}: must have at most {MOST_BINS} bins, here {len(distribution.weights)}, to stay live",
                 f"interface.{name}",
             )
+    if isinstance(rig.method, Contacts) and rig.method.count > MOST_CONTACTS:
+        raise InputError(
+            f"simulation.contacts = {rig.method.count}: must be at most {MOST_CONTACTS}, to stay live; {elsewhere}",
+            "simulation.contacts",
+        )
     samples = 0.0 if rig.output.interval is None else rig.drive.duration / rig.output.interval
     if samples > MOST_SAMPLES:
         raise InputError(

@@ -196,7 +196,7 @@
     made.input = element("input", { id, type: "text", inputMode: "decimal", value: number, autocomplete: "off" });
     made.input.setAttribute("aria-describedby", `${complaint.id} help`);
     const shownUnit = element("span", { className: "unit", textContent: field.plain && !natural ? relative(field) :
-      made.unit || field.unit || "" });
+      micro(made.unit || field.unit || "") });
     made.shownUnit = shownUnit;
     if (field.swap) {
       const menu = element("button", { type: "button", textContent: `${shownUnit.textContent} ⇄`, title: `Give ${field.swap} instead` });
@@ -289,7 +289,7 @@
     made.input.value = number;
     if (made.slider) made.range = rangeOf(made, parseFloat(number));
     place(made);
-    if (!made.field.swap) made.shownUnit.textContent = unit;
+    if (!made.field.swap) made.shownUnit.textContent = micro(unit);
   }
   function complain(kind, errors) {
     const said = word2(errors.map((e) => e.message).join("; "));
@@ -469,7 +469,8 @@
   function list(id, lines) {
     $(id).replaceChildren(...lines.map((textContent) => element("li", { textContent: word2(textContent) })));
   }
-  const word2 = (text) => text.replace(/\b([xf])_s\b/g, "$1ₛ").replace(/\bF_s\b/g, "Fₛ").replace(/\bF_k\b/g, "Fₖ");
+  const micro = (text) => text.replace(/\bu(m|s|N|g)\b/g, "µ$1");
+  const word2 = (text) => micro(text).replace(/\b([xf])_s\b/g, "$1ₛ").replace(/\bF_s\b/g, "Fₛ").replace(/\bF_k\b/g, "Fₖ");
   function table(id, lines, head) {
     const cells = (tag, line) => element("tr", {}, ...line.map((textContent) => element(tag, { textContent: word2(textContent) })));
     const parts = [element("tbody", {}, ...lines.map((line) => cells("td", line)))];
@@ -551,7 +552,7 @@
       asked.band = "";
       mark("map", "");
       $("map-state").textContent = "";
-      $("summary").textContent = reply.summary.replace(/^.*?: smooth/, "Smooth");
+      $("summary").textContent = reply.summary;
       drawMap();
       if ($("band").checked) askBand();
     },
@@ -732,11 +733,23 @@
     $("map-frequency").textContent = apart.length ? `; numbers: frequency of the oscillation there, in ${chart.frequency_unit}` : "";
     const written = apart.map(([x, y, f]) => ({ x: Math.log10(x), y: Math.log10(y), text: f >= 100 ? f.toFixed(0) : String(short(f, 3)), showarrow: false,
       bgcolor: colour("paper"), borderpad: 1, font: { size: 11, color: colour("ink") } }));
-    const range = (values) => { const e = chart[values].ends; return [Math.log10(e[0]), Math.log10(e[1])]; };
-    const tick = { exponentformat: doc.units === "natural" ? "power" : "SI", minexponent: 0, dtick: "D2" };
     return draw("plot-map", traces, { hovermode: "closest", dragmode: false, annotations: written, margin: { l: 62, r: 8, t: 10, b: 48 },
-      xaxis: axis(label(chart.x), { type: "log", range: range("x"), ...tick }),
-      yaxis: axis(label(chart.y), { type: "log", range: range("y"), ...tick }) });
+      xaxis: logarithmic(chart.x), yaxis: logarithmic(chart.y) });
+  }
+  /* An axis of the map: 1, 2, 5, 10 ... in the prefix that suits its middle. */
+  function logarithmic({ title, unit, ends: [low, high] }) {
+    const middle = Math.sqrt(low * high), prefixes = { "N/m": "mkMG", "m/s": "nµmk", s: "nµm" }[unit] ?? "";
+    const sizes = { n: 1e-9, "µ": 1e-6, m: 1e-3, "": 1, k: 1e3, M: 1e6, G: 1e9 };
+    const prefix = ["", ...prefixes].filter((p) => sizes[p] <= middle * 2).sort((p, q) => sizes[q] - sizes[p])[0] ?? "";
+    const tickvals = [], wide = high / low > 200;
+    for (let decade = Math.floor(Math.log10(low)); decade <= Math.log10(high); decade++) {
+      for (const step of wide ? [1, 3] : [1, 2, 5]) {
+        const value = step * Math.pow(10, decade);
+        if (value >= low * 0.999 && value <= high * 1.001) tickvals.push(value);
+      }
+    }
+    return axis(label({ title, unit: prefix + unit }), { type: "log", range: [Math.log10(low), Math.log10(high)], tickvals,
+      ticktext: tickvals.map((value) => String(short(value / sizes[prefix], 2))) });
   }
   let dragging = false;
   function turn(event) {
