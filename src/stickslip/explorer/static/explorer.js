@@ -522,6 +522,7 @@
     },
     contacts(reply) {
       if (!reply.frames) return;
+      const time = timeNow(); // showing begins with the first frame
       frames = reply.frames;
       stage.show(frames);
       frames.clock = Array.from(numbers(frames.times));
@@ -531,7 +532,7 @@
         : `${shownOf}, of a run with contacts of the same rig (purple line)`;
       for (const id of ["play", "pace", "slow"]) $(id).disabled = false;
       if (!frames.exact && page === "simulate") drawForce();
-      const [begin, end] = stage.span(), time = timeNow();
+      const [begin, end] = stage.span();
       stage.seek(time >= begin && time <= end ? time : begin);
       if (playing) stage.play();
     },
