@@ -1091,7 +1091,8 @@ def count_runs(page):
     page.evaluate(
         """() => { window.runs = []; const send = WebSocket.prototype.send;
         WebSocket.prototype.send = function (text) { const said = JSON.parse(text);
-          if (said.kind === "run") window.runs.push(said.document.slider.stiffness); return send.call(this, text); }; }"""
+          if (said.kind === "run") window.runs.push(said.document.slider.stiffness);
+          return send.call(this, text); }; }"""
     )
 
 
@@ -1131,7 +1132,12 @@ def test_an_emptied_field_takes_its_value_back(page):
 @needs_browser
 @pytest.mark.parametrize(
     ("typed", "shown", "kept"),
-    [("2,5", "2.5", "2.5 N/m"), ("400 N/m", "400", "400 N/m"), ("0,4 kN/m", "0.4", "0.4 kN/m"), ("350", "350", "350 N/m")],
+    [
+        ("2,5", "2.5", "2.5 N/m"),
+        ("400 N/m", "400", "400 N/m"),
+        ("0,4 kN/m", "0.4", "0.4 kN/m"),
+        ("350", "350", "350 N/m"),
+    ],
 )
 def test_units_may_be_typed_or_not(bench, typed, shown, kept):
     bench.fill("#field-slider-stiffness", typed)
@@ -1272,7 +1278,7 @@ def test_every_axis_of_the_map_works(shared, title):
 
 
 @needs_browser
-def test_a_link_computes_nothing_before_a_click(browser, server, page):
+def test_a_link_computes_nothing_before_a_click(browser, page):
     move(page, "#field-slider-stiffness", 7)
     state(page)
     address = page.evaluate("location.href")
@@ -1317,7 +1323,9 @@ def test_the_drawing_replays_the_very_run_of_the_trace():
     run = simulate(rig)
     assert frames["exact"]
     assert frames["shown"] == frames["of"] == 40
-    np.testing.assert_allclose(arrays["slider"], np.interp(arrays["times"], run["time"], run["displacement"]), atol=2e-3)
+    np.testing.assert_allclose(
+        arrays["slider"], np.interp(arrays["times"], run["time"], run["displacement"]), atol=2e-3
+    )
     held = flags & 1 == 1
     # The force of the contacts in the drawing is the friction force of the run: all are shown.
     friction = np.where(held, x, 0.0).sum(axis=1) / 40
@@ -1363,7 +1371,8 @@ def test_the_drawing_moves_at_thirty_frames_a_second_in_step_with_the_cursor(bro
         page.wait_for_selector("#stage-words:has-text('40 of the 1000 contacts')")
         assert page.text_content("#play") == "Pause"
         seen = page.evaluate(
-            """() => new Promise((resolve) => { const drawing = document.querySelector("#drawing"), began = performance.now();
+            """() => new Promise((resolve) => {
+            const drawing = document.querySelector("#drawing"), began = performance.now();
             const first = Number(drawing.dataset.painted), times = new Set(), places = new Set();
             const look = () => { times.add(drawing.dataset.time);
               places.add(document.querySelector("#cursor").style.transform);
@@ -1488,12 +1497,15 @@ def test_the_map_says_frequencies_in_hertz_and_its_legend_is_true_in_both_themes
         page.emulate_media(color_scheme=scheme)
         page.wait_for_timeout(300)
         drawn = page.evaluate(
-            """() => { const probe = document.createElement("i"), style = (c) => { probe.style.color = c; document.body.append(probe);
-            const found = getComputedStyle(probe).color; probe.remove(); return found; }, data = document.querySelector("#plot-map").data;
+            """() => {
+            const probe = document.createElement("i"), data = document.querySelector("#plot-map").data;
+            const shown = (colour) => { probe.style.color = colour; document.body.append(probe);
+              const found = getComputedStyle(probe).color; probe.remove(); return found; };
             const swatch = (name) => getComputedStyle(document.querySelector(`.swatch.${name}`));
-            const limit = data.find((trace) => trace.name === "limit");
-            return [[style(data[0].colorscale[2][1]), swatch("unstable").backgroundColor], [style(data[0].colorscale[0][1]), swatch("stable").backgroundColor],
-              [style(limit.line.color), swatch("limit").borderTopColor]]; }"""
+            const [stable, , unstable] = data[0].colorscale.map(([, colour]) => shown(colour));
+            const limit = shown(data.find((trace) => trace.name === "limit").line.color);
+            return [[unstable, swatch("unstable").backgroundColor], [stable, swatch("stable").backgroundColor],
+              [limit, swatch("limit").borderTopColor]]; }"""
         )
         for line, legend in drawn:
             assert line == legend
@@ -1620,8 +1632,9 @@ def test_forty_visitors(lesson):
         time.sleep(seconds / 8)
         memory.append(lesson.memory())
     print(
-        f"\n{len(waits)} answers to {visitors} visitors: median {np.median(waits):.2f} s, 99 % {np.quantile(waits, 0.99):.2f} s, "
-        f"longest {max(waits):.2f} s; memory, MB: {', '.join(f'{m:.0f}' for m in memory)}; load {os.getloadavg()[0]:.1f}"
+        f"\n{len(waits)} answers to {visitors} visitors: median {np.median(waits):.2f} s, "
+        f"99 % {np.quantile(waits, 0.99):.2f} s, longest {max(waits):.2f} s; "
+        f"memory, MB: {', '.join(f'{m:.0f}' for m in memory)}; load {os.getloadavg()[0]:.1f}"
     )
     assert not wrong
     assert None not in waits
@@ -1633,42 +1646,7 @@ def test_forty_visitors(lesson):
 # For all
 # ---------------------------------------------------------------------------------------------------------------------
 
-# What can be told by a script of the rules of WCAG: names of controls, roles, contrast of texts, unique ids.
-RULES = """
-() => {
-  const faults = [], seen = (node) => node.checkVisibility({ opacityProperty: true, visibilityProperty: true }) && node.getClientRects().length;
-  const called = (node) => (node.getAttribute("aria-label") || [...(node.labels ?? [])].map((label) => label.textContent).join(" ")
-    || (node.getAttribute("aria-labelledby") ?? "").split(" ").map((id) => document.getElementById(id)?.textContent ?? "").join(" ")
-    || node.textContent || node.title || "").trim();
-  for (const node of document.querySelectorAll("button, input, select, a, progress, [role=tab], [tabindex], canvas, dialog")) {
-    if (!called(node)) faults.push(`no name: ${node.outerHTML.slice(0, 90)}`);
-  }
-  for (const node of document.querySelectorAll("[aria-label]")) {
-    if (/^(DIV|SPAN|P)$/.test(node.tagName) && !node.getAttribute("role")) faults.push(`a name without a role: ${node.outerHTML.slice(0, 90)}`);
-  }
-  for (const node of document.querySelectorAll("[aria-describedby], [aria-labelledby], [aria-controls], label[for]")) {
-    for (const key of ["aria-describedby", "aria-labelledby", "aria-controls", "for"]) {
-      for (const id of (node.getAttribute(key) ?? "").split(" ").filter(Boolean)) if (!document.getElementById(id)) faults.push(`${key}: no ${id}`);
-    }
-  }
-  const ids = [...document.querySelectorAll("[id]")].filter((node) => !node.closest("svg")).map((node) => node.id);
-  for (const id of ids) if (ids.filter((other) => other === id).length > 1) faults.push(`twice: ${id}`);
-  const parts = (text) => text.match(/[\\d.]+/g).map(Number);
-  const light = (text) => parts(text).slice(0, 3).map((c) => c / 255).map((c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4))
-    .reduce((sum, c, i) => sum + c * [0.2126, 0.7152, 0.0722][i], 0);
-  const behind = (node) => { for (let n = node; n; n = n.parentElement) { const b = getComputedStyle(n).backgroundColor; if ((parts(b)[3] ?? 1) > 0.9) return b; } return "rgb(255,255,255)"; };
-  const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
-  while (walk.nextNode()) {
-    const node = walk.currentNode.parentElement;
-    if (!walk.currentNode.textContent.trim() || node.closest("svg, noscript, [data-state]:not([data-state='']), option, :disabled, script") || !seen(node)) continue;
-    const style = getComputedStyle(node), [a, b] = [light(style.color), light(behind(node))].sort((x, y) => y - x), ratio = (a + 0.05) / (b + 0.05);
-    const large = parseFloat(style.fontSize) >= 24 || (parseFloat(style.fontSize) >= 18.66 && Number(style.fontWeight) >= 700);
-    if (ratio < (large ? 3 : 4.5)) faults.push(`contrast ${ratio.toFixed(2)}: ${walk.currentNode.textContent.trim().slice(0, 60)}`);
-  }
-  if (!document.documentElement.lang || !document.title || document.querySelectorAll("h1, main").length !== 2) faults.push("page");
-  return faults;
-}
-"""
+RULES = Path(headless.__file__).with_name("accessibility.js").read_text()
 
 
 @needs_browser
@@ -1701,7 +1679,9 @@ def test_every_control_can_be_touched_without_an_error(bench):
     page = bench
     for name in ("simulate", "map", "stop", "trace"):
         page.click(f"#tab-{name}")
-        controls = page.locator("button:visible, select:visible, input[type=checkbox]:visible, input[type=range]:visible")
+        controls = page.locator(
+            "button:visible, select:visible, input[type=checkbox]:visible, input[type=range]:visible"
+        )
         for i in range(controls.count()):
             control = controls.nth(i)
             if not control.is_visible() or not control.is_enabled():

@@ -126,7 +126,9 @@ def browser() -> Iterator[Browser]:
 @contextmanager
 def window(browser: Browser, server: Server, fragment: str = "", **options: Any) -> Iterator[Page]:
     """Open the app in a window of its own; it must ask no other host for anything and log no error."""
-    context = browser.new_context(**{"viewport": {"width": 1280, "height": 800}, "color_scheme": "light", "reduced_motion": "reduce"} | options)
+    context = browser.new_context(
+        **{"viewport": {"width": 1280, "height": 800}, "color_scheme": "light", "reduced_motion": "reduce"} | options
+    )
     page = context.new_page()
     faults: list[str] = []
     page.on("console", lambda message: faults.append(message.text) if message.type in ("error", "warning") else None)

@@ -26,10 +26,10 @@ PORT = 8317
 
 
 EXPOSED = """\
-Shared with this network until you stop it: whoever has this link can simulate on this machine, in runs of about a second
-and searches of at most a minute each, and have force traces of up to 5 MB read. Visitors see the rig that you opened it
-with, none of your files, and no rig or trace of another visitor. The link is the only lock, and it is sent in the clear
-(http): give it to people in the room, not to the internet."""
+Shared with this network until you stop it: whoever has this link can simulate on this machine, in runs of about a
+second and searches of at most a minute each, and have force traces of up to 5 MB read. Visitors see the rig that you
+opened it with, none of your files, and no rig or trace of another visitor. The link is the only lock, and it is sent in
+the clear (http): give it to people in the room, not to the internet."""
 """What ``--share`` exposes, in words."""
 
 

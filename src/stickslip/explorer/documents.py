@@ -151,7 +151,7 @@ def shortened(rig: Rig, seconds: float) -> Rig:
 
 
 def extended(rig: Rig, seconds: float) -> Rig | None:
-    """Return the rig with a drive that lasts twice as long; None if that would take too long, or is no constant drive."""
+    """Return the rig with a drive twice as long; None if that would take too long, or the drive is not constant."""
     pieces = rig.drive.pieces
     if len(pieces) > 1 or pieces[0].start != pieces[0].end or pieces[0].until is not None:
         return None
@@ -160,7 +160,7 @@ def extended(rig: Rig, seconds: float) -> Rig | None:
 
 
 def of_duration(rig: Rig, duration: object) -> Rig:
-    """Return the rig with the duration that its run on the page had, in the rig's own units; any other is left as it is."""
+    """Return the rig with the duration, in its own units, that its run on the page had; without one, as it is."""
     if duration is None:
         return rig
     wanted = number("duration", duration, above=0) / rig.unit("time")
@@ -407,7 +407,9 @@ def presets() -> tuple[dict[str, Any], ...]:
     ]
     for figure, (case, words) in _FIGURES.items():
         title = f"Fig. {figure}: {words}"
-        found.append({"group": "The paper, in natural units", "title": title, "document": paper(case, f"Fig. {figure}")})
+        found.append(
+            {"group": "The paper, in natural units", "title": title, "document": paper(case, f"Fig. {figure}")}
+        )
     return tuple(found)
 
 

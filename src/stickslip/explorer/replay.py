@@ -47,7 +47,15 @@ class _Tells(Protocol):
 
 
 def frames(rig: Rig, at: float, watch: Progress) -> Iterator[Plain]:
-    """Frames from about the time `at` (fraction of the drive) on; times and forces in the rig's units, the rest in ``x_s``.
+    """Frames from about a time on; times and forces in the rig's units, displacements in ``x_s``.
+
+    Parameters
+    ----------
+    rig : Rig
+    at : float
+        The time, as a fraction of the drive.
+    watch : callable
+        Called with the fraction of the work that is done.
 
     Raises
     ------

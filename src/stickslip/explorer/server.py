@@ -84,7 +84,9 @@ class Limits:
     files: int
 
 
-ALONE = Limits(run=documents.LONGEST, quick=60.0, slow=600.0, trace=answers.LARGEST_TRACE, together=3, windows=100, files=4)
+ALONE = Limits(
+    run=documents.LONGEST, quick=60.0, slow=600.0, trace=answers.LARGEST_TRACE, together=3, windows=100, files=4
+)
 SHARED = Limits(run=1.0, quick=20.0, slow=60.0, trace=5_000_000, together=1, windows=60, files=4)
 _MOST_WINDOWS = 120
 
@@ -99,7 +101,9 @@ def run(rig: Path | None, port: int | None, ready: Callable[[str], None] | None,
         config = uvicorn.Config(
             application(begin, number, host=host, token=token),
             ws="websockets-sansio",
-            ws_max_size=2 * documents.LARGEST_REQUEST if share else 16 * documents.LARGEST_REQUEST,  # else told in words
+            ws_max_size=2 * documents.LARGEST_REQUEST
+            if share
+            else 16 * documents.LARGEST_REQUEST,  # else told in words
             log_level="warning",
             access_log=False,
             server_header=False,
@@ -303,7 +307,9 @@ async def _trace(house: _House, request: Request) -> Response:
         try:
             content = await _body(request, house.limits.trace)
         except InputError as error:
-            return _refused(200, str(error))  # what is wrong with a file is the answer; 400 would be a fault of the page
+            return _refused(
+                200, str(error)
+            )  # what is wrong with a file is the answer; 400 would be a fault of the page
         except ClientDisconnect:
             return Response(status_code=400)
         name = Path(request.query_params.get("name", "trace")).name[:100] or "trace"

@@ -58,7 +58,7 @@ class Crew:
         self._closed = False
 
     async def work(self, job: Job, reply: Reply, dropped: threading.Event | None = None) -> None:
-        """Do a job; `reply` is called, in another thread, with each answer and at last with ``{"done": True}`` or errors.
+        """Do a job; `reply` is called, in another thread, with each answer, at last with ``{"done": True}`` or errors.
 
         After `dropped` is set there is no reply, and the worker is free again within `GRACE`.
         """
