@@ -406,10 +406,8 @@ def presets() -> tuple[dict[str, Any], ...]:
         if rig.name != first()["name"]
     ]
     for figure, (case, words) in _FIGURES.items():
-        title = f"Fig. {figure}: {words}"
-        found.append(
-            {"group": "The paper, in natural units", "title": title, "document": paper(case, f"Fig. {figure}")}
-        )
+        title, document = f"Fig. {figure}: {words}", paper(case, f"Fig. {figure}")
+        found.append({"group": "The paper, in natural units", "title": title, "document": document})
     return tuple(found)
 
 

@@ -66,10 +66,11 @@ def frames(rig: Rig, at: float, watch: Progress) -> Iterator[Plain]:
     if any(piece.until is not None for piece in case.drive.pieces):
         raise InputError("drive.pieces: the drawing follows drives whose pieces end at a given time only")
     own = isinstance(case.method, Contacts)
-    case = case if own else replace(case, method=Contacts(_CONTACTS, seed=1))
+    method = case.method if isinstance(case.method, Contacts) else Contacts(_CONTACTS, seed=1)
+    case = replace(case, method=method)
     begin, end = _window(case, at)
     times = _frame_times(case, begin, end, lambda share: watch(0.5 * share))
-    seen = _look(case, times, lambda share: watch(0.5 + 0.5 * share))
+    seen = _look(case, method, times, lambda share: watch(0.5 + 0.5 * share))
     yield {
         "times": packed(times * rig.unit("time")),
         "force": packed(case.slider.stiffness * (seen.drive - seen.slider) * rig.unit("f_s")),
@@ -79,7 +80,7 @@ def frames(rig: Rig, at: float, watch: Progress) -> Iterator[Plain]:
         "flags": packed(seen.flags, "u1"),
         "step": STEP,
         "shown": seen.stretching.shape[1],
-        "of": case.method.count,
+        "of": method.count,
         "exact": own and case.interface.ageing is None,
         "own": own,
         "speed": case.velocity / rig.unit("time"),
@@ -108,7 +109,7 @@ def _frame_times(rig: Rig, begin: float, end: float, watch: Progress) -> Array:
     t, X = run["time"].to_numpy()[seen], run["displacement"].to_numpy()[seen]
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(X)))])
     clock = (1 - _MOVING) * (t - t[0]) / (t[-1] - t[0]) + _MOVING * way / (way[-1] or 1.0)
-    return np.interp(np.linspace(0.0, clock[-1], FRAMES), clock, t)
+    return np.asarray(np.interp(np.linspace(0.0, clock[-1], FRAMES), clock, t))
 
 
 class _Seen(NamedTuple):
@@ -120,13 +121,13 @@ class _Seen(NamedTuple):
     flags: NDArray[np.uint8]
 
 
-def _look(rig: Rig, times: Array, watch: Progress) -> _Seen:
+def _look(rig: Rig, method: Contacts, times: Array, watch: Progress) -> _Seen:
     """Make the run in steps from frame to frame."""
     beginning = Beginning(rig.interface, rig.slider, rig.velocity, rig.start)
-    engine = engine_of(rig.interface, rig.method)(beginning, rig.method)
+    engine = engine_of(rig.interface, method)(beginning, method)
     if not isinstance(engine, _Tells):
         raise InputError("simulation.method: this solver does not know its contacts one by one")
-    shown = np.unique(np.linspace(0, rig.method.count - 1, SHOWN).astype(int))
+    shown = np.unique(np.linspace(0, method.count - 1, SHOWN).astype(int))
     slider, drive = np.empty((2, times.size))
     stretching, flags = np.empty((times.size, shown.size)), np.zeros((times.size, shown.size), np.uint8)
     position, done = beginning.drive_position(engine.contact_force()), 0

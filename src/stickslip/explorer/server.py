@@ -36,6 +36,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from stickslip.errors import InputError, shown
 from stickslip.explorer import PORT, answers, documents, workers
+from stickslip.explorer.packing import Plain
 from stickslip.explorer.workers import Crew, Job
 from stickslip.io import rig_files as rigs
 
@@ -354,7 +355,7 @@ class _Lane:
         """Give up the work under way."""
         self._newest.set()
 
-    async def ask(self, request: answers.Plain) -> None:
+    async def ask(self, request: Plain) -> None:
         """Answer a question unless a newer one comes in."""
         self.drop()
         self._newest = dropped = threading.Event()
@@ -365,7 +366,7 @@ class _Lane:
                 job = Job(self._kind, ({**request, "seconds": limits.run},), seconds)
                 await crew.work(job, partial(self._reply, request.get("id")), dropped)
 
-    def _reply(self, number: object, content: answers.Plain) -> None:
+    def _reply(self, number: object, content: Plain) -> None:
         self._send(json.dumps({"kind": self._kind, "id": number, **content}, allow_nan=False))
 
 
@@ -418,7 +419,7 @@ async def _serve(house: _House, websocket: WebSocket) -> None:
             task.cancel()
 
 
-def _question(text: str | None, kinds: Collection[str]) -> answers.Plain:
+def _question(text: str | None, kinds: Collection[str]) -> Plain:
     """Read a question: a table with its kind and its number."""
     if text is None:
         raise InputError("this message is binary; questions are JSON text")

@@ -25,8 +25,8 @@ import numpy as np
 
 from stickslip.errors import InputError, UndecidedError
 from stickslip.explorer import answers, documents
+from stickslip.explorer.packing import Plain
 
-Plain = answers.Plain
 Reply = Callable[[Any], None]
 
 GRACE = 1.0
@@ -62,8 +62,8 @@ class Crew:
 
         After `dropped` is set there is no reply, and the worker is free again within `GRACE`.
         """
-        work = self._work, job, reply, dropped or threading.Event()
-        await asyncio.get_running_loop().run_in_executor(self._threads, *work)
+        loop = asyncio.get_running_loop()
+        await loop.run_in_executor(self._threads, self._work, job, reply, dropped or threading.Event())
 
     def _work(self, job: Job, reply: Reply, dropped: threading.Event) -> None:
         if dropped.is_set() or self._closed:
