@@ -2,6 +2,7 @@
 
 import math
 import time
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -261,3 +262,32 @@ def test_mitigations_of_rigs_drawn_at_random_are_true(number):
         if mitigation.stops is not None:
             seen = motion_from_rest(changed(rig, mitigation, mitigation.stops), seed=number)
             assert seen.kind == "smooth sliding", (mitigation, seen)
+
+
+def test_the_answer_is_about_the_speeds_at_which_the_rig_works():
+    document = tomllib.loads(rigs.example_file("brake_pad").read_text(encoding="utf-8"))
+    document["drive"] = {"velocity": ["20 mm/s", "1 m/s"]}
+    answer = ss.predict(ss.read_rig(document))
+    (first, here), (second, there) = answer.at_speeds
+    assert (first, second) == (pytest.approx(0.02), pytest.approx(1.0))
+    assert (here, there) == ("stick-slip", "smooth sliding")
+    assert answer.verdict.endswith("at 20 mm/s: stick-slip; at 1 m/s: smooth sliding")
+    assert answer.to_dict()["at_speeds"] == [[first, here], [second, there]]
+    document["drive"] = {"velocity": {"from": "10 mm/s", "to": "1 m/s"}}
+    answer = ss.predict(ss.read_rig(document), fast=True)
+    assert (
+        "over its range, 10 mm/s to 1 m/s: sustained oscillation from 10 mm/s, smooth sliding from 154"
+        in answer.verdict
+    )
+
+
+def test_mitigations_stay_within_what_could_be_built():
+    document = tomllib.loads(rigs.example_file("precision_stage").read_text(encoding="utf-8"))
+    free = {m.parameters: m.stops for m in ss.predict(ss.read_rig(document)).mitigations}
+    assert free["mass",][0] > 5.0
+    assert free["load",][0] < 24.0
+    document["feasible"] = {"mass": ["4 kg", "5 kg"], "load": ["24 N", "24 N"]}
+    bound = {m.parameters: m.stops for m in ss.predict(ss.read_rig(document)).mitigations}
+    assert ("mass",) not in bound
+    assert ("load",) not in bound
+    assert bound["stiffness",] == free["stiffness",]

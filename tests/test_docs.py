@@ -105,7 +105,8 @@ def test_every_key_of_a_rig_file_has_a_meaning_an_example_and_what_is_taken_if_i
         assert len(cells) == 5
         assert all(cells), f"an empty cell: {row}"
         assert len(cells[4]) > 4
-    assert '| `delay` | a quantity in s, at least 0 or `"never"` or a table, see below | `"2 ms"` | `"0 s"` |' in text
+    kinds = 'a quantity in s, at least 0 or `"never"` or `"on arrest"` or a table, see below'
+    assert f'| `delay` | {kinds} | `"2 ms"` | `"0 s"` |' in text
 
 
 def test_every_example_of_a_key_is_a_value_that_it_can_have():

@@ -78,7 +78,10 @@ RANDOM = {"mean": "2 ms", "std": "1 ms", "negative": "fold"}
     ("key", "value"),
     [
         (None, None),
-        *(("interface.delay", delay) for delay in (RANDOM, "never", "0 s", "1.2345678901234 ms")),
+        *(("interface.delay", delay) for delay in (RANDOM, "never", "on arrest", "0 s", "1.2345678901234 ms")),
+        ("interface.sliding_force", "123.4 N"),
+        ("interface.newborn", {"distribution": "gaussian", "mean": 0.3, "std": 0.0}),
+        ("interface.track_scatter", 0.123456789),
         ("interface.ageing", {"model": "langevin", "time": "3 s", "newborn": 0.1}),
         ("interface.ageing", {"model": "exponential", "time": "70 ms"}),
         ("interface.ageing", {"model": "logarithmic", "time": "7 ms", "slope": 0.02}),
@@ -367,3 +370,86 @@ def test_no_file_and_a_directory(tmp_path):
 )
 def test_values_in_words(value, unit, words):
     assert units.engineering(value, unit) == words
+
+
+# ---------------------------------------------------------------- how a rig is used
+
+BRAKE = tomllib.loads(rigs.example_file("brake_pad").read_text(encoding="utf-8"))
+
+
+def brake(velocity="20 mm/s", **top):
+    return {**BRAKE, "drive": {"velocity": velocity}, **top}
+
+
+@pytest.mark.parametrize(
+    ("velocity", "first", "speeds", "between"),
+    [
+        (["20 mm/s", "0.1 m/s"], 0.02, (0.02, 0.1), None),
+        ({"from": "1 mm/s", "to": "0.1 m/s"}, 0.01, (), (0.001, 0.1)),
+    ],
+)
+def test_a_rig_gives_a_list_or_a_range_of_speeds(velocity, first, speeds, between):
+    read = ss.read_rig(brake(velocity))
+    size = read.unit("x_s/time")
+    assert read.velocity == pytest.approx(first, rel=1e-12)
+    assert [speed * size for speed in read.operation.speeds] == pytest.approx(speeds)
+    assert between is None or [speed * size for speed in read.operation.between] == pytest.approx(between)
+    assert ss.read_rig(rigs.to_document(read)) == read
+
+
+@pytest.mark.parametrize(
+    ("velocity", "place"),
+    [
+        ([], r"drive.velocity = \[\]"),
+        (["20 mm/s", "1,2 m/s"], r"drive.velocity\[1\] = '1,2 m/s': write '1.2 m/s'"),
+        (["20 mm/s", "0 mm/s"], r"drive.velocity\[1\]"),
+        ({"from": "1 mm/s"}, "drive.velocity.to"),
+        ({"from": "2 mm/s", "to": "1 mm/s"}, "drive.velocity = "),
+        ({"from": "1 mm/s", "to": "2 mm/s", "step": "1 mm/s"}, "drive.velocity = "),
+    ],
+)
+def test_speeds_that_cannot_be_are_refused_in_one_line(velocity, place):
+    with pytest.raises(ss.InputError, match=place):
+        ss.read_rig(brake(velocity))
+
+
+def test_what_could_be_built_is_read_written_and_refused():
+    read = ss.read_rig(
+        brake(feasible={"stiffness": ["20 MN/m", "60 MN/m"], "std": [0.1, 0.3], "load": ["1 kN", "4 kN"]})
+    )
+    low, high = read.operation.range_of("stiffness")
+    assert (low * read.unit("k"), high * read.unit("k")) == pytest.approx((2e7, 6e7))
+    assert read.operation.range_of("mass") is None
+    assert ss.read_rig(rigs.to_document(read)) == read
+    for feasible, place in [
+        ({"stifness": ["1 MN/m", "2 MN/m"]}, "feasible = 'stifness'"),
+        ({"mass": "5 kg"}, "feasible.mass = '5 kg'"),
+        ({"mass": ["5 kg", "1 kg"]}, "feasible.mass"),
+        ({"mass": ["5 N", "6 kg"]}, r"feasible.mass\[0\] = '5 N'"),
+    ]:
+        with pytest.raises(ss.InputError, match=place):
+            ss.read_rig(brake(feasible=feasible))
+
+
+@pytest.mark.parametrize(
+    ("name", "force", "length"), [("load", 2, 1), ("friction", 2, 2), ("contact_stiffness", 1, 0.5)]
+)
+def test_a_unit_of_the_rig_is_varied_with_all_else_as_it_is(name, force, length):
+    read = ss.read_rig(brake(["20 mm/s", "0.1 m/s"], feasible={"mass": ["1 kg", "9 kg"]}))
+    turned = read.replace(**{name: 2 * read.value(name)})
+    assert turned.value(name) == pytest.approx(2 * read.value(name))
+    assert turned.scales.force == pytest.approx(force * read.scales.force)
+    assert turned.scales.stretching == pytest.approx(length * read.scales.stretching)
+    for other in ("stiffness", "mass", "damping", "velocity", "delay", "std"):
+        assert turned.value(other) == pytest.approx(read.value(other)), other
+    for rig in (read, turned):
+        speeds = [speed * rig.unit("x_s/time") for speed in rig.operation.speeds]
+        mass = [end * rig.unit("f_s time^2/x_s") for end in rig.operation.range_of("mass")]
+        assert (speeds, mass) == (pytest.approx([0.02, 0.1]), pytest.approx([1.0, 9.0]))
+
+
+def test_a_rig_says_itself_in_its_own_units():
+    read = ss.read_rig("brake_pad")
+    assert "30 MN/m" in repr(read)
+    assert "20 mm/s" in str(read)
+    assert read._repr_html_().startswith("<pre>Brake pad")

@@ -171,7 +171,7 @@ def test_the_default_interval_resolves_the_oscillation():
 @every_motion
 @pytest.mark.eq(11)
 def test_energy_balance_closes(name):
-    """Work of the drive = kinetic + spring + stored in contacts + damped + lost in breaks."""
+    """Work of the drive = kinetic + spring + stored in contacts + damped + lost by the contacts."""
     run = run_of(MOTIONS[name])
     assert imbalance(run) < 1e-9
     assert np.all(np.diff(run["broken_energy"]) >= 0)

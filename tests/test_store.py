@@ -52,6 +52,7 @@ CASES = [
     ),
     model.Interface(thresholds=LAWS_INSIDE.thresholds, initial=LAWS_INSIDE, ageing=model.Langevin(rate=1)),
     model.Slider(stiffness=2.0, mass=1e-4, damping=200.0),
+    model.Operation(speeds=(0.5, 1.0), between=(0.1, 2.0), feasible=(("mass", 1e-5, 1e-3),)),
     model.Rig(
         cases.FIG5.interface, cases.FIG5.slider, drive.constant(1.0), scales=units.Scales(force=1.0, stretching=2.0)
     ),

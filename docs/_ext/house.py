@@ -66,7 +66,7 @@ def rig_keys() -> str:
         lines += [f"### `[{name}]`", "", *_table(table)]
         if name == "interface":
             for kind, record in DISTRIBUTIONS.items():
-                heading = f'#### `interface.thresholds` and `interface.initial` with `distribution = "{kind}"`'
+                heading = f'#### `thresholds`, `initial` and `newborn` with `distribution = "{kind}"`'
                 lines += [heading, "", *_table(keys.keys_of(record))]
             lines += ["#### `interface.delay` as a table", "", *_table(keys.RANDOM_DELAY)]
             for kind, record in AGEING_MODELS.items():

@@ -14,6 +14,7 @@ from .errors import UndecidedError as UndecidedError
 from .io.datasets import load as load
 from .io.datasets import save as save
 from .io.rig_files import example as example
+from .io.rig_files import examples as examples
 from .io.rig_files import read_rig as read_rig
 from .measure import drops as drops
 from .measure import read_trace as read_trace

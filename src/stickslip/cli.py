@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 from cyclopts import App, CycloptsError, Parameter, Token
 
 from stickslip import __version__, console
+from stickslip.answers import plain
 from stickslip.errors import InputError, UndecidedError, one_line, shortened, shown
+from stickslip.progress import bar
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -120,12 +122,12 @@ def predict(
 
     _check_outputs(plot, read=rig)
     described = rigs.read_rig(rig)
-    with console.bar("predicting") as progress:
+    with bar("predicting") as progress:
         found = advise.predict(described, fast=True, progress=progress)
     if not fast:
         if sys.stderr.isatty():
             print(f"{found.verdict}\n... looking for mitigations", file=sys.stderr)
-        with console.bar("predicting") as progress:
+        with bar("predicting") as progress:
             found = advise.complete(found, progress=progress)
     if plot is not None:
         from stickslip import plot as drawing
@@ -178,7 +180,7 @@ def simulate(
 
     _check_outputs(output, plot, read=rig)
     described = rigs.read_rig(rig)
-    with console.bar("simulating") as progress:
+    with bar("simulating") as progress:
         result = run_case(described, progress=progress, long=long)
     result.attrs["rig"] = rigs.to_toml(described)
     _keep_run(result, output, plot, json=json)
@@ -204,7 +206,7 @@ def rerun(
 
     _check_outputs(output, plot, read=run)
     before = store.load(run)
-    with console.bar("simulating") as progress:
+    with bar("simulating") as progress:
         result = simulation.rerun(before, progress=progress)
     result.attrs.update({key: value for key, value in before.attrs.items() if key not in result.attrs})
     _keep_run(result, output, plot, json=json)
@@ -223,7 +225,7 @@ def _keep_run(run: xr.Dataset, output: Path | None, plot: Path | None, *, json: 
 
         drawing.save(drawing.overview(run), plot)
     if json:
-        console.print_json({"regime": console.plain(seen), "output": str(output) if output else None})
+        console.print_json({"regime": plain(seen), "output": str(output) if output else None})
         return
     print(seen)
     for what, where in (("run", output), ("picture", plot)):
@@ -278,14 +280,14 @@ def measure(
     if json:
         console.print_json(
             {
-                "regime": console.plain(seen),
+                "regime": plain(seen),
                 "statistics": {
-                    str(name): {key: console.plain(column.attrs[key]) for key in ("mean", "std", "units")}
+                    str(name): {key: plain(column.attrs[key]) for key in ("mean", "std", "units")}
                     for name, column in catalogue.data_vars.items()
                     if "mean" in column.attrs
                 }
                 | {"count": catalogue.attrs["count"]},
-                "events": {str(name): console.plain(catalogue[name].to_numpy()) for name in catalogue.variables},
+                "events": {str(name): plain(catalogue[name].to_numpy()) for name in catalogue.variables},
                 "unreadable": unreadable,
             }
         )
@@ -378,13 +380,12 @@ def map(
             f"--over {shortened(over)}: must name two parameters with a comma between, such as stiffness,velocity"
         )
     described = rigs.read_rig(rig)
-    with console.bar("mapping") as progress:
+    with bar("mapping") as progress:
         found = advise.chart(described, (names[0], names[1]), around, points, bistable=bistable, progress=progress)
     drawing.save(drawing.chart(found), output)
     if json:
         console.print_json(
-            {str(name): console.plain(found[name].to_numpy()) for name in found.variables}
-            | console.plain(dict(found.attrs))
+            {str(name): plain(found[name].to_numpy()) for name in found.variables} | plain(dict(found.attrs))
         )
         return
     print(found.attrs["summary"])
@@ -424,7 +425,7 @@ def sweep(
     if status:
         found = status_of(store)
         if json:
-            console.print_json(console.plain(found) | {"seconds_left": found.seconds_left})
+            console.print_json(plain(found) | {"seconds_left": found.seconds_left})
         else:
             print(found)
         return 0
@@ -478,7 +479,7 @@ def paper(
         places(one, output, kinds)
     made = []
     for one in chosen:
-        with console.bar(one.name) as progress:
+        with bar(one.name) as progress:
             made.append(reproduce(one, output, formats=kinds, check=check, quick=quick, progress=progress))
         if not json:
             print(made[-1], end="\n\n" if one is not chosen[-1] else "\n", flush=True)
@@ -548,7 +549,7 @@ def _draw_sweep(result: xr.Dataset, picture: Path, *, bistable: bool) -> str:
     from stickslip import plot as drawing
     from stickslip.sweep.theory import with_theory
 
-    with console.bar("drawing") as progress:
+    with bar("drawing") as progress:
         result = with_theory(result, bistable=bistable, progress=progress)
     drawing.save(drawing.sweep_picture(result), picture)
     return str(result.attrs["theory"])
@@ -572,8 +573,7 @@ def _report_sweep(result: xr.Dataset, store: Path, picture: Path | None, theory:
     report = plans.report(result)
     if json:
         console.print_json(
-            console.plain(report)
-            | {"store": str(store), "picture": str(picture) if picture else None, "theory": theory}
+            plain(report) | {"store": str(store), "picture": str(picture) if picture else None, "theory": theory}
         )
         return 1 if report.failures else 0
     for kind, count in report.regimes.items():

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json as jsonlib
-import math
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip.errors import InputError
+from stickslip.progress import bar
 
 if TYPE_CHECKING:
     from stickslip.advise import Prediction
@@ -20,21 +19,6 @@ if TYPE_CHECKING:
 
 _LINES_EVERY = 30.0
 """Seconds between two lines on the progress of a sweep."""
-
-
-@contextmanager
-def bar(title: str) -> Iterator[Callable[[float], None]]:
-    """A progress bar on a terminal, nothing in a pipe."""
-    if not sys.stderr.isatty():
-        yield lambda _share: None
-        return
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(escape(title), total=1.0)
-        yield lambda share: bar.update(task, completed=share)
 
 
 @contextmanager
@@ -134,25 +118,6 @@ def dask(scheduler: str) -> Iterator[Any]:
 
 _PATIENCE = "10s"
 """How long a scheduler is waited for."""
-
-
-def plain(value: Any) -> Any:
-    """Turn a result into what JSON can hold; what is not finite becomes null."""
-    if is_dataclass(value) and not isinstance(value, type):
-        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
-    if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
-    if hasattr(value, "tolist"):
-        return plain(value.tolist())
-    if isinstance(value, complex):
-        return {"real": plain(value.real), "imag": plain(value.imag)}
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if value is None or isinstance(value, (bool, int, str)):
-        return value
-    return str(value)
 
 
 def print_json(value: Any) -> None:

@@ -115,7 +115,7 @@ def _check_renewal(interface: Interface) -> None:
     """Raise `InputError` for what the renewal equation cannot take: ageing, and thresholds without a density."""
     if interface.ageing is not None:
         raise InputError(f"Interface.ageing = {interface.ageing}: not available with Renewal; use Contacts")
-    interface.allow((), "Renewal")
+    interface.allow(("sliding_force",), "Renewal")
     check_density(interface.threshold_distribution)
 
 
@@ -176,7 +176,9 @@ def steepest_fall(interface: Interface, *, reattachment: bool = True) -> tuple[f
     instance("critical_stiffness: reattachment", reattachment, bool, "True or False")
     _check_renewal(interface)
     delay = Delay(0.0) if reattachment else Delay(math.inf)
-    bare = Interface(thresholds=interface.thresholds, initial=interface.initial, delay=delay)
+    bare = Interface(
+        thresholds=interface.thresholds, initial=interface.initial, delay=delay, sliding_force=interface.sliding_force
+    )
     distribution = bare.threshold_distribution
     if reattachment and bare.initial == SteadyState(thresholds=distribution):
         return 0.0, 0.0  # exactly; a sum over nodes would find the jumps of the distribution in each of them
@@ -210,9 +212,12 @@ def steepest_fall(interface: Interface, *, reattachment: bool = True) -> tuple[f
 
 
 def static_friction(interface: Interface) -> tuple[float, float]:
-    """Largest friction force in quasi-static motion, per contact in ``f_s``, and the displacement there."""
+    """Largest friction force in quasi-static motion, per contact in ``f_s``, and the displacement there.
+
+    Broken contacts re-attach at once, so that a force of detached ones does not enter.
+    """
     instance("static_friction: interface", interface, Interface, "an Interface")
-    interface.allow((), "static_friction")
+    interface.allow(("sliding_force",), "static_friction")
     run = rigid_slide(
         interface.__class__(thresholds=interface.thresholds, initial=interface.initial), _reach(interface)
     )
@@ -270,6 +275,18 @@ class _Solution:
             share,
         )
         self._re_attached = renewal.solve(self._contacts, distance, points)
+        self._sliding_force = interface.sliding_force
 
     def at(self, X: Array) -> kernel.Response:
-        return self._kernel.observe(self._contacts, self._re_attached, X)
+        found = self._kernel.observe(self._contacts, self._re_attached, X)
+        if self._sliding_force == 0:
+            return found
+        # Detached contacts are stretched with the slider until they slide.
+        element, detached = np.minimum(X, self._sliding_force), 1.0 - found.attached
+        detaching = found.rate.copy()
+        for shift, fraction in zip(self._contacts.shift, self._contacts.fraction, strict=True):
+            later = shift <= X
+            earlier = self._kernel.observe(self._contacts, self._re_attached, X[later] - shift)
+            detaching[later] -= fraction * earlier.rate
+        stiffness = found.stiffness + element * detaching + np.where(self._sliding_force > X, detached, 0.0)
+        return found._replace(force=found.force + element * detached, stiffness=stiffness)

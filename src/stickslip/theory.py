@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from stickslip.errors import InputError, instance, number, numbers
 from stickslip.model import ExponentialGrowth, Interface, Langevin, LogarithmicGrowth, Slider
 from stickslip.model.distributions import Gaussian
+from stickslip.model.newborn import mean_life
 
 if TYPE_CHECKING:
     from stickslip.kernels.growth import Growth
@@ -27,11 +28,12 @@ def kinetic_friction(interface: Interface, velocity: float = 0.0) -> float: ...
 @overload
 def kinetic_friction(interface: Interface, velocity: Array) -> Array: ...
 def kinetic_friction(interface: Interface, velocity: float | Array = 0.0) -> float | Array:
-    """Return the mean friction force in smooth sliding, ``F_k = k m2/(2 (m1 + v <tau>))``.
+    """Return the mean friction force in smooth sliding, ``F_k = (k m2/2 + f_d v <tau>)/(m1 + v <tau>)``.
 
     The force of the steady state of Eqs. (1)-(4) with attached contacts counted by Eq. (10); ``m1, m2`` are
-    the first two moments of the positive distribution of thresholds. Exact for any distribution and any delay
-    distribution.
+    the first two moments of the positive distribution of thresholds, ``f_d`` is the force of a detached contact. Exact
+    for any distribution and any delay distribution; friction falls with velocity if ``f_d < k m2/(2 m1)``. Of newborn
+    contacts stretched by ``x_0``, ``<x_s^2 - x_0^2>`` takes the place of ``m2`` and ``<x_s - x_0>`` that of ``m1``.
 
     Thresholds that age by `Langevin` have no such form: the stationary kinetic equation of Eqs. (13)-(17) is
     solved, to 1e-4 or better. Without delay the force depends on ``v/rate**2`` alone. For thresholds that grow by a
@@ -57,10 +59,11 @@ def kinetic_friction(interface: Interface, velocity: float | Array = 0.0) -> flo
         if the delay is infinite at zero velocity, or with `Langevin` a delay meets newborns without strength.
     """
     instance("kinetic_friction: interface", interface, Interface, "an Interface")
-    interface.allow((), "kinetic_friction")
+    interface.allow(("sliding_force", "newborn") if interface.ageing is None else (), "kinetic_friction")
     distribution = interface.threshold_distribution
     if interface.ageing is None:
-        return 0.5 * distribution.moment(2) / distribution.moment(1) * attached_fraction(interface, velocity)
+        attached, life = attached_fraction(interface, velocity), mean_life(interface)
+        return life.work / life.path * attached + interface.sliding_force * (1.0 - attached)
     speed = numbers("velocity", velocity, above=0, hint="in x_s per time; ageing thresholds have no slow limit")
     delay = interface.delay.moment(1)
     if isinstance(interface.ageing, Langevin):
@@ -232,6 +235,8 @@ def attached_fraction(interface: Interface, velocity: Array) -> Array: ...
 def attached_fraction(interface: Interface, velocity: float | Array) -> float | Array:
     """Return the mean fraction of attached contacts in smooth sliding, ``N_c/N = 1/(1 + v <tau>/<x_s>)``, Eq. (10).
 
+    With ``<x_s - x_0>`` in place of ``<x_s>`` if newborn contacts are stretched by ``x_0``.
+
     The paper's ``vbar = xbar/tau_d`` with ``xbar = 1/Gamma``, which in steady sliding is the mean threshold
     stretching. There it is exact, for a random delay with the mean delay. Used inside the dynamics, as the
     paper does, it has no memory and is an approximation.
@@ -254,7 +259,7 @@ def attached_fraction(interface: Interface, velocity: float | Array) -> float | 
         If thresholds age, or the delay is infinite at zero velocity.
     """
     instance("attached_fraction: interface", interface, Interface, "an Interface")
-    interface.allow(("sliding_force", "track_scatter"), "attached_fraction")
+    interface.allow(("sliding_force", "newborn"), "attached_fraction")
     if interface.ageing is not None:
         raise InputError(
             f"Interface.ageing = {interface.ageing}: steady sliding with ageing thresholds has no closed form; "
@@ -266,7 +271,7 @@ def attached_fraction(interface: Interface, velocity: float | Array) -> float | 
         raise InputError(
             "velocity = 0: with an infinite delay the limit of slow sliding does not exist; give one above 0"
         )
-    attached = 1.0 / (1.0 + speed * mean / interface.threshold_distribution.moment(1))
+    attached = 1.0 / (1.0 + speed * mean / mean_life(interface).path)
     return float(attached) if attached.ndim == 0 else attached
 
 

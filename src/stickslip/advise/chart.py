@@ -12,7 +12,7 @@ from stickslip.cycles import bistable_region
 from stickslip.errors import number, whole
 from stickslip.model.parameters import Parameter, parameter_named
 from stickslip.model.rig import Rig
-from stickslip.simulation import Progress
+from stickslip.progress import Progress
 
 if TYPE_CHECKING:
     import xarray as xr

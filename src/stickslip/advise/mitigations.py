@@ -13,8 +13,11 @@ from stickslip.errors import InputError
 from stickslip.model import FromRest, FromSliding
 from stickslip.model.parameters import (
     AGEING,
+    CONTACT_STIFFNESS,
     DAMPING,
     DELAY,
+    FRICTION,
+    LOAD,
     MASS,
     STD,
     STIFFNESS,
@@ -36,9 +39,16 @@ TURNABLE: tuple[tuple[Parameter, tuple[int, ...]], ...] = (
     (STIFFNESS, (1, -1)),
     (DAMPING, (1, -1)),
     (MASS, (1, -1)),
+    (LOAD, (-1, 1)),
 )
 """What can be changed on a machine, and which way is looked at first."""
-OTHERS: tuple[tuple[Parameter, tuple[int, ...]], ...] = ((DELAY, (-1,)), (STD, (1,)), (AGEING, (-1, 1)))
+OTHERS: tuple[tuple[Parameter, tuple[int, ...]], ...] = (
+    (FRICTION, (-1,)),
+    (CONTACT_STIFFNESS, (1, -1)),
+    (DELAY, (-1,)),
+    (STD, (1,)),
+    (AGEING, (-1, 1)),
+)
 """What only another material or surface would change."""
 _WIDEST_STD = 0.5
 NATURAL_SIDES = {"stiffness": 1, "damping": 1}
@@ -102,7 +112,8 @@ class Attempt:
 class Search:
     """The search for changes of one rig; it stops when its budget is spent, and says what it left."""
 
-    def __init__(self, setting: Rig, unstable: bool, budget: Budget) -> None:
+    def __init__(self, setting: Rig, unstable: bool, budget: Budget, *, in_si: bool) -> None:
+        self.in_si = in_si
         self.setting, self.unstable, self.budget = setting, unstable, budget
         self.method = contacts_of(setting)
         self.range = RANGE if setting.interface.ageing is None else AGED_RANGE
@@ -133,12 +144,15 @@ class Search:
                 continue
             value, ends = parameter.get(self.setting), []
             for side in sides:
+                furthest = self._furthest(((parameter, side),))
+                if furthest <= 1.0:
+                    continue
                 try:
-                    there = parameter.set(self.setting, value * self.range**side)
+                    there = parameter.set(self.setting, value * furthest**side)
                     seen = judge(there, self.method, self.budget)
                 except (Spent, InputError):
                     continue
-                ends.append((seen.peak_to_peak, value * self.range**side, seen.kind, side))
+                ends.append((seen.peak_to_peak, value * furthest**side, seen.kind, side))
             if ends:
                 amplitude, reached, kind, side = min(ends)
                 yield (
@@ -154,6 +168,8 @@ class Search:
                 )
 
     def _has(self, parameter: Parameter) -> bool:
+        if parameter.rescales and not self.in_si:
+            return False
         try:
             return parameter.get(self.setting) > 0
         except InputError:
@@ -221,6 +237,9 @@ class Search:
         """Largest factor: a distribution wider than half its mean is no longer one of thresholds about a mean."""
         furthest = self.range
         for parameter, side in parts:
+            if (feasible := self.setting.operation.range_of(parameter.name)) is not None:
+                value, (low, high) = parameter.get(self.setting), feasible
+                furthest = min(furthest, high / value if side > 0 else value / low)
             if parameter is STD and side > 0:
                 furthest = min(furthest, _WIDEST_STD / parameter.get(self.setting))
         return furthest

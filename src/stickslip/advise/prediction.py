@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -16,15 +16,17 @@ from stickslip.advise.judging import Budget, at_speed, cost_of, cycle_of, length
 from stickslip.advise.linear import stable_ranges
 from stickslip.advise.mitigations import Attempt, Mitigation
 from stickslip.advise.speeds import Band
+from stickslip.answers import Answer, plain
 from stickslip.errors import InputError, UndecidedError, instance
 from stickslip.measure import Regime, regime
 from stickslip.model import Delay
 from stickslip.model.drive import constant
-from stickslip.model.parameters import DELAY, PARAMETERS, Parameter, parameter_named
+from stickslip.model.parameters import DELAY, PARAMETERS, UNITS_OF_A_RIG, Parameter, parameter_named
 from stickslip.model.rig import Rig
 from stickslip.model.units import Quantity, quantity
+from stickslip.progress import Progress, reporting
 from stickslip.rigid import critical_stiffness, static_friction
-from stickslip.simulation import Progress, simulate
+from stickslip.simulation import simulate
 from stickslip.theory import kinetic_friction
 
 if TYPE_CHECKING:
@@ -44,8 +46,10 @@ _RANGE, _AGED_RANGE = 30.0, 10.0
 _DELAYS = (0.01, 10.0)
 """Delays tried where a rig names no mechanism, in breaking displacements over the speed."""
 
-_TITLES = {parameter.name: parameter.title for parameter in PARAMETERS}
+_TITLES = {parameter.name: parameter.title for parameter in (*PARAMETERS, *UNITS_OF_A_RIG)}
 _OSCILLATES = ("stick-slip", "sustained oscillation")
+_KINDS = {"unstable": "linearly unstable"}
+"""What bands are called in a sentence, where that is not their kind."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +74,7 @@ class Margin:
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Prediction:
+class Prediction(Answer):
     """What `predict` found; every number in the rig's own units. It prints as its short text.
 
     Attributes
@@ -186,7 +190,40 @@ class Prediction:
             )
             parts[0] += "static friction peak to peak)"
         parts.append(f"at {speed}: {self._here()}")
+        others = [pair for pair in self.at_speeds if pair[0] != self.rig.velocity]
+        parts += [f"at {self._speed(other)}: {kind}" for other, kind in others]
+        if self.rig.operation.between is not None:
+            parts.append(self._over_its_range())
         return "; ".join(parts)
+
+    @property
+    def at_speeds(self) -> tuple[tuple[float, str], ...]:
+        """Each speed at which the rig works, in its own units, and the motion there from a start at rest."""
+        size = self.rig.unit("x_s/time")
+        return tuple((speed * size, self._kind_at(speed * size)) for speed in self.rig.operation.speeds)
+
+    def _kind_at(self, speed: float) -> str:
+        if math.isclose(speed, self.rig.velocity):
+            return self.regime.kind
+        found = next((band for band in self.bands if band.low <= speed <= band.high), None)
+        if found is None:
+            return "undecided"
+        return _KINDS.get(found.kind, found.kind) + (" from rest only" if found.bistable else "")
+
+    def _over_its_range(self) -> str:
+        """The motion over the range of speeds at which the rig works."""
+        size = self.rig.unit("x_s/time")
+        low, high = (end * size for end in self.rig.operation.between or ())
+        parts: list[tuple[float, str]] = []
+        for band, kind in zip(self.bands, self._told([band.kind for band in self.bands]), strict=True):
+            if band.high > low and band.low < high:
+                kind += " from rest only" if band.bistable else ""
+                if not parts or parts[-1][1] != kind:
+                    parts.append((max(low, band.low), kind))
+        words = [f"{kind} from {self._speed(begin)}" for begin, kind in parts]
+        if len(parts) == 1:
+            words = [f"{parts[0][1]} throughout"]
+        return f"over its range, {self._speed(low)} to {self._speed(high)}: {', '.join(words) or 'undecided'}"
 
     def _here(self) -> str:
         kind = self.regime.kind
@@ -225,12 +262,7 @@ class Prediction:
         core = [band for band in region if not band.bistable] or region
         begin, end = core[0].low, core[-1].high
         kinds = [band.kind for band in core]
-        known = [kind for kind in kinds if kind != "unstable"]
-        if not known:
-            known = [self.regime.kind] if self.regime.kind in _OSCILLATES else ["oscillation"]
-        # What was not simulated, as runs there take long, is unstable as its neighbours are.
-        kinds = [known[0] if kind == "unstable" and i == 0 else kind for i, kind in enumerate(kinds)]
-        kinds = [kinds[i - 1] if kind == "unstable" and i else kind for i, kind in enumerate(kinds)]
+        kinds = self._told(kinds)
         words, at = [], begin
         for i, (kind, band) in enumerate(zip(kinds, core, strict=True)):
             if i + 1 < len(kinds) and kinds[i + 1] == kind:
@@ -246,6 +278,16 @@ class Prediction:
             beyond[-1] += " or more" if region[-1].high >= self.speeds_searched[1] else ""
         rest = f" (from rest also {' and '.join(beyond)})" if beyond else ""
         return ", ".join(words) + rest + (" from rest only" if core[0].bistable else "")
+
+    def _told(self, kinds: list[str]) -> list[str]:
+        """Kinds of motion of neighbouring bands; what was not simulated, as runs there take long, is as beside it."""
+        seen = [self.regime.kind] if self.regime.kind in _OSCILLATES else ["oscillation"]
+        known = next((kind for kind in kinds if kind in _OSCILLATES), seen[0])
+        told = []
+        for kind in kinds:
+            known = kind if kind in _OSCILLATES else known
+            told.append(known if kind == "unstable" else kind)
+        return told
 
     def _span(self, low: float, high: float) -> str:
         """Two speeds; the ends of the search say that they are."""
@@ -366,8 +408,6 @@ class Prediction:
         lines += [f"- {line}" for line in (*self.mitigation_lines(), *self.attempt_lines())]
         return "\n".join(lines)
 
-    __repr__ = __str__
-
     def _repr_html_(self) -> str:
         rows = "".join(
             f"<tr><td>{html.escape(name)}</td><td>{html.escape(value)}</td></tr>" for name, value in self.numbers()
@@ -386,12 +426,13 @@ class Prediction:
     def to_dict(self) -> dict[str, Any]:
         """Return the answer as plain numbers, texts and lists, as JSON takes them; what is not finite is None."""
         kept = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("rig", "run")}
-        names = ("velocity", "stiffness_margin", "smooth", "bistable", "frequency", "amplitude", "relative_amplitude")
+        names = ("velocity", "at_speeds", "stiffness_margin", "smooth", "bistable", "frequency", "amplitude")
         mine = {name: getattr(self if hasattr(self, name) else self.rig, name) for name in names}
-        units = {p.name: self.rig.unit_name(p.unit) for p in PARAMETERS}
+        mine["relative_amplitude"] = self.relative_amplitude
+        units = {p.name: self.rig.unit_name(p.unit) for p in (*PARAMETERS, *UNITS_OF_A_RIG)}
         units |= {"force": self.rig.unit_name("f_s"), "frequency": self._frequency_unit()}
-        plain = {"rig": self.rig.name, "verdict": self.verdict, "units": units, **mine, **kept}
-        found: dict[str, Any] = _plain(plain | {"assumed": {key: str(item) for key, item in self.rig.assumed.items()}})
+        own = {"rig": self.rig.name, "verdict": self.verdict, "units": units, **mine, **kept}
+        found: dict[str, Any] = plain(own | {"assumed": {key: str(item) for key, item in self.rig.assumed.items()}})
         return found
 
     def _said(self, value: float, kind: Quantity, digits: int = 4) -> str:
@@ -429,21 +470,6 @@ _NATURAL: dict[Quantity, str] = {
 }
 
 
-def _plain(value: Any) -> Any:
-    """What JSON can hold."""
-    if is_dataclass(value) and not isinstance(value, type):
-        return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if value is None or isinstance(value, (bool, int, str)):
-        return value
-    return _plain(value.tolist()) if hasattr(value, "tolist") else str(value)
-
-
 def amount(rig: Rig, parameter: str, value: float) -> str:
     """Say a parameter's value, in the rig's own units, in words; a standard deviation as a fraction of the mean."""
     if parameter == "std":
@@ -457,7 +483,7 @@ def amount(rig: Rig, parameter: str, value: float) -> str:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def predict(rig: Rig, *, fast: bool = False, progress: Progress | None = None) -> Prediction:
+def predict(rig: Rig, *, fast: bool = False, progress: Progress | bool | None = None) -> Prediction:
     """Say at which speeds a rig stick-slips, what it does at its own, how safely, and what would stop it.
 
     Parameters
@@ -465,8 +491,8 @@ def predict(rig: Rig, *, fast: bool = False, progress: Progress | None = None) -
     rig : Rig
     fast : bool
         Stop at the verdict: linear theory, and one run at the rig's speed.
-    progress : callable, optional
-        Called with the fraction of the work that is done.
+    progress : bool or callable, optional
+        True for a bar, or a function that is called with the fraction of the work that is done.
 
     Returns
     -------
@@ -485,9 +511,9 @@ def predict(rig: Rig, *, fast: bool = False, progress: Progress | None = None) -
     >>> answer.regime.kind, answer.unstable_modes
     ('stick-slip', 2)
     """
-    report = progress or (lambda _share: None)
-    found = _verdict(rig, lambda share: report(share if fast else 0.3 * share))
-    return found if fast else complete(found, progress=lambda share: report(0.3 + 0.7 * share))
+    with reporting(progress, "predict") as report:
+        found = _verdict(rig, lambda share: report(share if fast else 0.3 * share))
+        return found if fast else complete(found, progress=lambda share: report(0.3 + 0.7 * share))
 
 
 def _verdict(rig: Rig, report: Progress) -> Prediction:
@@ -556,7 +582,7 @@ def complete(found: Prediction, *, progress: Progress | None = None) -> Predicti
 def _with_mitigations(found: Prediction, setting: Rig, budget: Budget, report: Progress) -> Prediction:
     """Look for changes of one parameter; of two, if none of those that can be turned suffices."""
     rig = found.rig
-    search = changes.Search(setting, bool(found.unstable_modes), budget)
+    search = changes.Search(setting, bool(found.unstable_modes), budget, in_si=rig.scales is not None)
     single = search.single(lambda share: report(0.7 * share))
     cured = {m.parameters[0] for m in single if m.stops is not None}
     turnable = [parameter.name for parameter, _ in changes.TURNABLE]
@@ -600,6 +626,7 @@ def _at_its_speed(setting: Rig) -> Rig:
 def _range_of_speeds(setting: Rig) -> tuple[float, float]:
     """Speeds that the answer is about: far on either side of those that the drive goes through."""
     through = [abs(v) for piece in setting.drive.pieces for v in (piece.start, piece.end) if v != 0]
+    through += [*setting.operation.speeds, *(setting.operation.between or ())]
     widest = speeds.RANGE if setting.interface.ageing is None else speeds.AGED_RANGE
     return min(through) / widest, max(through) * widest
 

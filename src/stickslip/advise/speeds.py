@@ -58,7 +58,7 @@ def bands_by_runs(
     setting: Rig, linear: tuple[Band, ...], here: Regime, budget: Budget, report: Callable[[float], None]
 ) -> tuple[Band, ...]:
     """Tell the motion where smooth sliding is unstable, and how far it persists from rest where that is stable."""
-    method = contacts_of(setting)
+    method, operation = contacts_of(setting), setting.operation
     known: dict[float, str] = {setting.velocity: here.kind}
 
     def kind(speed: float) -> str:
@@ -72,6 +72,8 @@ def bands_by_runs(
                 return "unknown"
         return known[speed]
 
+    for speed in (*operation.speeds, *(operation.between or ())):
+        kind(speed)  # where the rig works comes first, while there is time
     found: list[Band] = []
     for i, band in enumerate(linear):
         report(i / len(linear))

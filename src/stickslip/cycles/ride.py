@@ -14,8 +14,8 @@ from stickslip.errors import InputError, instance, number
 from stickslip.measure.periods import rises
 from stickslip.measure.verdict import TINY
 from stickslip.model import FromRest, FromSliding, MasterEquation, Slider, Start
-from stickslip.model.parameters import Parameter, check_range, parameter_named
-from stickslip.model.rig import Rig
+from stickslip.model.parameters import Parameter, parameter_named
+from stickslip.model.rig import Ends, Rig
 from stickslip.simulation import Beginning, Leg, Population, check_method, follow_leg
 
 if TYPE_CHECKING:
@@ -178,7 +178,12 @@ class Range:
 
     @classmethod
     def of(
-        cls, rig: Rig, parameter: Parameter | str, between: tuple[float, float], start: Start, method: MasterEquation
+        cls,
+        rig: Rig,
+        parameter: Parameter | str,
+        between: Ends,
+        start: Start,
+        method: MasterEquation,
     ) -> Range:
         """Return the range of a parameter that is given in the rig's own units.
 
@@ -188,9 +193,7 @@ class Range:
             If no cycle can be followed on the rig, or the range is none.
         """
         natural, varied = natural_rig(rig, start, method), parameter_named(parameter)
-        low, high = check_range(varied, between)
-        size = rig.unit(varied.unit)
-        return cls(varied, natural, low / size, high / size, start, method)
+        return cls(varied, natural, *rig.span(varied, between), start, method)
 
     def begin(self, value: float) -> Ride:
         """Return the rig with a value of the parameter, at its start."""

@@ -203,7 +203,7 @@ def check_size(rig: Rig, seconds: float = LONGEST) -> None:
             f"drive.pieces: must be at most {MOST_PIECES}, here {len(pieces)}, to stay live; {elsewhere}",
             "drive.pieces",
         )
-    for name in ("thresholds", "initial"):
+    for name in ("thresholds", "initial", "newborn"):
         distribution = getattr(rig.interface, name)
         if isinstance(distribution, Empirical) and len(distribution.weights) > MOST_BINS:
             raise InputError(

@@ -29,11 +29,14 @@ from stickslip.io.rig_writer import RigWriter
 from stickslip.io.validation import parse_toml, read_toml
 from stickslip.model import Contacts, Delay, FromRest, FromSliding, Interface, MasterEquation, Output, Slider
 from stickslip.model.ageing import AGEING_MODELS, Strengthening
-from stickslip.model.delays import DelayModel, RandomDelay
+from stickslip.model.delays import DelayModel, OnArrest, RandomDelay
 from stickslip.model.distributions import DISTRIBUTIONS, Distribution, Empirical
 from stickslip.model.drive import USUAL_DISTANCE, Drive, constant, ramp
+from stickslip.model.newborn import half_distance
+from stickslip.model.operation import Operation
+from stickslip.model.parameters import Parameter, parameter_named
 from stickslip.model.rig import Assumption, Rig
-from stickslip.model.units import Scales
+from stickslip.model.units import SI_NAMES, Scales
 
 Made = TypeVar("Made")
 Document = dict[str, Any]
@@ -48,7 +51,14 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
 def examples() -> tuple[str, ...]:
-    """Names of the rigs that come with the package."""
+    """Return the names of the rigs that come with the package.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> "brake_pad" in ss.examples()
+    True
+    """
     # A sweep is no rig: it names one.
     return tuple(sorted(f.stem for f in EXAMPLES.glob("*.toml") if "[slider]" in f.read_text(encoding="utf-8")))
 
@@ -79,8 +89,8 @@ def example(name: str) -> Rig:
     return read_rig(example_file(name))
 
 
-def read_rig(path: str | os.PathLike[str]) -> Rig:
-    """Read a rig from a TOML file.
+def read_rig(path: str | os.PathLike[str] | Mapping[str, Any]) -> Rig:
+    """Read a rig from a TOML file, or from a mapping of what a file would hold.
 
     The bare name of an example that comes with the package, such as ``"brake_pad"``, is read too where no file is
     called so.
@@ -90,7 +100,17 @@ def read_rig(path: str | os.PathLike[str]) -> Rig:
     InputError
         If the file is missing, empty, binary or no TOML, has an unknown key, or a value that cannot be; the message
         names file, key, value and remedy.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> rig = ss.read_rig("brake_pad")
+    >>> rig.value("velocity")
+    0.02
     """
+    if isinstance(path, Mapping):
+        return from_document(path)
+    instance("read_rig: path", path, (str, os.PathLike), "a file, the name of an example, or a mapping")
     source = Path(path)
     if not source.exists() and source.name == str(path) and source.name in examples():
         source = example_file(source.name)
@@ -262,6 +282,7 @@ class _Reader:
     # -------------------------------------------------- parts of a rig
 
     def rig(self, document: Mapping[str, Any]) -> Rig:
+        document, speeds, between = self._speeds(document)
         top = self.table(document, rig_keys.TOP)
         parts = {name: self.table(top.get(name, {}), keys, name) for name, keys in rig_keys.TABLES.items()}
         slider, interface, drive, simulation = parts.values()
@@ -277,13 +298,19 @@ class _Reader:
         elif not coefficients:
             example = rig_keys.INTERFACE["thresholds"].example
             self.mistakes.append(_MissingError("interface.thresholds", example))
+        if coefficients and "newborn" in interface:
+            self.wrong(
+                "interface.newborn", "leave it out beside mu_s and mu_k, or give contact_strength in their place"
+            )
         given = document.get("interface", {})
         if isinstance(given, Mapping) and "delay" in given and "v_half" in given:
             self.wrong("interface", "give delay or v_half, not both")
         delay = self._part(self.delay, interface.get("delay", 0.0), "interface.delay")
+        newborn = self._part(self.distribution, interface.get("newborn"), "interface.newborn")
         ageing = self._part(self.ageing, interface.get("ageing"), "interface.ageing")
         pieces = self._part(self.pieces, drive.get("pieces"), "drive.pieces")
         assumed = self._assumed(top.get("assumed", {}), document)
+        feasible = self._feasible(top.get("feasible", {}))
         self.stop()
 
         if coefficients:
@@ -298,23 +325,36 @@ class _Reader:
         def natural(value: float, unit: str) -> float:
             return value if scales is None else value / scales.size(unit)
 
-        if "v_half" in interface:
-            time = thresholds.positive().moment(1) / natural(interface["v_half"], "x_s/time")
-            delay = self.make("interface.v_half", lambda: Delay(time))
-        elif scales is not None:
+        if scales is not None:
             delay = _in(delay, natural)
+        operation = self.make(
+            "drive",
+            lambda: Operation(
+                speeds=tuple(natural(speed, "x_s/time") for speed in speeds),
+                between=tuple(natural(speed, "x_s/time") for speed in between) if between else None,
+                feasible=tuple((p.name, natural(a, p.unit), natural(b, p.unit)) for p, a, b in feasible),
+            ),
+        )
+        made = self.make(
+            "interface",
+            lambda: Interface(
+                thresholds=thresholds,
+                initial=initial,
+                delay=delay,
+                ageing=None if ageing is None else ageing(natural),
+                sliding_force=natural(interface["sliding_force"], "f_s"),
+                newborn=newborn,
+                track_scatter=interface["track_scatter"],
+            ),
+        )
+        if "v_half" in interface:
+            half_speed = natural(interface["v_half"], "x_s/time")
+            made = replace(made, delay=self.make("interface.v_half", lambda: Delay(half_distance(made) / half_speed)))
         return Rig(
+            operation=operation,
             name=top["name"],
             source=top["source"],
-            interface=self.make(
-                "interface",
-                lambda: Interface(
-                    thresholds=thresholds,
-                    initial=initial,
-                    delay=delay,
-                    ageing=None if ageing is None else ageing(natural),
-                ),
-            ),
+            interface=made,
             slider=self._slider(slider, natural),
             drive=self._drive(drive, pieces, natural),
             method=self.make(
@@ -341,6 +381,57 @@ class _Reader:
             return None if content is None else read(content, place)
         except _MistakesError:
             return None
+
+    def _speeds(self, document: Mapping[str, Any]) -> tuple[Mapping[str, Any], list[float], tuple[float, float] | None]:
+        """The file with one velocity in place of a list or range of them; the list, and the range, as in the file."""
+        drive = document.get("drive")
+        given = drive.get("velocity") if isinstance(drive, Mapping) else None
+        if not isinstance(drive, Mapping) or not isinstance(given, (list, Mapping)):
+            return document, [], None
+        key = replace(rig_keys.DRIVE["velocity"], sign="above 0")
+
+        def read(content: Mapping[str, Any]) -> list[float]:
+            return [key.read(value, f"drive.velocity{name}", natural=self.natural) for name, value in content.items()]
+
+        example = toml(["1 mm/s", "10 mm/s"]) + " or " + toml({"from": "1 mm/s", "to": "50 mm/s"})
+        between: tuple[float, float] | None = None
+        try:
+            if isinstance(given, list):
+                speeds = read({f"[{i}]": value for i, value in enumerate(given)})
+                first = given[0] if given else None
+            else:
+                low, high = read({f".{name}": given.get(name) for name in ("from", "to")})
+                speeds, between = [], (low, high)
+                middle = math.sqrt(low * high)
+                first = middle if self.natural else f"{middle!r} m/s"
+            if first is None or (between and between[0] >= between[1]) or (set(given) - {"from", "to"} and between):
+                raise InputError(f"drive.velocity = {shown(given)}: must be speeds, as in {example}", "drive.velocity")
+        except InputError as error:
+            self.mistakes.append(error)
+            raise _MistakesError from None
+        return {**document, "drive": {**drive, "velocity": first}}, speeds, between
+
+    def _feasible(self, content: object) -> list[tuple[Parameter, float, float]]:
+        """The ranges within which parameters could be set, as in the file."""
+        found: list[tuple[Parameter, float, float]] = []
+        if not isinstance(content, Mapping):
+            self.wrong("feasible", 'must be a table, as in [feasible] stiffness = ["1 MN/m", "10 MN/m"]')
+            return found
+        for name, given in content.items():
+            place = f"feasible.{name}"
+            try:
+                parameter = parameter_named(str(name), place="feasible")
+                if not isinstance(given, list) or len(given) != 2:
+                    raise InputError(f"{place} = {shown(given)}: must be two values, lowest and highest", place)
+                key = Key("", f"2 {SI_NAMES.get(parameter.unit, '')}", unit=parameter.unit, sign="above 0")
+                key = Key("", 1.0, sign="above 0") if parameter.unit == "1" else key
+                low, high = (key.read(item, f"{place}[{i}]", natural=self.natural) for i, item in enumerate(given))
+                if low > high:
+                    raise InputError(f"{place} = {shown(given)}: the lowest value comes first", place)
+                found.append((parameter, low, high))
+            except InputError as error:
+                self.mistakes.append(error)
+        return found
 
     def _check_slider(self, slider: dict[str, Any], document: Mapping[str, Any]) -> None:
         given = document.get("slider", {})
@@ -427,6 +518,8 @@ class _Reader:
         """A delay whose times are in the units of the file."""
         if content == "never":
             return Delay(math.inf)
+        if content == "on arrest":
+            return OnArrest()
         if isinstance(content, Mapping):
             before = len(self.mistakes)
             values = self.table(content, rig_keys.RANDOM_DELAY, place)
@@ -544,6 +637,8 @@ def _in(delay: DelayModel, natural: Callable[[float, str], float]) -> DelayModel
     """A delay in natural units."""
     if isinstance(delay, RandomDelay):
         return replace(delay, mean=natural(delay.mean, "time"), std=natural(delay.std, "time"))
+    if isinstance(delay, OnArrest):
+        return delay
     return Delay(natural(delay.moment(1), "time"))
 
 

@@ -145,6 +145,12 @@ TOP: Mapping[str, Key] = {
     "interface": Key("The contacts between slider and base.", {"contact_strength": "768 N"}, required=True),
     "drive": Key("How the far end of the driving spring moves.", {"velocity": "0.4 mm/s"}, required=True),
     "simulation": Key("How the rig is simulated.", {"contacts": 2000}, otherwise="all its defaults"),
+    "feasible": Key(
+        "What could be built or set otherwise: for parameters by name, the lowest and the highest value. Mitigations "
+        "are looked for inside.",
+        {"stiffness": ["1 MN/m", "10 MN/m"]},
+        otherwise="a factor 30 either way",
+    ),
     "assumed": Key(
         "What was not measured: the path of a key, and how to measure it.",
         {"interface.delay": "measure the steady force at several speeds"},
@@ -234,11 +240,12 @@ INTERFACE: Mapping[str, Key] = {
         measure="repeat a slow pull after unloading and reloading: a rounder first peak means a wider distribution",
     ),
     "delay": Key(
-        'Time until a broken contact is attached again: a time, a table for a random one, or `"never"`.',
+        "Time until a broken contact is attached again: a time, a table for a random one, "
+        '`"on arrest"` for contacts that wait until the slider stops, or `"never"`.',
         "2 ms",
         unit="time",
         sign="at least 0",
-        words=("never",),
+        words=("never", "on arrest"),
         or_table=True,
         default=0.0,
         measure=NO_DELAY,
@@ -251,6 +258,27 @@ INTERFACE: Mapping[str, Key] = {
         sign="above 0",
         otherwise="`delay`",
     ),
+    "sliding_force": Key(
+        "Force of all contacts together, were they all detached and sliding; `contact_strength` is their strength "
+        "attached.",
+        "150 N",
+        unit="f_s",
+        sign="at least 0",
+        default=0.0,
+    ),
+    "newborn": Key(
+        "Distribution of the stretchings with which contacts re-attach, along the motion, in units of "
+        "`breaking_displacement`.",
+        {"distribution": "uniform", "low": 0.0, "high": 0.2},
+        otherwise="they are unstretched",
+    ),
+    "track_scatter": Key(
+        "Scatter from slip to slip of all thresholds alike: standard deviation of the factor, of mean 1, that those "
+        "drawn between two arrests of the slider have in common.",
+        0.1,
+        sign="at least 0",
+        default=0.0,
+    ),
     "ageing": Key(
         "How the thresholds of contacts grow with their age.",
         {"model": "langevin", "time": "1 s"},
@@ -259,7 +287,14 @@ INTERFACE: Mapping[str, Key] = {
 }
 
 DRIVE: Mapping[str, Key] = {
-    "velocity": Key("Constant velocity of the drive.", "0.4 mm/s", unit="x_s/time", sign="", otherwise="`pieces`"),
+    "velocity": Key(
+        "Constant velocity of the drive; a list of all speeds at which the rig works, the one to simulate first; or a "
+        'table `{ from = "1 mm/s", to = "50 mm/s" }` of their range, of which the middle is simulated.',
+        "0.4 mm/s",
+        unit="x_s/time",
+        sign="",
+        otherwise="`pieces`",
+    ),
     "distance": Key(
         "How far the drive goes at this velocity.",
         "4 mm",

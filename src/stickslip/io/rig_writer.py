@@ -11,8 +11,9 @@ from stickslip.io import rig_keys
 from stickslip.io.rig_keys import keys_of
 from stickslip.model import Contacts, Delay, FromSliding, Gaussian, MasterEquation, Slider
 from stickslip.model.ageing import AGEING_MODELS
-from stickslip.model.delays import RandomDelay
+from stickslip.model.delays import OnArrest, RandomDelay
 from stickslip.model.distributions import DISTRIBUTIONS, Distribution
+from stickslip.model.parameters import parameter_named
 from stickslip.model.quantities import read_quantity
 from stickslip.model.rig import Rig
 from stickslip.model.units import SI_NAMES, engineering
@@ -39,6 +40,10 @@ class RigWriter:
         found["interface"] = self._interface()
         found["drive"] = self._drive()
         found["simulation"] = self._simulation()
+        if feasible := self.rig.operation.feasible:
+            found["feasible"] = {
+                name: [self._quantity(end, parameter_named(name).unit) for end in ends] for name, *ends in feasible
+            }
         assumed = {key: item.how for key, item in rig.assumed.items() if not item.default}
         return found | ({"assumed": assumed} if assumed else {})
 
@@ -62,7 +67,7 @@ class RigWriter:
 
     def _interface(self) -> Document:
         interface, found = self.rig.interface, {}
-        interface.allow((), "a rig file")
+        interface.allow(("sliding_force", "newborn", "track_scatter", "on_arrest"), "a rig file")
         if self.scales is not None:
             found["contact_strength"] = self._quantity(1.0, "f_s", lambda si: si == self._scale("force"))
             found["breaking_displacement"] = self._quantity(1.0, "x_s", lambda si: si == self._scale("stretching"))
@@ -72,6 +77,12 @@ class RigWriter:
             found["initial"] = self._record("distribution", interface.initial, DISTRIBUTIONS)
         if self.digits is not None or interface.delay != Delay(0.0):
             found["delay"] = self._delay()
+        if interface.sliding_force:
+            found["sliding_force"] = self._quantity(interface.sliding_force, "f_s")
+        if interface.newborn is not None:
+            found["newborn"] = self._record("distribution", interface.newborn, DISTRIBUTIONS)
+        if interface.track_scatter:
+            found["track_scatter"] = self._number(interface.track_scatter)
         if interface.ageing is not None:
             found["ageing"] = self._record("model", interface.ageing, AGEING_MODELS)
         return found
@@ -109,6 +120,8 @@ class RigWriter:
         delay = self.rig.interface.delay
         if isinstance(delay, Delay):
             return "never" if math.isinf(delay.time) else self._quantity(delay.time, "time")
+        if isinstance(delay, OnArrest):
+            return "on arrest"
         if not isinstance(delay, RandomDelay):
             raise self._refuse(f"the delay {shown(delay)}")
         times = {name: self._quantity(getattr(delay, name), "time") for name in ("mean", "std")}
@@ -130,7 +143,7 @@ class RigWriter:
                 ]
             }
         velocity, duration = pieces[0].start, pieces[0].duration
-        found = {"velocity": self._velocity(velocity)}
+        found = {"velocity": self._speeds(velocity)}
         if velocity:
             size = 1.0 if self.scales is None else self.scales.size("x_s")
             distance = self._quantity(
@@ -139,6 +152,12 @@ class RigWriter:
             if distance is not None:
                 return found | {"distance": distance}
         return found | {"duration": self._quantity(duration, "time")}
+
+    def _speeds(self, velocity: float) -> Any:
+        operation = self.rig.operation
+        if operation.between is not None:
+            return {name: self._velocity(end) for name, end in zip(("from", "to"), operation.between, strict=True)}
+        return [self._velocity(speed) for speed in operation.speeds] or self._velocity(velocity)
 
     def _velocity(self, value: float) -> Any:
         """A velocity; the fastest one of a drive is also what the unit of time comes from."""
@@ -188,7 +207,7 @@ class RigWriter:
             Return None if no text reads back as the same; by default the nearest that there is.
         """
         size = 1.0 if self.scales is None else self.scales.size(unit)
-        if self.scales is None:
+        if self.scales is None or unit == "1":
             if self.digits is not None:
                 return self._number(value)
             return next((at for at in _roundings(value) if (same or value.__eq__)(at)), None if or_none else value)

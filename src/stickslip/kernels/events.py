@@ -12,6 +12,10 @@ Breaking positions and times of re-attachment wait in bucket queues (`event_queu
 number of contacts; the force needs two running sums, whatever that number. Samples are read off the closed form inside
 the interval where they fall, so that sampling never changes the motion.
 
+Detached contacts that carry a force slide together: one element, elastic with the contacts' stiffness up to that force
+and plastic beyond, follows the slider for all of them. It yields where the slider passes one of two positions, and is
+elastic again once the slider turns round: two more kinds of events, and no friction with a jump.
+
 Symbols as in the paper, Eq. (11), per contact: ``K``, ``M``, ``eta``, slider position ``X``, drive position ``D``.
 """
 
@@ -24,7 +28,7 @@ from numpy.typing import NDArray
 from ._jit import bare, inlined
 from .drive import NOWHERE, Quadratic, Stop, holds
 from .event_queue import BIN, FIRST, LAST, Queue, clear, first_slot, is_full, make_queue, peek, pop, push
-from .flight import NEAR, Flight, at, energies, first_crossing, soon, take_off
+from .flight import NEAR, Flight, at, energies, first_crossing, first_turn, heading, soon, take_off
 from .oscillator import Slider
 
 Floats = NDArray[np.float64]
@@ -43,6 +47,7 @@ THRESHOLDS_USED_UP = 2
 DELAYS_USED_UP = 3
 BUDGET_SPENT = 4
 LOOK = 5
+ARRESTED = 6
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -77,12 +82,16 @@ class Sampling(NamedTuple):
 class Draws(NamedTuple):
     """Random numbers in the order of use: thresholds of contacts that attach, and delays of those that break.
 
-    `fixed_delay` is the delay of all, infinite for none to re-attach, or NaN to take them from `delays`.
+    `fixed_delay` is the delay of all, infinite for none to re-attach, or NaN to take them from `delays`. Contacts
+    attach with the `stretchings` along the motion; without any, unstretched. With `arrests`, `advance` returns when the
+    slider first stops after a break.
     """
 
     thresholds: Floats
     delays: Floats
     fixed_delay: float
+    stretchings: Floats = np.empty(0)
+    arrests: bool = False
 
 
 class State(NamedTuple):
@@ -90,7 +99,9 @@ class State(NamedTuple):
 
     ``contacts`` holds birth position and threshold, shape (N,); a threshold of 0 marks a detached contact. ``ahead`` is
     keyed by ``birth + threshold``, ``behind`` by ``threshold - birth``, ``waiting``, of detached contacts, by time.
-    Entries of ``ahead`` and ``behind`` outlive their contact and are recognised as stale when they come up.
+    Entries of ``ahead`` and ``behind`` outlive their contact and are recognised as stale when they come up. A slider
+    that moves on, or back by less than a threshold, breaks none behind: until one comes near, a bound stands for the
+    queue ``behind``, which is then filled and kept for a while.
     """
 
     contacts: Records
@@ -111,9 +122,12 @@ _SQUARES = 4  # sum of (birth - reference)**2
 _REFERENCE = 5
 WORK = 6  # of the drive, per contact, since the start
 DAMPED = 7  # dissipated by damping
-BROKEN = 8  # lost in breaks
+BROKEN = 8  # lost by contacts: in breaks, sliding detached, re-attaching
 LOOKED = 9  # position of the slider at the time of a look
 _HALF = 10  # 1/(2 N)
+_YIELD = 11  # force at which the element of the detached contacts yields
+_ANCHOR = 12  # position of the slider at which that element, while elastic, is unstretched
+_LEAST = 13  # no attached contact has a smaller key in ``behind``
 # state.counts
 ATTACHED = 0
 SAMPLE = 1  # next sample
@@ -121,6 +135,12 @@ THRESHOLD = 2  # next threshold of those handed in
 DELAY = 3
 BREAKS = 4
 EVENTS = 5
+_SLIDES = 6  # 1 or -1 while the element of the detached contacts yields ahead or behind, 0 while it is elastic
+_LEFT = 7  # the side at which it yielded just now, until the slider turns round: 1, -1, or 0 for none
+_DIRECTION = 8  # in which the slider moved last: 1 or -1
+_AT_ARREST = 9  # breaks up to the last arrest
+_KEPT = 10  # whether ``behind`` is kept
+_SUMMED = 11  # attachments since the last summing up
 
 # columns of the samples
 COLUMNS = ("displacement", "velocity", "friction_force", "attached", "stored", "work", "damped", "broken")
@@ -133,6 +153,8 @@ def make_state(
     scale_time: float,
     X: float = 0.0,
     velocity: float = 0.0,
+    sliding_force: float = 0.0,
+    slides: int = 0,
 ) -> State:
     """Return the state of an interface.
 
@@ -147,6 +169,10 @@ def make_state(
         Typical delay, for the width of the bins of times of re-attachment.
     X, velocity : float
         Position and velocity of the slider at time 0.
+    sliding_force : float
+        Force at which the element of the detached contacts yields.
+    slides : int
+        1 or -1 if it yields already, ahead or behind.
     """
     N = birth.size
     contacts = np.empty(N, CONTACT)
@@ -164,11 +190,14 @@ def make_state(
         ahead=make_queue(2 * N + 64, bins, width),
         behind=make_queue(3 * N + 64, bins, width),
         waiting=make_queue(N + 64, _power_of_two(N / 8, N), time_width),
-        motion=np.zeros(11),
-        counts=np.zeros(6, np.int64),
+        motion=np.zeros(14),
+        counts=np.zeros(12, np.int64),
         cuts=np.zeros(16),
     )
-    state.motion[POSITION] = X
+    state.motion[POSITION] = state.motion[_ANCHOR] = X
+    state.motion[_YIELD] = sliding_force
+    state.counts[_SLIDES] = slides
+    state.counts[_DIRECTION] = -1 if velocity < 0 else 1
     state.motion[VELOCITY] = velocity
     state.motion[_HALF] = 0.5 / N
     state.counts[ATTACHED] = int(attached.sum())
@@ -176,15 +205,15 @@ def make_state(
     for i in np.flatnonzero(np.isfinite(pending)):
         push(state.waiting, float(pending[i]), first_detached + int(i))
     _rebuild(state, state.ahead, 1.0)
-    _rebuild(state, state.behind, -1.0)
     _sum_again(state)
     return state
 
 
 def contact_force(state: State) -> float:
     """Force of the contacts, per contact."""
-    x = state.motion[POSITION] - state.motion[_REFERENCE]
-    return float((state.counts[ATTACHED] * x - state.motion[_SUM]) / state.contacts.size)
+    x, n = state.motion[POSITION] - state.motion[_REFERENCE], state.counts[ATTACHED]
+    detached = (state.contacts.size - n) * _element(state, state.motion[POSITION])
+    return float((n * x - state.motion[_SUM] + detached) / state.contacts.size)
 
 
 def stretchings(state: State, X: float) -> Floats:
@@ -195,6 +224,13 @@ def stretchings(state: State, X: float) -> Floats:
 
 def _power_of_two(wanted: float, most: int) -> int:
     return 1 << max(4, min(math.ceil(math.log2(max(wanted, 1.0))), math.ceil(math.log2(most + 1))))
+
+
+@inlined
+def _element(state: State, X: float) -> float:
+    """Stretching of the element that stands for the detached contacts, with the slider at `X`."""
+    slides = state.counts[_SLIDES]
+    return slides * state.motion[_YIELD] if slides != 0 else X - state.motion[_ANCHOR]
 
 
 @bare
@@ -208,23 +244,31 @@ def _rebuild(state: State, queue: Queue, side: float) -> None:
 
 @bare
 def _sum_again(state: State) -> None:
-    """Sum the birth positions afresh, about the present position: rounding cannot pile up."""
+    """Sum the birth positions afresh, about the present position: rounding cannot pile up; and the bound behind."""
     reference = state.motion[POSITION]
-    total, squares = 0.0, 0.0
+    total, squares, least = 0.0, 0.0, np.inf
     for i in range(state.contacts.size):
         if state.contacts[i]["threshold"] > 0:
             y = state.contacts[i]["birth"] - reference
             total += y
             squares += y * y
+            least = min(least, state.contacts[i]["threshold"] - state.contacts[i]["birth"])
+    state.motion[_LEAST] = least
+    state.counts[_SUMMED] = 0
     state.motion[_SUM] = total
     state.motion[_SQUARES] = squares
     state.motion[_REFERENCE] = reference
 
 
 @inlined
-def _attach(state: State, slot: int, threshold: float) -> None:
-    """A contact attaches, unstretched, where the slider is."""
+def _attach(state: State, slot: int, threshold: float, stretching: float) -> None:
+    """A contact attaches where the slider is; it lets go of the force it slid with, and is stretched anew."""
     X = state.motion[POSITION]
+    if state.motion[_YIELD] > 0.0:
+        state.motion[BROKEN] += _element(state, X) ** 2 * state.motion[_HALF]
+    if stretching != 0.0:
+        state.motion[BROKEN] -= stretching**2 * state.motion[_HALF]
+        X -= state.counts[_DIRECTION] * stretching
     state.contacts[slot]["birth"] = X
     state.contacts[slot]["threshold"] = threshold
     y = X - state.motion[_REFERENCE]
@@ -235,17 +279,20 @@ def _attach(state: State, slot: int, threshold: float) -> None:
         _rebuild(state, state.ahead, 1.0)
     else:
         push(state.ahead, threshold + X, slot)
-    if is_full(state.behind):
-        # Happens once in about 2 N attachments: a good moment to sum again, too.
-        _rebuild(state, state.behind, -1.0)
-        _sum_again(state)
-    else:
+    state.motion[_LEAST] = min(state.motion[_LEAST], threshold - X)
+    state.counts[_SUMMED] += 1
+    if state.counts[_KEPT] and not is_full(state.behind):
         push(state.behind, threshold - X, slot)
+    elif state.counts[_KEPT] or state.counts[_SUMMED] > 2 * state.contacts.size + 64:
+        _sum_again(state)
+        state.counts[_KEPT] = 0
 
 
 @inlined
 def _detach(state: State, slot: int) -> None:
-    """A contact breaks, stretched to its threshold; its entry in the other queue goes stale."""
+    """A contact breaks, stretched to its threshold, and slides on; its entry in the other queue goes stale."""
+    if state.motion[_YIELD] > 0.0:
+        state.motion[BROKEN] -= _element(state, state.motion[POSITION]) ** 2 * state.motion[_HALF]
     y = state.contacts[slot]["birth"] - state.motion[_REFERENCE]
     state.motion[_SUM] -= y
     state.motion[_SQUARES] -= y * y
@@ -307,7 +354,11 @@ class _Constants(NamedTuple):
 
 
 class _Leg(NamedTuple):
-    """A flight from one event towards the next: where it begins, with which forces, and its motion."""
+    """A flight from one event towards the next: where it begins, with which forces, and its motion.
+
+    The element of the detached contacts yields where the slider passes `ahead` or `behind`; with `watch`, the flight
+    ends where the slider turns round.
+    """
 
     t: float
     X: float
@@ -315,6 +366,9 @@ class _Leg(NamedTuple):
     F_d: float
     drive_v: float
     flight: Flight
+    ahead: float
+    behind: float
+    watch: bool
 
 
 @inlined
@@ -328,51 +382,101 @@ def _constants(slider: Slider, N: float) -> _Constants:
 
 
 @inlined
-def _begin(state: State, drive: Quadratic, c: _Constants) -> _Leg:
-    """Motion from here on, if nothing happened."""
+def _take_off(state: State, c: _Constants, F_d: float, drive_v: float, acceleration: float) -> Flight:
+    """Motion under the force of the spring and of the contacts."""
     motion = state.motion
-    t, X, v = motion[TIME], motion[POSITION], motion[VELOCITY]
-    since = t - drive.start
-    drive_v = drive.velocity + drive.acceleration * since
-    D = drive.position + (drive.velocity + 0.5 * drive.acceleration * since) * since
     n = float(state.counts[ATTACHED])
-    F_d = c.K * (D - X)
-    F_c = (n * (X - motion[_REFERENCE]) - motion[_SUM]) * c.part
-    flight = take_off(
+    F_c = (n * (motion[POSITION] - motion[_REFERENCE]) - motion[_SUM]) * c.part
+    if motion[_YIELD] > 0.0:
+        F_c += (c.N - n) * _element(state, motion[POSITION]) * c.part
+        if state.counts[_SLIDES] == 0:
+            n = c.N
+    return take_off(
         c.eta,
         (c.K + n * c.part) * c.inverse_mass,
         c.near,
-        v,
+        motion[VELOCITY],
         (F_d - F_c) * c.inverse_mass,
         c.K * drive_v * c.inverse_mass,
-        0.5 * c.K * drive.acceleration * c.inverse_mass,
+        0.5 * c.K * acceleration * c.inverse_mass,
     )
-    return _Leg(t, X, n, F_d, drive_v, flight)
+
+
+@inlined
+def _element_turns(state: State, flight: Flight) -> bool:
+    """Whether the element of the detached contacts ceases to yield, or yields again, as the slider sets out."""
+    counts = state.counts
+    slides, left = counts[_SLIDES], counts[_LEFT]
+    if slides != 0 and heading(flight) * slides < 0.0:
+        state.motion[_ANCHOR] = state.motion[POSITION] - slides * state.motion[_YIELD]
+        counts[_SLIDES], counts[_LEFT] = 0, slides
+        return True
+    if left != 0 and heading(flight) * left > 0.0:
+        counts[_SLIDES], counts[_LEFT] = left, 0
+        return True
+    return False
+
+
+@inlined
+def _begin(state: State, drive: Quadratic, arrests: bool, c: _Constants) -> _Leg:
+    """Motion from here on, if nothing happened."""
+    motion, counts = state.motion, state.counts
+    t, X = motion[TIME], motion[POSITION]
+    since = t - drive.start
+    drive_v = drive.velocity + drive.acceleration * since
+    D = drive.position + (drive.velocity + 0.5 * drive.acceleration * since) * since
+    F_d = c.K * (D - X)
+    flight = _take_off(state, c, F_d, drive_v, drive.acceleration)
+    ahead, behind = np.inf, -np.inf
+    watch = arrests and counts[BREAKS] > counts[_AT_ARREST]
+    if motion[_YIELD] > 0.0:
+        if _element_turns(state, flight):
+            flight = _take_off(state, c, F_d, drive_v, drive.acceleration)
+        if counts[_SLIDES] == 0:
+            ahead = motion[_ANCHOR] + motion[_YIELD] if counts[_LEFT] != 1 else np.inf
+            behind = motion[_ANCHOR] - motion[_YIELD] if counts[_LEFT] != -1 else -np.inf
+        watch = watch or counts[_SLIDES] != 0 or counts[_LEFT] != 0
+    return _Leg(t, X, float(counts[ATTACHED]), F_d, drive_v, flight, ahead, behind, watch)
+
+
+_TURN = 2  # ends a flight where the slider turns round
 
 
 @inlined
 def _next_event(state: State, leg: _Leg, ahead: float, most: float) -> tuple[float, float, float, int]:
     """How long the flight lasts, at most `most`; displacement and velocity then; and what ends it.
 
-    1 and -1: a break ahead or behind; 0: the limit, or the end of what was searched.
+    1 and -1: a break ahead or behind, or the element of the detached contacts yields there; `_TURN`; 0: the limit, or
+    the end of what was searched.
     """
     v = leg.flight.v
-    to_ahead = max(ahead - leg.X, 0.0)
+    to_ahead = max(min(ahead, leg.ahead) - leg.X, 0.0)
     h, y, u, side, applies = 0.0, 0.0, v, 1, to_ahead == 0.0
     if not applies and v > 0.0:
         h, y, u, side, applies = soon(leg.flight, to_ahead, most)
     if not applies:
-        # Only now the queue behind is asked: while the slider moves on, none of its contacts can break.
-        behind = _next_break(state, state.behind, -1.0)
-        to_behind = max(behind + leg.X, 0.0)
+        # Only now those behind are looked at: while the slider moves on, none of them can break.
+        behind = _next_break(state, state.behind, -1.0) if state.counts[_KEPT] else state.motion[_LEAST]
+        to_behind = max(min(behind, -leg.behind) + leg.X, 0.0)
         h, y, u, side, applies = 0.0, 0.0, v, 1, to_behind == 0.0
         if not applies and v < 0.0:
             h, y, u, side, applies = soon(leg.flight, -to_behind, most)
         side = -side
         if not applies:
             h, side = first_crossing(leg.flight, to_ahead, to_behind, most, state.cuts)
+            turn = first_turn(leg.flight, h, state.cuts) if leg.watch else np.inf
+            if turn <= h:
+                h, side = turn, _TURN
             y, u = at(leg.flight, h)
+            if side == _TURN:
+                u = 0.0
     return h, y, u, side
+
+
+@inlined
+def _rubbed(state: State, leg: _Leg, y: float, c: _Constants) -> float:
+    """Energy that the detached contacts dissipate over a displacement."""
+    return (c.N - leg.n) * c.part * state.counts[_SLIDES] * state.motion[_YIELD] * y
 
 
 @inlined
@@ -387,6 +491,11 @@ def _sample(state: State, row: Floats, leg: _Leg, part: float, acceleration: flo
     row[3] = n / c.N
     row[4] = 0.5 * (n * x * x - 2.0 * x * motion[_SUM] + motion[_SQUARES]) * c.part
     row[5], row[6], row[7] = motion[WORK], motion[DAMPED], motion[BROKEN]
+    if motion[_YIELD] > 0.0:
+        element = _element(state, row[0])
+        row[2] += (c.N - n) * element * c.part
+        row[4] += 0.5 * (c.N - n) * element * element * c.part
+        row[7] += _rubbed(state, leg, y, c)
     if not c.rigid:
         work, squares = energies(leg.flight, part, y, u, leg.F_d, c.K, leg.drive_v, acceleration)
         row[5] += work
@@ -406,7 +515,7 @@ def _sample_until(state: State, piece: Piece, sampling: Sampling, leg: _Leg, end
             D = drive.position + (drive.velocity + 0.5 * drive.acceleration * later) * later
             if holds(piece.stop, row[0], c.K * (D - row[0])):
                 motion[TIME], motion[POSITION], motion[VELOCITY] = time, row[0], row[1]
-                motion[WORK], motion[DAMPED] = row[5], row[6]
+                motion[WORK], motion[DAMPED], motion[BROKEN] = row[5], row[6], row[7]
                 return True
     return False
 
@@ -421,6 +530,10 @@ def _fly(
         work, squares = energies(leg.flight, h, y, u, leg.F_d, c.K, leg.drive_v, acceleration)
         motion[WORK] += work
         motion[DAMPED] += c.drag * squares
+    if motion[_YIELD] > 0.0:
+        motion[BROKEN] += _rubbed(state, leg, y, c)
+    if u != 0.0:
+        state.counts[_DIRECTION] = 1 if u > 0.0 else -1
     motion[TIME] = ends_at
     motion[VELOCITY] = u
     motion[POSITION] = leg.X + y
@@ -428,9 +541,39 @@ def _fly(
 
 
 @inlined
-def _take_threshold(state: State, draws: Draws) -> float:
-    state.counts[THRESHOLD] += 1
-    return float(draws.thresholds[state.counts[THRESHOLD] - 1])
+def _attach_next(state: State, slot: int, draws: Draws) -> None:
+    """Attach a contact with the next threshold, and the stretching that goes with it."""
+    i = state.counts[THRESHOLD]
+    state.counts[THRESHOLD] = i + 1
+    _attach(state, slot, draws.thresholds[i], draws.stretchings[i] if draws.stretchings.size else 0.0)
+
+
+@inlined
+def _yields(state: State, leg: _Leg, side: int, ahead: float) -> bool:
+    """Whether it is the element of the detached contacts that gives way, not a contact; it yields from here on."""
+    limit = leg.ahead if side == 1 else leg.behind
+    if not (limit < ahead if side == 1 else -limit < peek(state.behind)):
+        return False
+    state.motion[POSITION] = limit
+    state.counts[_SLIDES], state.counts[_LEFT] = side, 0
+    return True
+
+
+@inlined
+def _turn(state: State, arrests: bool) -> bool:
+    """The slider turns round; whether it has stopped after a break."""
+    counts = state.counts
+    counts[_LEFT] = 0
+    if arrests and counts[BREAKS] > counts[_AT_ARREST]:
+        counts[_AT_ARREST] = counts[BREAKS]
+        return True
+    return False
+
+
+def re_attach_all(state: State) -> None:
+    """Make all detached contacts re-attach now."""
+    for slot in np.flatnonzero(state.contacts["threshold"] == 0.0):
+        push(state.waiting, float(state.motion[TIME]), int(slot))
 
 
 @inlined
@@ -446,7 +589,7 @@ def _break(state: State, side: int, draws: Draws) -> bool:
         delay = draws.delays[state.counts[DELAY]]
         state.counts[DELAY] += 1
     if delay == 0.0:
-        _attach(state, slot, _take_threshold(state, draws))
+        _attach_next(state, slot, draws)
         return False
     if delay < np.inf:
         push(state.waiting, state.motion[TIME] + delay, slot)
@@ -459,7 +602,7 @@ def _re_attach(state: State, draws: Draws) -> float:
     """Attach the first contact that waits; the time of the next."""
     slot = first_slot(state.waiting)
     pop(state.waiting)
-    _attach(state, slot, _take_threshold(state, draws))
+    _attach_next(state, slot, draws)
     bin_ = state.waiting.counts[BIN]
     following = peek(state.waiting)
     _fetch(state, state.waiting, bin_)
@@ -487,7 +630,7 @@ def advance(state: State, slider: Slider, piece: Piece, sampling: Sampling, draw
     Returns
     -------
     int
-        `REACHED_END`, `CONDITION_HELD`, `THRESHOLDS_USED_UP`, `DELAYS_USED_UP`, `BUDGET_SPENT` or `LOOK`.
+        `REACHED_END`, `CONDITION_HELD`, `THRESHOLDS_USED_UP`, `DELAYS_USED_UP`, `BUDGET_SPENT`, `LOOK` or `ARRESTED`.
     """
     counts, acceleration = state.counts, piece.drive.acceleration
     c = _constants(slider, float(state.contacts.size))
@@ -504,10 +647,14 @@ def advance(state: State, slider: Slider, piece: Piece, sampling: Sampling, draw
             return BUDGET_SPENT
         to_go -= 1
 
-        leg = _begin(state, piece.drive, c)
+        leg = _begin(state, piece.drive, draws.arrests, c)
         limit = min(attachment, piece.end)
         most = max(limit - leg.t, 0.0)
         h, y, u, side = _next_event(state, leg, ahead, most)
+        if side == -1 and not counts[_KEPT]:
+            _rebuild(state, state.behind, -1.0)
+            counts[_KEPT] = 1
+            continue
         ends_at = limit if side == 0 and h == most else leg.t + h
 
         if ends_at > piece.look and leg.t <= piece.look:
@@ -516,8 +663,11 @@ def advance(state: State, slider: Slider, piece: Piece, sampling: Sampling, draw
         if _sample_until(state, piece, sampling, leg, min(ends_at, piece.end), c):
             return CONDITION_HELD
         _fly(state, leg, h, y, u, ends_at, acceleration, c)
-        if side != 0:
-            if _break(state, side, draws):
+        if side == _TURN:
+            if _turn(state, draws.arrests):
+                return ARRESTED
+        elif side != 0:
+            if not _yields(state, leg, side, ahead) and _break(state, side, draws):
                 attachment = peek(state.waiting)
         elif ends_at == attachment:
             attachment = _re_attach(state, draws)

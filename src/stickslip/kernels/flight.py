@@ -59,13 +59,14 @@ def take_off(eta: float, w2: float, near: float, v: float, f0: float, f1: float,
         q2 = f2 * inverse
         q1 = (f1 - 2.0 * eta * q2) * inverse
         q0 = (f0 - eta * q1 - 2.0 * q2) * inverse
+    # Each coefficient waits for the one before: as little as may be lies between them.
     c2 = 0.5 * (f0 - eta * v)
-    c3 = (f1 - w2 * v - 2.0 * eta * c2) * (1.0 / 6.0)
-    c4 = (f2 - w2 * c2 - 3.0 * eta * c3) * (1.0 / 12.0)
-    c5 = (-w2 * c3 - 4.0 * eta * c4) * (1.0 / 20.0)
-    c6 = (-w2 * c4 - 5.0 * eta * c5) * (1.0 / 30.0)
-    c7 = (-w2 * c5 - 6.0 * eta * c6) * (1.0 / 42.0)
-    c8 = (-w2 * c6 - 7.0 * eta * c7) * (1.0 / 56.0)
+    c3 = (f1 * (1.0 / 6.0) - w2 * (1.0 / 6.0) * v) - eta * (1.0 / 3.0) * c2
+    c4 = (f2 * (1.0 / 12.0) - w2 * (1.0 / 12.0) * c2) - eta * 0.25 * c3
+    c5 = -(w2 * (1.0 / 20.0)) * c3 - eta * 0.2 * c4
+    c6 = -(w2 * (1.0 / 30.0)) * c4 - eta * (1.0 / 6.0) * c5
+    c7 = -(w2 * (1.0 / 42.0)) * c5 - eta * (1.0 / 7.0) * c6
+    c8 = -(w2 * (1.0 / 56.0)) * c6 - eta * 0.125 * c7
     return Flight(eta, w2, inverse, q0, q1, q2, -q0, v - q1, v, c2, c3, c4, c5, c6, c7, c8, near)
 
 
@@ -80,9 +81,12 @@ def taylor(f: Flight, h: float) -> tuple[float, float]:
         c12 = (-f.w2 * c10 - 11.0 * f.eta * c11) * (1.0 / 132.0)
         tail = h * (c9 + h * (c10 + h * (c11 + h * c12)))
         slope = h * (9.0 * c9 + h * (10.0 * c10 + h * (11.0 * c11 + h * 12.0 * c12)))
-    y = f.v + h * (f.c2 + h * (f.c3 + h * (f.c4 + h * (f.c5 + h * (f.c6 + h * (f.c7 + h * (f.c8 + tail)))))))
-    v = 5.0 * f.c5 + h * (6.0 * f.c6 + h * (7.0 * f.c7 + h * (8.0 * f.c8 + slope)))
-    v = f.v + h * (2.0 * f.c2 + h * (3.0 * f.c3 + h * (4.0 * f.c4 + h * v)))
+    h2 = h * h
+    h4 = h2 * h2
+    # Pairs of terms side by side: none waits for another.
+    y = (f.v + h * f.c2) + h2 * (f.c3 + h * f.c4) + h4 * ((f.c5 + h * f.c6) + h2 * (f.c7 + h * (f.c8 + tail)))
+    v = (f.v + h * 2.0 * f.c2) + h2 * (3.0 * f.c3 + h * 4.0 * f.c4)
+    v += h4 * ((5.0 * f.c5 + h * 6.0 * f.c6) + h2 * (7.0 * f.c7 + h * (8.0 * f.c8 + slope)))
     return h * y, v
 
 
@@ -185,6 +189,57 @@ def _root(f: Flight, order: int, value: float, low: float, high: float) -> float
 
 
 @bare
+def _cut(f: Flight, order: int, cuts: Floats, count: int) -> int:
+    """Cut parts on which a derivative is monotone where it vanishes; their number then."""
+    i = 0
+    left = _start(f, order)
+    while i + 1 < count:
+        right = derivative(f, order, cuts[i + 1])[0]
+        if left * right < 0.0:
+            root = _root(f, order, 0.0, cuts[i], cuts[i + 1])
+            if cuts[i] < root < cuts[i + 1]:
+                for j in range(count, i + 1, -1):
+                    cuts[j] = cuts[j - 1]
+                cuts[i + 1] = root
+                count += 1
+                i += 1
+        left = right
+        i += 1
+    return count
+
+
+@bare
+def heading(f: Flight) -> float:
+    """Whither the slider moves just after the start: a number of that sign, 0 if it stays."""
+    return _start(f, 1)
+
+
+@bare
+def first_turn(f: Flight, most: float, cuts: Floats) -> float:
+    """First time up to `most`, within what `first_crossing` has searched, at which the slider stops, or infinity."""
+    if f.w2 == 0.0:  # rigid motion
+        return math.inf
+    g2 = f.w2 - 0.25 * f.eta * f.eta
+    decay = 0.5 * f.eta if g2 > 0.0 else f.w2 / (0.5 * f.eta + math.sqrt(-g2))
+    cuts[0], cuts[1] = 0.0, most
+    count = 2
+    if decay * most > _DIED_OUT:
+        cuts[1], cuts[2] = _DIED_OUT / decay, most
+        count = 3
+    for order in (3, 2):
+        count = _cut(f, order, cuts, count)
+    left = _start(f, 1)
+    for i in range(count - 1):
+        right = derivative(f, 1, cuts[i + 1])[0]
+        if right == 0.0 and left != 0.0 and (i > 0 or f.v != 0.0):
+            return cuts[i + 1]
+        if left * right < 0.0:
+            return _root(f, 1, 0.0, cuts[i], cuts[i + 1])
+        left = right
+    return math.inf
+
+
+@bare
 def first_crossing(f: Flight, to_ahead: float, to_behind: float, most: float, cuts: Floats) -> tuple[float, int]:
     """First time up to `most` at which the displacement reaches `to_ahead` or `-to_behind`, and which: 1 or -1.
 
@@ -213,20 +268,7 @@ def first_crossing(f: Flight, to_ahead: float, to_behind: float, most: float, cu
         cuts[1], cuts[2] = _DIED_OUT / decay, most
         count = 3
     for order in (3, 2, 1):
-        i = 0
-        left = _start(f, order)
-        while i + 1 < count:
-            right = derivative(f, order, cuts[i + 1])[0]
-            if left * right < 0.0:
-                root = _root(f, order, 0.0, cuts[i], cuts[i + 1])
-                if cuts[i] < root < cuts[i + 1]:
-                    for j in range(count, i + 1, -1):
-                        cuts[j] = cuts[j - 1]
-                    cuts[i + 1] = root
-                    count += 1
-                    i += 1
-            left = right
-            i += 1
+        count = _cut(f, order, cuts, count)
     for i in range(count - 1):
         y = derivative(f, 0, cuts[i + 1])[0]
         if y >= to_ahead:

@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from stickslip.answers import Answer
 from stickslip.errors import InputError, number
 from stickslip.measure.arrays import CONSTANT_DRIVE, FEWEST_READINGS, Array, Trace
 from stickslip.measure.bench import about_the_sensor, find_strokes, is_mirrored
@@ -43,9 +44,9 @@ MOST_STROKES = 0.75  # part of the strokes that must agree
 STUCK, STICKS = 0.05, 0.1  # a slider slower than this many times the drive sticks; part of the time for which it must
 
 
-@dataclass(frozen=True, kw_only=True)
-class Regime:
-    """The regime of motion in a stretch of constant driving, with the evidence.
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Regime(Answer):
+    """The regime of motion in a stretch of constant driving, with the evidence; it equals its own `kind`.
 
     Attributes
     ----------
@@ -125,6 +126,11 @@ class Regime:
     time_unit: str = ""
     force_unit: str = ""
     notes: tuple[str, ...] = ()
+
+    def __eq__(self, other: object) -> bool:
+        if isinstance(other, str):
+            return self.kind == other
+        return NotImplemented if not isinstance(other, Regime) else vars(self) == vars(other)
 
     def __str__(self) -> str:
         begin, end = self.window

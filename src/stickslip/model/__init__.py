@@ -30,6 +30,7 @@ from stickslip.model.methods import (
     PaperClosure,
     Start,
 )
+from stickslip.model.operation import Operation
 from stickslip.model.parameters import PARAMETERS, Parameter, parameter_named
 from stickslip.model.rig import Rig
 from stickslip.model.slider import Slider
@@ -62,6 +63,7 @@ __all__ = [
     "Method",
     "NegativeDelay",
     "OnArrest",
+    "Operation",
     "Output",
     "PaperClosure",
     "Parabolic",

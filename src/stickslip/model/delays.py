@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Annotated, Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy import special
 
 from stickslip.errors import InputError, shown
 from stickslip.model.distributions import Gaussian
+from stickslip.model.quadrature import panels
 from stickslip.model.records import Number, check
 from stickslip.model.registry import registrar
 
@@ -181,6 +183,7 @@ class RandomDelay(DelayModel):
             case "fold":
                 return 0.0, [(positive, self.mean), (1.0 - positive, -self.mean)]
 
+    @cached_property
     def _gaussian_parts(self) -> list[tuple[float, Gaussian]]:
         # A folded tail too thin to matter is also too thin for a distribution of its own.
         kept = [(weight, mean) for weight, mean in self._parts()[1] if weight > 2e-6]
@@ -190,13 +193,13 @@ class RandomDelay(DelayModel):
     def moment(self, order: int) -> float:
         """Mean of ``tau**order``."""
         atom = self._parts()[0] if order == 0 else 0.0
-        return atom + sum(weight * distribution.moment(order) for weight, distribution in self._gaussian_parts())
+        return atom + sum(weight * distribution.moment(order) for weight, distribution in self._gaussian_parts)
 
     def laplace(self, s: ArrayLike) -> ComplexArray:
         """Mean of ``exp(-s tau)``."""
         s = np.asarray(s, dtype=complex)
         total = np.full_like(s, self._parts()[0])
-        for weight, distribution in self._gaussian_parts():
+        for weight, distribution in self._gaussian_parts:
             total = total + weight * distribution.laplace(s)
         return total
 
@@ -209,13 +212,11 @@ class RandomDelay(DelayModel):
 
     def quadrature(self) -> tuple[Array, Array]:
         """Gauss-Legendre nodes on the continuous part, and the atom at zero if negative draws are clipped."""
-        parts = self._gaussian_parts()
+        parts = self._gaussian_parts
         low = min(distribution.support[0] for _, distribution in parts)
         high = max(distribution.support[1] for _, distribution in parts)
-        node, weight = np.polynomial.legendre.leggauss(96)
-        tau = low + 0.5 * (high - low) * (1 + node)
-        density = sum((w * distribution.density(tau) for w, distribution in parts), start=np.zeros_like(tau))
-        weights = 0.5 * (high - low) * weight * density
+        tau, width = panels(low, high, 6)
+        weights = width * sum((w * distribution.density(tau) for w, distribution in parts), start=np.zeros_like(tau))
         atom = self._parts()[0]
         weights *= (1.0 - atom) / weights.sum()
         if atom > 0:

@@ -37,12 +37,17 @@ class Interface:
     temperature : Bell, Parabolic or Barrier, optional
         How contacts break before their threshold; by default they do not.
     sliding_force : float
-        Force ``f_d`` of a detached contact while it slides, in ``f_s``.
+        Force ``f_d`` of a detached contact while it slides, in ``f_s``, against the motion. Detached contacts slide
+        together: where the slider turns round they follow it elastically, with their stiffness ``k``, until the force
+        is ``f_d`` the other way.
     newborn : Distribution, optional
-        Distribution of the stretchings with which contacts re-attach; by default they are unstretched.
+        Distribution of the stretchings with which contacts re-attach, along the motion of the slider; by default they
+        are unstretched. Like a contact of the start, one that re-attaches at ``x_0`` has a threshold beyond ``|x_0|``.
+        ``Gaussian(mean=f_d, std=0.0)`` re-attaches them as they slide.
     track_scatter : float
         Scatter from slip to slip of all thresholds alike: the standard deviation of the factor, of mean 1, that the
-        thresholds drawn in one slip have in common.
+        thresholds drawn between two arrests of the slider have in common. The factor is log-normal, as the strength of
+        a track is the product of many influences: it is positive, and half as strong is as likely as twice.
     """
 
     thresholds: Distribution
@@ -81,13 +86,14 @@ class Interface:
             Distribution | None,
             "a distribution of stretchings, such as Uniform(low=0.0, high=0.2), or None",
         )
-        lost = self.initial_loss
-        if lost > 1e-3:
-            raise InputError(
-                f"Interface.initial = {self.initial}: {100 * lost:.3g} % of the contacts would start beyond the "
-                f"largest threshold ({self.threshold_distribution.support[1]:g}); narrow it or bring it nearer to 0",
-                "Interface.initial",
-            )
+        for name, born in (("initial", self.initial), ("newborn", self.newborn)):
+            if born is not None and (lost := self._beyond_thresholds(born)) > 1e-3:
+                largest = self.threshold_distribution.support[1]
+                raise InputError(
+                    f"Interface.{name} = {born}: {100 * lost:.3g} % of the contacts would start beyond the "
+                    f"largest threshold ({largest:g}); narrow it or bring it nearer to 0",
+                    f"Interface.{name}",
+                )
 
     @property
     def mechanisms(self) -> frozenset[str]:
@@ -118,6 +124,9 @@ class Interface:
     @property
     def initial_loss(self) -> float:
         """Fraction of the initial distribution that lies beyond the largest threshold on either side."""
+        return self._beyond_thresholds(self.initial)
+
+    def _beyond_thresholds(self, stretchings: Distribution) -> float:
         high = self.threshold_distribution.support[1]
-        beyond = self.initial.survival([high, -high])
+        beyond = stretchings.survival([high, -high])
         return float(beyond[0] + 1.0 - beyond[1])

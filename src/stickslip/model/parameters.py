@@ -6,8 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from stickslip.errors import InputError, number, sequence, shown
+from stickslip.errors import InputError, shown
 from stickslip.model.drive import constant
+from stickslip.model.records import Record, rescaled
+from stickslip.model.units import Scales
 
 if TYPE_CHECKING:
     from stickslip.model.rig import Rig
@@ -25,6 +27,8 @@ class Parameter:
         Its natural unit: ``"x_s/time"``.
     title : str
         What it is, in words.
+    rescales : bool
+        Whether it is one of the rig's own units, so that varying it changes all that is measured in them.
     get : callable
         The value in a rig in natural units.
     set : callable
@@ -41,6 +45,7 @@ class Parameter:
     name: str
     unit: str
     title: str = ""
+    rescales: bool = False
     get: Callable[[Rig], float] = field(repr=False)
     set: Callable[[Rig, float], Rig] = field(repr=False)
 
@@ -109,10 +114,52 @@ STD = _of_interface("std", "1", "standard deviation of the thresholds", "thresho
 AGEING = _of_interface("ageing", "time", "time of ageing of the thresholds", "ageing", "time", "with_time")
 """Time in which thresholds age: ``rate**-2`` for `Langevin`."""
 
+
+def _unit_of_the_rig(name: str, unit: str, title: str, force: int, length: int) -> Parameter:
+    """Parameter that is a unit of the rig: 1 in natural units; force and length follow it with these powers."""
+
+    def set_(rig: Rig, factor: float) -> Rig:
+        larger = Scales(force=factor**force, stretching=factor**length)
+
+        def in_it(record: Record) -> Record:
+            return rescaled(record, lambda unit: 1.0 / larger.size(unit))
+
+        STIFFNESS.get(rig)  # an impedance has no unit to rescale
+        scales, operation = rig.scales, in_it(rig.operation)
+        if scales is not None:
+            scales = replace(
+                scales, force=scales.force * larger.force, stretching=scales.stretching * larger.stretching
+            )
+        feasible = tuple(
+            (name, low / size, high / size)
+            for name, low, high in operation.feasible
+            for size in [larger.size(parameter_named(name).unit)]
+        )
+        return replace(
+            rig,
+            slider=in_it(rig.slider),
+            drive=in_it(rig.drive),
+            scales=scales,
+            operation=replace(operation, feasible=feasible),
+        )
+
+    return Parameter(name=name, unit=unit, title=title, rescales=True, get=lambda _rig: 1.0, set=set_)
+
+
+LOAD = _unit_of_the_rig("load", "f_s", "contact strength (normal load)", 1, 0)
+"""Number of contacts, as it goes with the normal load."""
+FRICTION = _unit_of_the_rig("friction", "f_s", "level of friction", 1, 1)
+"""Strength of each contact at constant stiffness: it breaks at a displacement as much larger."""
+CONTACT_STIFFNESS = _unit_of_the_rig("contact_stiffness", "k", "stiffness of the contacts (lining)", 0, -1)
+"""Stiffness of each contact at constant strength: it breaks at a displacement as much smaller."""
+
 PARAMETERS: tuple[Parameter, ...] = (STIFFNESS, VELOCITY, MASS, DAMPING, DELAY, STD, AGEING)
 """The parameters that come with the package."""
 
-BY_NAME = {parameter.name: parameter for parameter in PARAMETERS}
+UNITS_OF_A_RIG: tuple[Parameter, ...] = (LOAD, FRICTION, CONTACT_STIFFNESS)
+"""Parameters of a rig in SI units that are 1 in natural ones, and are varied alone."""
+
+BY_NAME = {parameter.name: parameter for parameter in (*PARAMETERS, *UNITS_OF_A_RIG)}
 """All that can be named, those that `register` added among them."""
 
 
@@ -124,7 +171,7 @@ def register(parameter: Parameter) -> Parameter:
     InputError
         If the name is that of a parameter that comes with the package.
     """
-    if any(parameter.name == known.name for known in PARAMETERS):
+    if any(parameter.name == known.name for known in (*PARAMETERS, *UNITS_OF_A_RIG)):
         raise InputError(f"Parameter.name = {shown(parameter.name)}: comes with the package; choose another name")
     BY_NAME[parameter.name] = parameter
     return parameter
@@ -144,12 +191,3 @@ def parameter_named(parameter: Parameter | str, place: str = "parameter") -> Par
         if name == parameter:
             return known
     raise InputError(f"{place} = {shown(parameter)}: must be one of {', '.join(BY_NAME)}, or a Parameter")
-
-
-def check_range(parameter: Parameter, between: tuple[float, float]) -> tuple[float, float]:
-    """Return the range of a parameter, in its natural unit, or raise `InputError`."""
-    ends = sequence("between", between, "two values, such as (0.1, 10)")
-    if len(ends) != 2:
-        raise InputError(f"between = {shown(between)}: must be two values, such as (0.1, 10)")
-    low = number("between[0]", ends[0], above=0, hint=parameter.unit)
-    return low, number("between[1]", ends[1], above=low, hint=parameter.unit)

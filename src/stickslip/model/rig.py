@@ -6,17 +6,22 @@ from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from stickslip.errors import InputError, instance, number
+from stickslip.answers import Answer
+from stickslip.errors import InputError, instance, number, sequence, shown
 from stickslip.model.drive import Drive
 from stickslip.model.interface import Interface
 from stickslip.model.methods import Contacts, FromRest, FromSliding, MasterEquation, Method, Output, PaperClosure, Start
-from stickslip.model.parameters import Parameter, parameter_named
+from stickslip.model.operation import Operation
+from stickslip.model.parameters import PARAMETERS, Parameter, parameter_named
 from stickslip.model.quantities import read_quantity
 from stickslip.model.records import Record, rescaled
-from stickslip.model.units import Quantity, Scales, in_si, in_words
+from stickslip.model.units import Quantity, Scales, in_si, in_words, quantity
 
 if TYPE_CHECKING:
     import xarray as xr
+
+Ends = tuple[float | str, float | str]
+"""Both ends of a range of a parameter: numbers in the rig's own unit, or texts with a unit."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +51,8 @@ class Assumption:
         return f"{self.said}; {self.how}" if self.said else self.how
 
 
-@dataclass(frozen=True)
-class Rig:
+@dataclass(frozen=True, repr=False)
+class Rig(Answer):
     """A slider on an interface, pulled by a drive through a spring: the noun of this package, which verbs take first.
 
     Its records are in natural units. What goes into and comes out of the functions that take a rig is in the rig's own
@@ -71,6 +76,8 @@ class Rig:
         What a run records.
     scales : Scales, optional
         The rig's force, length and time in SI units; none for a rig in natural units.
+    operation : Operation
+        The speeds it works at, and what of it could be built otherwise, in natural units; for `predict`.
     name : str
         What to call it.
     assumed : mapping of str to Assumption
@@ -100,6 +107,7 @@ class Rig:
     start: Start = FromRest()
     output: Output = Output()
     scales: Scales | None = None
+    operation: Operation = Operation()
     name: str = "rig"
     assumed: Mapping[str, Assumption] = field(default_factory=dict, compare=False)
     source: str = field(default="", compare=False)
@@ -113,6 +121,7 @@ class Rig:
         instance("Rig.method", self.method, methods, "Contacts(...) or MasterEquation(...)")
         instance("Rig.start", self.start, (FromRest, FromSliding), "FromRest() or FromSliding()")
         instance("Rig.output", self.output, Output, "an Output")
+        instance("Rig.operation", self.operation, Operation, "an Operation(...)")
         if self.scales is not None:
             instance("Rig.scales", self.scales, Scales, "Scales(...), or None for natural units")
 
@@ -172,11 +181,42 @@ class Rig:
 
     def _with(self, name: str, value: object) -> Rig:
         known = parameter_named(name, place="replace")
-        if isinstance(value, str):
-            if self.scales is None:
-                raise InputError(f"{name} = {value!r}: must be a plain number, as the rig is in natural units")
-            value = read_quantity(value, self.scales.si_name(known.unit), name)
-        return known.set(self, number(name, value, at_least=0) / self.unit(known.unit))
+        return known.set(self, number(name, self._read(name, value, known), at_least=0) / self.unit(known.unit))
+
+    def _read(self, place: str, value: object, parameter: Parameter) -> object:
+        """Return a value of a parameter in the rig's own unit, if it is a text with a unit."""
+        if not isinstance(value, str):
+            return value
+        if self.scales is None:
+            raise InputError(f"{place} = {value!r}: must be a plain number, as the rig is in natural units")
+        unit = self.scales.si_name(parameter.unit)
+        try:
+            return read_quantity(value, unit, f"2 {unit}")
+        except InputError as error:
+            raise error.at(f"{place} = {value!r}") from None
+
+    def span(self, parameter: Parameter, between: Ends) -> tuple[float, float]:
+        """Return a range of a parameter in its natural unit.
+
+        Parameters
+        ----------
+        parameter : Parameter
+        between : (float or str, float or str)
+            Its ends, rising, as in `Ends`.
+
+        Raises
+        ------
+        InputError
+            If it is no range.
+        """
+        ends = sequence("between", between, "two values, such as (0.1, 10)")
+        if len(ends) != 2:
+            raise InputError(f"between = {shown(between)}: must be two values, such as (0.1, 10)")
+        unit = self.unit_name(parameter.unit)
+        low = number("between[0]", self._read("between[0]", ends[0], parameter), above=0, hint=unit)
+        high = number("between[1]", self._read("between[1]", ends[1], parameter), above=low, hint=unit)
+        size = self.unit(parameter.unit)
+        return low / size, high / size
 
     def _natural_drive(self, drive: Any) -> Any:
         return self._in_natural_units(drive) if isinstance(drive, Drive) else drive
@@ -186,6 +226,20 @@ class Rig:
 
     def _in_natural_units(self, record: Record) -> Record:
         return record if self.scales is None else rescaled(record, lambda unit: 1.0 / self.unit(unit))
+
+    def __str__(self) -> str:
+        """The rig in words, in its own units."""
+        lines = [self.name]
+        for parameter in PARAMETERS:
+            try:
+                value = parameter.get(self.natural)
+            except InputError:  # what it has not
+                continue
+            said = f"{value:.4g}" if parameter.unit == "1" else self.in_units(value, quantity(parameter.unit))
+            lines.append(f"{parameter.title or parameter.name:<48}{said}")
+        lines.append(f"{'thresholds':<48}{self.interface.thresholds}")
+        lines.append(f"{'method':<48}{self.method}")
+        return "\n".join(lines)
 
     def in_its_units(self, result: xr.Dataset) -> xr.Dataset:
         """Return a result in natural units in the rig's own."""

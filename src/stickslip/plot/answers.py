@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from stickslip.model.parameters import parameter_named
 from stickslip.plot.runs import force_trace
 from stickslip.plot.style import (
     BLACK,
@@ -79,13 +80,21 @@ def _strip_of_speeds(ax: Axes, answer: Prediction) -> dict[str, Any]:
             )
     ax.axvline(answer.rig.velocity, color=BLACK, linewidth=1.6)
     ax.plot([answer.rig.velocity], [1.0], "v", color=BLACK, markersize=6, clip_on=False, transform=_above(ax))
+    size, operation = answer.rig.unit("x_s/time"), answer.rig.operation
+    for speed in operation.speeds:
+        ax.plot([speed * size] * 2, [0.0, 1.0], color=BLACK, linewidth=0.9, linestyle=(0, (3, 2)))
+    if operation.between is not None:
+        ends = [end * size for end in operation.between]
+        ax.plot(ends, [1.0, 1.0], color=BLACK, linewidth=3.0, solid_capstyle="butt", clip_on=False)
     speeds = xr.DataArray(
         np.array([low, high]), attrs={"long_name": "speed", "units": answer.rig.unit_name("x_s/time"), "spacing": "log"}
     )
     axis_of_parameter(ax.xaxis, speeds)
     ax.set(xlim=(low, high), ylim=(0.0, 1.0), yticks=[])
     ax.spines["left"].set_visible(False)
-    ax.set_title("motion at each speed; the mark is this rig", fontsize=8)
+    also = "; dashed, its other speeds" if len(operation.speeds) > 1 else ""
+    also = "; the bar is its range" if operation.between is not None else also
+    ax.set_title(f"motion at each speed; the mark is this rig{also}", fontsize=8)
     return handles
 
 
@@ -117,10 +126,15 @@ def _force_at_its_speed(ax: Axes, answer: Prediction) -> None:
 def _margins(ax: Axes, answer: Prediction) -> dict[str, Any]:
     """A bar for each parameter, as a factor on its value: where smooth sliding is stable, and what would stop it."""
     names = {margin.parameter: k for k, margin in enumerate(answer.margins)}
+    labels = [str(row[0]) for row in answer.margin_rows()]
+    for mitigation in answer.mitigations:
+        if len(mitigation.parameters) == 1 and mitigation.parameters[0] not in names:
+            names[mitigation.parameters[0]] = len(names)
+            labels.append(parameter_named(mitigation.parameters[0]).title)
     here = _COLOURS["unstable"] if answer.unstable_modes else _COLOURS["smooth sliding"]
     there = _COLOURS["smooth sliding"] if answer.unstable_modes else _COLOURS["unstable"]
     widest = 1.0
-    for margin, k in zip(answer.margins, names.values(), strict=True):
+    for margin, k in zip(answer.margins, names.values(), strict=False):
         low, high = (end / margin.value for end in margin.searched)
         widest = max(widest, high, 1.0 / low)
         lower = low if margin.lower is None else margin.lower / margin.value
@@ -150,7 +164,7 @@ def _margins(ax: Axes, answer: Prediction) -> dict[str, Any]:
         )
     ax.axvline(1.0, color=BLACK, linewidth=0.8)
     ax.set(xscale="log", xlim=(1 / widest, widest), yticks=list(names.values()))
-    ax.set_yticklabels([str(row[0]) for row in answer.margin_rows()])
+    ax.set_yticklabels(labels)
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
     ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"× {v:.3g}"))
     ax.xaxis.set_minor_formatter(NullFormatter())

@@ -203,7 +203,7 @@ def rigid_curve(curve: xr.Dataset, ax: Axes | None = None, *, color: str = BLUE)
 
 
 _ENERGIES = {
-    "broken_energy": ("lost in breaks", VERMILLION),
+    "broken_energy": ("lost by the contacts", VERMILLION),
     "damped_energy": ("lost to damping", ORANGE),
     "contact_energy": ("in contacts", SKY),
     "spring_energy": ("in the spring", GREEN),

@@ -7,7 +7,7 @@ makes the Dataset.
 from stickslip.simulation.engines import Beginning, Leg
 from stickslip.simulation.engines.beginnings import initial_nodes
 from stickslip.simulation.engines.population import Population
-from stickslip.simulation.follow import Progress, follow_leg
+from stickslip.simulation.follow import follow_leg
 from stickslip.simulation.result import LABELS, labelled
 from stickslip.simulation.run import check_method, pull_rigidly, rerun, rig_of, simulate
 from stickslip.simulation.work import Work, estimate
@@ -17,7 +17,6 @@ __all__ = [
     "Beginning",
     "Leg",
     "Population",
-    "Progress",
     "Work",
     "check_method",
     "estimate",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -11,13 +10,13 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError
 from stickslip.model.drive import Condition, Drive, ForceAbove, ForceBelow, Travel
+from stickslip.progress import Progress
 from stickslip.simulation.engines import MOTION, Engine, Leg, Stretchings
 
 if TYPE_CHECKING:
     from stickslip.kernels.drive import Stop
 
 Array = NDArray[np.float64]
-Progress = Callable[[float], None]
 """Called now and then with the fraction of the work that is done, 0 to 1."""
 
 
@@ -103,7 +102,7 @@ def follow(
 
 
 def follow_leg(
-    engine: Engine, leg: Leg, rows: Array, report: Callable[[float], None] = lambda _: None
+    engine: Engine, leg: Leg, rows: Array, report: Progress = lambda _: None
 ) -> tuple[int, list[Stretchings]]:
     """Follow a leg to its end, and fill `rows`; returns how many are filled, and what the looks have seen."""
     filled, seen, over = 0, list[Stretchings](), False

@@ -32,7 +32,7 @@ LABELS: Mapping[str, Mapping[str, str]] = {
     "spring_energy": {"units": "f_s x_s", "long_name": "energy of the driving spring, per contact"},
     "contact_energy": {"units": "f_s x_s", "long_name": "energy stored in contacts, per contact"},
     "damped_energy": {"units": "f_s x_s", "long_name": "energy dissipated by damping, per contact"},
-    "broken_energy": {"units": "f_s x_s", "long_name": "energy lost in breaks, per contact"},
+    "broken_energy": {"units": "f_s x_s", "long_name": "energy lost by the contacts, per contact"},
     "stretching_density": {"units": "1/x_s", "long_name": "density of stretchings, per contact"},
     "x": {"units": "x_s", "long_name": "stretching"},
     "snapshot": {"units": "time", "long_name": "time of the snapshot"},

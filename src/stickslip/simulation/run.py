@@ -21,13 +21,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.errors import InputError, instance, shown
+from stickslip.errors import InputError, instance
 from stickslip.io import datasets as store
 from stickslip.model import Interface, Method, Output, Slider, Start
 from stickslip.model.drive import Drive, constant
 from stickslip.model.rig import Rig
+from stickslip.progress import Progress, reporting
 from stickslip.simulation.engines import Beginning, engine_of
-from stickslip.simulation.follow import Progress, follow
+from stickslip.simulation.follow import follow
 from stickslip.simulation.result import dataset_of, labelled
 from stickslip.simulation.work import estimate
 
@@ -43,7 +44,7 @@ def simulate(
     method: Method | None = None,
     start: Start | None = None,
     output: Output | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     long: bool = False,
 ) -> xr.Dataset:
     """Pull a slider on an interface by a spring, Eq. (11).
@@ -59,8 +60,8 @@ def simulate(
     output : Output, optional
         Sampling and snapshots, in the rig's own units; by default the rig's own. It never changes the motion of
         contacts that do not age; those that age are followed in steps, which end at the samples.
-    progress : callable, optional
-        Called with the fraction of the drive that is done.
+    progress : bool or callable, optional
+        True for a bar, or a function that is called with the fraction of the drive that is done.
     long : bool
         Whether it may take more than an hour, or 4 GB of memory, by the estimate made before it starts.
 
@@ -99,12 +100,11 @@ def simulate(
     instance("simulate: long", long, bool, "True or False")
     if not long:
         estimate(told).check()
-    if progress is not None and not callable(progress):
-        raise InputError(f"simulate: progress = {shown(progress)}: must be a function of the fraction that is done")
     times = _sample_times(case.slider, case.drive, case.output, solver.angle)
-    engine = solver(beginning, case.method)
-    origin = beginning.drive_position(engine.contact_force())
-    track = follow(engine, case.drive, origin, times, case.output.snapshots, progress)
+    with reporting(progress, "simulate") as report:
+        engine = solver(beginning, case.method)
+        origin = beginning.drive_position(engine.contact_force())
+        track = follow(engine, case.drive, origin, times, case.output.snapshots, report)
     provenance = store.provenance("simulate", {"rig": told})
     return rig.in_its_units(dataset_of(track, case.slider, case.output.bins, provenance))
 
@@ -128,15 +128,15 @@ def pull_rigidly(interface: Interface, distance: float, velocity: float, method:
     )
 
 
-def rerun(run: xr.Dataset, progress: Progress | None = None) -> xr.Dataset:
+def rerun(run: xr.Dataset, progress: Progress | bool | None = None) -> xr.Dataset:
     """Make a run again from its provenance: the same numbers, bit for bit.
 
     Parameters
     ----------
     run : xarray.Dataset
         Of `simulate`, as it was or from a file.
-    progress : callable, optional
-        Called with the fraction of the drive that is done.
+    progress : bool or callable, optional
+        True for a bar, or a function that is called with the fraction of the drive that is done.
 
     Returns
     -------

@@ -14,11 +14,10 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from stickslip.errors import InputError, UndecidedError
 from stickslip.model import DelayModel, Interface, Langevin
@@ -27,6 +26,9 @@ from stickslip.stability.impedances import Impedance, is_plain, natural_frequenc
 from stickslip.stability.neutral import features, neutral_frequencies
 from stickslip.stability.response import Array, ComplexArray, Precision, Scan, distinct_roots
 from stickslip.theory import gaussian_ageing
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 ACCURACY = 1e-3
 """Of a tabulated kappa, per contact; about sharp resonances at low speed it is some times less."""
@@ -283,6 +285,8 @@ def _top(u: float, delta: float) -> float:
 @lru_cache(maxsize=2048)
 def _row(delta: float, newborn: float, number: int) -> tuple[CubicSpline[Any], float]:
     """One row of the table: transforms of a life over the logarithm of its phase, and its mean length."""
+    from scipy.interpolate import CubicSpline
+
     u = 10.0 ** (number / _PER_DECADE)
     unit = u + u * u
     # Lives are in step for as many turns as their scatter allows.

@@ -15,9 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip.answers import Answer
 from stickslip.errors import UndecidedError, instance, number
-from stickslip.model.parameters import Parameter, check_range, parameter_named
-from stickslip.model.rig import Rig
+from stickslip.model.parameters import Parameter, parameter_named
+from stickslip.model.rig import Ends, Rig
 from stickslip.stability.impedances import impedance
 from stickslip.stability.modes import respond
 from stickslip.stability.neutral import Neutral, neutral_frequencies
@@ -55,8 +56,8 @@ class Crossing:
         return self.unstable_below > 0 == self.unstable_above
 
 
-@dataclass(frozen=True, kw_only=True)
-class Crossings:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Crossings(Answer):
     """All crossings along a parameter, rising, and the range in which they were looked for; empty is an answer too.
 
     Parameters
@@ -118,7 +119,7 @@ class Crossings:
         return f"{where}, smooth sliding " + ", ".join(words)
 
 
-def critical(rig: Rig, parameter: Parameter | str, *, between: tuple[float, float]) -> Crossings:
+def critical(rig: Rig, parameter: Parameter | str, *, between: Ends) -> Crossings:
     """Find every value of a parameter in a range at which a mode of smooth sliding is neutral (linear).
 
     The number of growing modes is counted along the range, on a logarithmic grid that is refined wherever a
@@ -134,7 +135,7 @@ def critical(rig: Rig, parameter: Parameter | str, *, between: tuple[float, floa
         What to vary: ``"stiffness"``, ``"velocity"``, ``"mass"``, ``"damping"``, ``"delay"``, ``"std"``, ``"ageing"``,
         or a parameter of your own.
     between : (float, float)
-        Range searched, in the rig's own units, both above 0.
+        Range searched, in the rig's own units, both above 0; or texts with units, as in ``("1 mm/s", "1 m/s")``.
 
     Returns
     -------
@@ -159,7 +160,7 @@ def critical(rig: Rig, parameter: Parameter | str, *, between: tuple[float, floa
     return search(varied, natural, low, high).in_units(rig)
 
 
-def onset(rig: Rig, parameter: Parameter | str, *, between: tuple[float, float]) -> float:
+def onset(rig: Rig, parameter: Parameter | str, *, between: Ends) -> float:
     """Return the smallest value of a parameter at which smooth sliding is unstable (linear).
 
     Along the delay this is the linear critical delay; not the paper's ``tau*``, which is the shortest delay with which
@@ -226,13 +227,11 @@ def critical_spring(rig: Rig) -> float:
     return max(0.0, spring) * rig.unit("k")
 
 
-def _range(rig: Rig, parameter: Parameter | str, between: tuple[float, float]) -> tuple[Parameter, Rig, float, float]:
+def _range(rig: Rig, parameter: Parameter | str, between: Ends) -> tuple[Parameter, Rig, float, float]:
     """The parameter, the rig and the range, in natural units."""
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
     varied = parameter_named(parameter)
-    low, high = check_range(varied, between)
-    size = rig.unit(varied.unit)
-    return varied, rig.natural, low / size, high / size
+    return varied, rig.natural, *rig.span(varied, between)
 
 
 # ---------------------------------------------------------------- the search

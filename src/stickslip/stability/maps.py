@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.io import datasets as store
-from stickslip.model.parameters import STIFFNESS, VELOCITY, Parameter, check_range, parameter_named
-from stickslip.model.rig import Rig
+from stickslip.model.parameters import STIFFNESS, VELOCITY, Parameter, parameter_named
+from stickslip.model.rig import Ends, Rig
 from stickslip.stability.critical import Point, crossings_between, neutral_along
 from stickslip.stability.impedances import impedance
 from stickslip.stability.modes import respond, rightmost_root
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import xarray
 
 Array = NDArray[np.float64]
-Window = tuple[tuple[float, float], tuple[float, float]]
+Window = tuple[Ends, Ends]
 
 LINES = 65
 """Lines across the window in each direction, where a line costs next to nothing."""
@@ -65,9 +65,8 @@ def boundary(
         If a range is empty, both parameters are the same, or there is no steady sliding in the window.
     """
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
-    parameters, window = _window(over, between)
+    parameters, window = _window(rig, over, between)
     natural = rig.natural
-    window = window / np.array([[rig.unit(parameter.unit)] for parameter in parameters])
     lines = LINES if any(_is_free(parameter, natural) for parameter in parameters) else FEW_LINES
     grids = [np.geomspace(low, high, lines) for low, high in window]
     for grid, ends in zip(grids, window, strict=True):
@@ -219,14 +218,21 @@ def _provenance(call: str, parameters: Sequence[Parameter], rig: Rig, **more: ob
 
 def _two_parameters(over: tuple[Parameter | str, Parameter | str]) -> tuple[Parameter, Parameter]:
     first, second = parameter_named(over[0]), parameter_named(over[1])
+    for parameter in (first, second):
+        if parameter.rescales:
+            raise InputError(
+                f"over: {parameter.name!r} is a unit of the rig, and is varied alone, as in critical(); choose another"
+            )
     if first.name == second.name:
         raise InputError(f"over = ({first.name!r}, {second.name!r}): must be two different parameters")
     return first, second
 
 
-def _window(over: tuple[Parameter | str, Parameter | str], within: Window) -> tuple[tuple[Parameter, Parameter], Array]:
+def _window(
+    rig: Rig, over: tuple[Parameter | str, Parameter | str], within: Window
+) -> tuple[tuple[Parameter, Parameter], Array]:
     parameters = _two_parameters(over)
-    ranges = [check_range(parameter, span) for parameter, span in zip(parameters, within, strict=True)]
+    ranges = [rig.span(parameter, span) for parameter, span in zip(parameters, within, strict=True)]
     return parameters, np.array(ranges)
 
 

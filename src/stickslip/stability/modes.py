@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from stickslip.errors import InputError, instance, number, shown
 from stickslip.model import Interface
+from stickslip.model.newborn import as_unstretched
 from stickslip.model.quadrature import hashable
 from stickslip.model.rig import Rig
 from stickslip.stability.aged import aged_response
@@ -28,10 +29,12 @@ def respond(interface: Interface) -> Response:
         If the interface has no steady sliding, or one whose response is not known.
     """
     instance("interface", interface, Interface, "an Interface")
-    interface.allow((), "the linear response")
     if interface.ageing is not None:
+        interface.allow((), "the linear response")
         return aged_response(interface)
-    return unaged_response(hashable(interface.threshold_distribution), hashable(interface.delay))
+    interface.allow(("sliding_force", "newborn"), "the linear response")
+    thresholds, sliding_force = as_unstretched(interface)
+    return unaged_response(hashable(thresholds), hashable(interface.delay), sliding_force)
 
 
 def dynamic_stiffness(interface: Interface, velocity: float, s: ArrayLike) -> ComplexArray:

@@ -24,12 +24,18 @@ class Axis:
     shape: ComplexArray
     """``H = q h(q)``."""
     centre: ComplexArray
-    """Centre of the disc that holds ``kappa`` times ``m1 + v <tau>``, for any delay."""
+    """Centre of the disc that holds ``kappa`` times ``m1 + v <tau>``, for any delay and no sliding force."""
+    loss: Array
+    """``|1 - P^|^2/(1 - |P^|^2)``: what a unit of sliding force adds to the centre."""
 
     def up_to(self, stop: int) -> Axis:
         """Return the first frequencies of the table."""
         return Axis(
-            y=self.y[:stop], complement=self.complement[:stop], shape=self.shape[:stop], centre=self.centre[:stop]
+            y=self.y[:stop],
+            complement=self.complement[:stop],
+            shape=self.shape[:stop],
+            centre=self.centre[:stop],
+            loss=self.loss[:stop],
         )
 
 
@@ -47,7 +53,13 @@ def axis_table(distribution: Distribution, step: float, count: int) -> Axis:
             f"the thresholds ({distribution}) are so close together that the response cannot be told from one without "
             "memory loss in double precision; give them more standard deviation"
         )
-    return Axis(y=y, complement=complement, shape=shape, centre=-shape * np.conj(complement) / room)
+    return Axis(
+        y=y,
+        complement=complement,
+        shape=shape,
+        centre=-shape * np.conj(complement) / room,
+        loss=np.abs(complement) ** 2 / room,
+    )
 
 
 def transforms(distribution: Distribution, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:

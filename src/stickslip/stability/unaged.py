@@ -1,17 +1,20 @@
 """The linear response of contacts whose thresholds do not age, and the roots it makes with a rig.
 
 With ``P^`` the Laplace transform of the distribution of thresholds, ``E(s) = <exp(-s tau)>`` that of the delay, ``q =
-s/v`` and ``h(q) = Int x J_c(x) exp(-q x) dx``,
+s/v``, ``h(q) = Int x J_c(x) exp(-q x) dx`` and ``f_d`` the force of a detached contact,
 
-    kappa(s) = - q h(q) (1 - E(s)) / [(m1 + v <tau>) (1 - E(s) P^(q))]
+    kappa(s) = (1 - E(s)) W(q) / [(m1 + v <tau>) (1 - E(s) P^(q))],   W = f_d (1 - P^) - q h(q)
 
 per contact, in units of ``k``. It is not in the paper: it is Eqs. (1)-(4) with the delay, linearised about
 the steady state. Two facts carry the search for unstable modes:
 
 * ``1 - E P^`` has a positive real part for ``Re s >= 0, s != 0``, so ``kappa`` has no pole there;
 * whatever the delay, ``E`` lies in the unit disc, so ``kappa(i w)`` lies in the disc through 0 about
-  ``c = -q h (1 - conj P^)/((1 - |P^|^2)(m1 + v <tau>))``. A frequency at which ``-Z`` lies outside that disc
-  holds no mode.
+  ``c = W (1 - conj P^)/((1 - |P^|^2)(m1 + v <tau>))``. A frequency at which ``-Z`` lies outside that disc
+  holds no mode. At high frequencies ``q h`` vanishes and ``f_d`` stays: a disc about ``f_d/(m1 + v <tau>)``.
+
+Contacts that re-attach with one and the same stretching ``x_0`` answer like unstretched ones with the thresholds ``x_s
+- x_0`` and the sliding force ``f_d - x_0``, which may be negative.
 """
 
 from __future__ import annotations
@@ -19,7 +22,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -52,6 +55,7 @@ class UnagedResponse:
 
     distribution: Distribution
     delay: DelayModel
+    sliding_force: float = 0.0
 
     precision: ClassVar[Precision] = Precision(step=1e-6, settled=0.0, slack=1e-12)
 
@@ -84,6 +88,14 @@ class UnagedResponse:
         """``m1 + v <tau>``: mean distance the slider goes between two births of a contact, in ``x_s``."""
         return np.asarray(self.mean_threshold + velocity * self.mean_delay)
 
+    def pace(self, velocity: float) -> float:
+        """Time by which growth and decay are measured: the cycle of a contact, or the delay if it slides with a force.
+
+        At high frequencies the delay is all that is left of the response, and ``f_d`` keeps it from fading.
+        """
+        cycle = float(self.scale(velocity)) / velocity
+        return cycle if self.sliding_force == 0 else min(cycle, self.mean_delay)
+
     def reach(self, velocity: float) -> float:
         """Distance over which the response remembers, in ``x_s``: the largest threshold and the longest delay."""
         return self._largest + velocity * self._longest
@@ -100,13 +112,17 @@ class UnagedResponse:
         """Numerator and denominator of ``kappa``, both without poles where the transforms exist."""
         complement, shape = transforms(self.distribution, s / velocity)
         missing = np.asarray(self.delay.absence(s))
-        numerator: ComplexArray = -shape * missing / self.scale(velocity)
+        numerator: ComplexArray = self._given_up(complement, shape) * missing / self.scale(velocity)
         return numerator, missing + (1.0 - missing) * complement
+
+    def _given_up(self, complement: ComplexArray, shape: ComplexArray) -> ComplexArray:
+        """``W``; without a sliding force just ``-q h``."""
+        return -shape if self.sliding_force == 0 else self.sliding_force * complement - shape
 
     def axis_parts(self, velocity: float, axis: Axis) -> tuple[ComplexArray, ComplexArray]:
         """`parts` on the imaginary axis, with the fraction of the distribution taken from a table."""
         missing = np.asarray(self.delay.absence(1j * velocity * axis.y))
-        numerator: ComplexArray = -axis.shape * missing / self.scale(velocity)
+        numerator: ComplexArray = self._given_up(axis.complement, axis.shape) * missing / self.scale(velocity)
         denominator: ComplexArray = missing + (1.0 - missing) * axis.complement
         return numerator, denominator
 
@@ -208,7 +224,7 @@ class UnagedResponse:
 
 
 @lru_cache(maxsize=256)
-def unaged_response(distribution: Distribution, delay: DelayModel) -> UnagedResponse:
+def unaged_response(distribution: Distribution, delay: DelayModel, sliding_force: float = 0.0) -> UnagedResponse:
     """Return the response of contacts that do not age.
 
     Raises
@@ -227,7 +243,7 @@ def unaged_response(distribution: Distribution, delay: DelayModel) -> UnagedResp
             "Interface.thresholds: all contacts share one threshold and are slow to forget how they started; "
             "stability is not computed for them: give the thresholds a standard deviation above 0"
         )
-    return UnagedResponse(distribution=distribution, delay=delay)
+    return UnagedResponse(distribution=distribution, delay=delay, sliding_force=sliding_force)
 
 
 # ---------------------------------------------------------------- how far to scan
@@ -242,12 +258,13 @@ def _doubtful_below(response: UnagedResponse, body: Impedance, velocity: float, 
     while True:
         axis = response.coarse_axis(top)
         last = axis.y.size // 4
-        tail, end = axis.centre[-last:], float(axis.y[-1])
+        disc, end = axis.centre + response.sliding_force * axis.loss, float(axis.y[-1])
+        tail = _Tail.of(response.sliding_force, axis, last)
         own = special[special < end]
         y = np.concatenate([axis.y, own])
         order = np.argsort(y, kind="stable")
         y = y[order]
-        centre = np.concatenate([axis.centre, np.interp(own, axis.y, axis.centre)])[order]
+        centre = np.concatenate([disc, np.interp(own, axis.y, disc)])[order]
         z = body(1j * velocity * y)
         if np.any(z.imag < -1e-9 * np.abs(z)):
             at = float(velocity * y[np.argmin(z.imag / np.abs(z))])
@@ -263,12 +280,29 @@ def _doubtful_below(response: UnagedResponse, body: Impedance, velocity: float, 
     return float(velocity * y[min(doubtful[-1] + 2, y.size - 1)]) if doubtful.size else 0.0
 
 
+class _Tail(NamedTuple):
+    """Bounds beyond a table on the discs that hold kappa, whatever the delay: of their size, and of how far below."""
+
+    worst: float
+    deficit: float
+
+    @classmethod
+    def of(cls, sliding_force: float, axis: Axis, last: int) -> _Tail:
+        centre = axis.centre[-last:]
+        # |1 - P^|^2/(1 - |P^|^2) <= (1 + |P^|)/(1 - |P^|), which tends to 1
+        far = float(np.max(np.abs(1.0 - axis.complement[-last:])))
+        force = abs(sliding_force) * (1.0 + far) / max(1.0 - far, 1e-300)
+        return cls(
+            float(np.max(np.abs(centre))) + force,
+            float(np.max(np.abs(centre) * (1 - 1e-14) - centre.imag)) + force,
+        )
+
+
 def _clear_beyond(
-    body: Impedance, velocity: float, end: float, special: Array, tail: ComplexArray, scale: float, held: float | None
+    body: Impedance, velocity: float, end: float, special: Array, tail: _Tail, scale: float, held: float | None
 ) -> bool:
     """Whether it stays so beyond the table: the response only shrinks there, but the rig may have features."""
-    worst = float(np.max(np.abs(tail)))
-    deficit = float(np.max(np.abs(tail) * (1 - 1e-14) - tail.imag))
+    worst, deficit = tail
     if is_plain(body) and body(np.array([1j * velocity * end]))[0].imag * scale >= deficit:
         return True
     z = body(1j * velocity * np.sort(np.concatenate([end * np.geomspace(1, 1e6, 200), special[special >= end]])))
@@ -354,7 +388,8 @@ def _quiet_below(response: UnagedResponse, body: Impedance, velocity: float) -> 
     tau1, tau2 = response.delay.moment(1), response.delay.moment(2)
     cycle, square = m1 / velocity + tau1, m2 / velocity**2 + 2 * m1 * tau1 / velocity + tau2
     held = float(body(np.zeros(1, dtype=complex))[0].real)
-    omega = min(cycle / square, held * (velocity * cycle) ** 2 / (2 * m2 * tau1))
+    slow = m2 + 2 * abs(response.sliding_force) * m1  # |W| is at most half of it times w/v
+    omega = min(cycle / square, held * (velocity * cycle) ** 2 / (2 * slow * tau1))
     while abs(complex(body(np.array([1j * omega]))[0]) - held) > 0.25 * held:
         omega *= 0.5
     return omega
@@ -365,6 +400,8 @@ def _slope_bound(response: UnagedResponse, body: Impedance, velocity: float, ome
     m1, m2, tau1 = response.distribution.moment(1), response.distribution.moment(2), response.delay.moment(1)
     z = body(1j * omega)
     left, right = omega[:-1], omega[1:]
+    of_contacts = (3 * m2 / velocity + 2 * m1 * tau1) / response.scale(velocity)
+    of_contacts = of_contacts + 2 * abs(response.sliding_force) / velocity  # |1 - P^| <= 2, its slope at most m1/v
     match body:
         case SpringMassDamper(mass=mass):
             drag = mass * body.damping
@@ -374,16 +411,10 @@ def _slope_bound(response: UnagedResponse, body: Impedance, velocity: float, ome
             middle = body(0.5j * (left + right))
             z_slope = 3 * np.maximum(np.abs(middle - z[:-1]), np.abs(z[1:] - middle)) / (0.5 * (right - left))
             z_size = 1.5 * np.maximum(np.maximum(np.abs(z[:-1]), np.abs(z[1:])), np.abs(middle))
-            return np.asarray(
-                z_size * (tau1 + m1 / velocity)
-                + 2 * z_slope
-                + (3 * m2 / velocity + 2 * m1 * tau1) / response.scale(velocity)
-            )
+            return np.asarray(z_size * (tau1 + m1 / velocity) + 2 * z_slope + of_contacts)
     z_slope = np.hypot(2 * mass * right, drag)
     z_size = np.hypot(np.maximum(np.abs(z[:-1].real), np.abs(z[1:].real)), z[1:].imag)
-    return np.asarray(
-        z_size * (tau1 + m1 / velocity) + 2 * z_slope + (3 * m2 / velocity + 2 * m1 * tau1) / response.scale(velocity)
-    )
+    return np.asarray(z_size * (tau1 + m1 / velocity) + 2 * z_slope + of_contacts)
 
 
 def _is_rightmost(
@@ -457,7 +488,7 @@ def _rightmost(response: UnagedResponse, body: Impedance, velocity: float) -> co
     limit = -math.inf if response.inert else response.leftmost * velocity
     (neutral,) = neutral_frequencies(response, body, [velocity])
     growing = neutral.unstable()
-    cycle = float(response.scale(velocity)) / velocity
+    cycle = response.pace(velocity)
     # Steps to one side of the axis, in units of the inverse memory of the response.
     steps = (0.0, 0.3, 1.0, 3.0, 0.1) if growing else (0.0, -0.1, -0.4, -1.0, -3.0, -8.0) if limit < 0 else ()
     starts = np.concatenate(
@@ -499,6 +530,11 @@ def _starts_from_line(response: UnagedResponse, body: Impedance, velocity: float
     elif not natural_frequencies(body).size:
         top = 1e4 * top
     omega = np.arange(0.5, min(top * memory / STEP, 6_000)) * STEP / memory
+    if response.sliding_force != 0:
+        cycle = response.pace(velocity)
+        far = max(_doubtful_below(response, body, velocity, None), top)
+        step = max(STEP / response.delay.longest, (far - top) / 6_000)
+        omega, top = np.append(omega, np.arange(top, far, step)), far
     if line == 0.0 and not response.inert:
         axis = response.axis(velocity, top)
         omega = velocity * axis.y
@@ -548,7 +584,7 @@ def _roots_from(
     if isinstance(body, Modes):
         radius = min(radius, 1e-2 * float(np.min(np.abs(natural_frequencies(body).real))))
     with np.errstate(all="ignore"):
-        s, settled = _newton(response, body, velocity, starts.astype(complex), radius, 1.0 / cycle)
+        s, settled = _newton(response, body, velocity, starts.astype(complex), radius, 1.0 / response.pace(velocity))
     return distinct_roots(s[settled & np.isfinite(s) & (s.real > limit)], cycle)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from stickslip.cycles import bistable_range, bistable_region
 from stickslip.errors import InputError, UndecidedError
 from stickslip.model import Rig
+from stickslip.progress import Progress
 from stickslip.stability import boundary, critical
 from stickslip.sweep.plan import plan_of
 
@@ -18,9 +18,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-def with_theory(
-    result: xr.Dataset, *, bistable: bool = False, progress: Callable[[float], None] | None = None
-) -> xr.Dataset:
+def with_theory(result: xr.Dataset, *, bistable: bool = False, progress: Progress | None = None) -> xr.Dataset:
     """Add the computed boundary of smooth sliding to the results of a sweep over one or two parameters.
 
     Parameters
@@ -86,7 +84,7 @@ def _in_plane(
     parameters: tuple[str, ...],
     ranges: list[tuple[float, float]],
     bistable: bool,
-    progress: Callable[[float], None],
+    progress: Progress,
 ) -> xr.Dataset:
     over = (parameters[0], parameters[1])
     edge = boundary(rig, over=over, between=(ranges[0], ranges[1]))

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError, shown
 from stickslip.model import FromRest, FromSliding, Interface, Slider, Start
+from stickslip.model.newborn import mean_life
 
 if TYPE_CHECKING:
     from stickslip.kernels.drive import Quadratic, Stop
@@ -134,8 +135,8 @@ class Beginning:
     @property
     def attached(self) -> float:
         """Attached fraction in steady sliding, Eq. (10)."""
-        mean = self.interface.threshold_distribution.moment(1)
-        return mean / (mean + self.velocity * self.interface.delay.moment(1))
+        path = mean_life(self.interface).path
+        return path / (path + self.velocity * self.interface.delay.moment(1))
 
     def drive_position(self, contact_force: float) -> float:
         """Position of the drive at time 0: a slider that starts sliding starts in balance."""

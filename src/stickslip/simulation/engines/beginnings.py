@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.model import Delay, DelayModel, Interface
-from stickslip.model.distributions import Distribution, SteadyState, panels
+from stickslip.model.distributions import Distribution, SteadyState
+from stickslip.model.newborn import stretching_nodes, stretchings_within, thresholds_beyond
 from stickslip.simulation.engines.base import Beginning, Stretchings
 
 Array = NDArray[np.float64]
@@ -20,20 +20,58 @@ def generators(seed: int) -> list[np.random.Generator]:
     return [np.random.default_rng(part) for part in np.random.SeedSequence(seed).spawn(3)]
 
 
-def first_contacts(beginning: Beginning, count: int, rng: np.random.Generator) -> tuple[Array, Array, Array]:
-    """Draw stretchings and thresholds of all contacts (detached ones last), and when the latter re-attach."""
-    distribution, delay = beginning.interface.threshold_distribution, beginning.interface.delay
-    initial, attached = beginning.interface.initial, count
-    if beginning.sliding:
-        initial, attached = SteadyState(thresholds=distribution), round(count * beginning.attached)
-    x = initial.sample(rng, attached)
-    largest = distribution.support[1]
-    while (again := np.flatnonzero(np.abs(x) >= largest)).size:
-        x[again] = initial.sample(rng, again.size)
-    threshold = distribution.sample_beyond(rng, np.abs(x))
-    detached = count - attached
-    pending = pending_times(delay, detached, rng)
+def later_generators(seed: int) -> list[np.random.Generator]:
+    """Return two streams more: of newborn stretchings, and of tracks."""
+    return [np.random.default_rng(part) for part in np.random.SeedSequence(seed).spawn(5)[3:]]
+
+
+def first_contacts(
+    beginning: Beginning, count: int, rng: np.random.Generator, factor: float = 1.0
+) -> tuple[Array, Array, Array]:
+    """Draw stretchings and thresholds of all contacts (detached ones last), and when the latter re-attach.
+
+    Thresholds are `factor` times those of the distribution.
+    """
+    interface = beginning.interface
+    if beginning.sliding and ("newborn" in interface.mechanisms or factor != 1.0):
+        x, threshold = _lives_met(interface, count, rng, factor, beginning.velocity * interface.delay.moment(1))
+    else:
+        distribution = interface.threshold_distribution
+        initial, attached = interface.initial, count
+        if beginning.sliding:
+            initial, attached = SteadyState(thresholds=distribution), round(count * beginning.attached)
+        x = stretchings_within(initial, rng, attached, distribution)
+        threshold = thresholds_beyond(distribution, rng, x, factor)
+    detached = count - x.size
+    pending = pending_times(interface.delay, detached, rng)
     return np.append(x, np.zeros(detached)), np.append(threshold, np.zeros(detached)), pending
+
+
+def newborns(
+    interface: Interface, size: int, factor: float, births: np.random.Generator, thresholds: np.random.Generator
+) -> tuple[Array, Array]:
+    """Draw stretchings of contacts that re-attach, along the motion (none if unstretched), and their thresholds."""
+    distribution = interface.threshold_distribution
+    if interface.newborn is None:
+        drawn = distribution.sample(thresholds, size)
+        return np.empty(0), drawn if factor == 1.0 else factor * drawn
+    x = stretchings_within(interface.newborn, births, size, distribution)
+    return x, thresholds_beyond(distribution, thresholds, x, factor)
+
+
+def _lives_met(
+    interface: Interface, count: int, rng: np.random.Generator, factor: float, gap: float
+) -> tuple[Array, Array]:
+    """Draw stretchings and thresholds of the attached contacts of steady sliding: long lives are met more often.
+
+    `gap` is the mean distance between a break and the next birth.
+    """
+    born, threshold = newborns(interface, 4 * count + 1000, factor, rng, rng)
+    born = born if born.size else np.zeros(threshold.size)
+    path = threshold - born
+    attached = round(count * float(path.mean() / (path.mean() + gap)))
+    met = rng.choice(path.size, attached, p=path / path.sum())
+    return born[met] + rng.random(attached) * path[met], threshold[met]
 
 
 def pending_times(delay: DelayModel, detached: int, rng: np.random.Generator) -> Array:
@@ -76,26 +114,8 @@ def survival_table(distribution: Distribution) -> tuple[Array, Array, float]:
 
 
 def initial_nodes(interface: Interface, finer: int = 1) -> tuple[Array, Array]:
-    """Quadrature nodes of the initial stretchings, between the jumps of their distribution, and their weights of sum 1.
-
-    Sixteen nodes for every four standard deviations do for distributions without jumps, and `finer` times as many may
-    be asked for.
-    """
-    distribution, thresholds = interface.initial, interface.threshold_distribution
-    std = distribution.standard_deviation()
-    if std == 0:
-        return np.array([distribution.moment(1)]), np.ones(1)
-    low, high = (
-        max(distribution.support[0], -thresholds.support[1]),
-        min(distribution.support[1], thresholds.support[1]),
-    )
-    edges = [low, *(knot for knot in sorted({*distribution.knots, *thresholds.knots}) if low < knot < high), high]
-    width = 4.0 * min(std, max(thresholds.standard_deviation(), 1e-3 * std))
-    parts = [panels(left, right, math.ceil(finer * (right - left) / width)) for left, right in pairwise(edges)]
-    x, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
-    weight = weight * distribution.density(x)
-    kept = (weight > 0) & (thresholds.survival(np.abs(x)) > 0)
-    return x[kept], weight[kept] / weight[kept].sum()
+    """Quadrature nodes of the initial stretchings and their weights, see `stretching_nodes`."""
+    return stretching_nodes(interface.initial, interface.threshold_distribution, finer)
 
 
 def settled_nodes(beginning: Beginning) -> tuple[Array, Array]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.model import Contacts, Delay
+from stickslip.errors import InputError
+from stickslip.model import Contacts, Delay, Interface, OnArrest
 from stickslip.simulation.engines.base import (
     COLUMNS,
     Advance,
@@ -19,7 +21,10 @@ from stickslip.simulation.engines.base import (
     slider_constants,
     solves,
 )
-from stickslip.simulation.engines.beginnings import first_contacts, generators
+from stickslip.simulation.engines.beginnings import first_contacts, generators, later_generators, newborns
+
+if TYPE_CHECKING:
+    from stickslip.kernels import events as kernel
 
 Array = NDArray[np.float64]
 
@@ -35,19 +40,53 @@ class Events(Engine):
 
     columns = COLUMNS
     angle = 0.1
+    mechanisms = frozenset({"sliding_force", "newborn", "track_scatter", "on_arrest"})
 
     def __init__(self, beginning: Beginning, method: Contacts) -> None:
         from stickslip.kernels import events as kernel
 
-        self._distribution, self._delay = beginning.interface.threshold_distribution, beginning.interface.delay
+        self._interface, self._delay = beginning.interface, beginning.interface.delay
         initial, self._threshold_rng, self._delay_rng = generators(method.seed)
-        x, threshold, pending = first_contacts(beginning, method.count, initial)
+        self._births_rng, self._track_rng = later_generators(method.seed)
+        self._factor = self._next_track()
+        x, threshold, pending = first_contacts(beginning, method.count, initial, self._factor)
         self._state = kernel.make_state(
-            -x, threshold, pending, self._delay.moment(1), velocity=beginning.slider_velocity
+            -x,
+            threshold,
+            pending,
+            self._delay.moment(1),
+            velocity=beginning.slider_velocity,
+            sliding_force=self._interface.sliding_force,
+            slides=int(beginning.sliding),
         )
         self.slider = slider_constants(beginning.slider)
-        fixed = self._delay.time if isinstance(self._delay, Delay) else math.nan
-        self._draws = kernel.Draws(self._distribution.sample(self._threshold_rng, _BLOCK), np.empty(0), fixed)
+        fixed = self._delay.moment(1) if isinstance(self._delay, Delay | OnArrest) else math.nan
+        arrests = bool(self._interface.mechanisms & {"track_scatter", "on_arrest"})
+        self._draws = self._with_thresholds(kernel.Draws(np.empty(0), np.empty(0), fixed, arrests=arrests))
+
+    @staticmethod
+    def check(interface: Interface, method: Contacts) -> None:  # noqa: ARG004
+        """Raise `InputError` for contacts that could break and re-attach for ever at one moment."""
+        if {"newborn", "track_scatter"} <= interface.mechanisms and interface.delay.moment(1) == 0:
+            raise InputError(
+                f"Interface.delay = {interface.delay}: with both newborn stretchings and track_scatter contacts may "
+                "break as soon as they re-attach; give a delay above 0, or leave out one of the two",
+                "Interface.delay",
+            )
+
+    def _next_track(self) -> float:
+        """Draw the factor that the thresholds have in common until the next arrest."""
+        scatter = self._interface.track_scatter
+        if scatter == 0.0:
+            return 1.0
+        variance = math.log1p(scatter * scatter)
+        return math.exp(math.sqrt(variance) * self._track_rng.standard_normal() - 0.5 * variance)
+
+    def _with_thresholds(self, draws: kernel.Draws) -> kernel.Draws:
+        """Return the draws with new thresholds of contacts that attach; fewer where they are soon out of date."""
+        count = min(_BLOCK, 2 * self._state.contacts.size) if self._interface.track_scatter else _BLOCK
+        x, threshold = newborns(self._interface, count, self._factor, self._births_rng, self._threshold_rng)
+        return draws._replace(thresholds=threshold, stretchings=x)
 
     def here(self) -> tuple[float, float]:
         """Time, and position of the slider."""
@@ -91,8 +130,15 @@ class Events(Engine):
             left = last - int(state.counts[kernel.EVENTS])
             why = kernel.advance(state, self.slider, piece, sampling, self._draws, left)
             if why == kernel.THRESHOLDS_USED_UP:
-                self._draws = self._draws._replace(thresholds=self._distribution.sample(self._threshold_rng, _BLOCK))
+                self._draws = self._with_thresholds(self._draws)
                 state.counts[kernel.THRESHOLD] = 0
+            elif why == kernel.ARRESTED:
+                if self._interface.track_scatter:
+                    self._factor = self._next_track()
+                    self._draws = self._with_thresholds(self._draws)
+                    state.counts[kernel.THRESHOLD] = 0
+                if isinstance(self._delay, OnArrest):
+                    kernel.re_attach_all(state)
             elif why == kernel.DELAYS_USED_UP:
                 self._draws = self._draws._replace(delays=self._delay.sample(self._delay_rng, _BLOCK))
                 state.counts[kernel.DELAY] = 0

@@ -1,0 +1,173 @@
+"""Contacts at their birth: with which stretching and how far from the next break, and what that makes on average."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stickslip.errors import InputError
+from stickslip.model.distributions import Distribution, Gaussian
+from stickslip.model.interface import Interface
+from stickslip.model.quadrature import panels
+
+Array = NDArray[np.float64]
+
+
+def stretching_nodes(distribution: Distribution, thresholds: Distribution, finer: int = 1) -> tuple[Array, Array]:
+    """Quadrature nodes of stretchings below the largest threshold, between jumps, and their weights of sum 1.
+
+    Sixteen nodes for every four standard deviations do for distributions without jumps, and `finer` times as many may
+    be asked for.
+    """
+    std = distribution.standard_deviation()
+    if std == 0:
+        return np.array([distribution.moment(1)]), np.ones(1)
+    low, high = (
+        max(distribution.support[0], -thresholds.support[1]),
+        min(distribution.support[1], thresholds.support[1]),
+    )
+    edges = [low, *(knot for knot in sorted({*distribution.knots, *thresholds.knots}) if low < knot < high), high]
+    width = 4.0 * min(std, max(thresholds.standard_deviation(), 1e-3 * std))
+    parts = [panels(left, right, math.ceil(finer * (right - left) / width)) for left, right in pairwise(edges)]
+    x, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
+    weight = weight * distribution.density(x)
+    kept = (weight > 0) & (thresholds.survival(np.abs(x)) > 0)
+    return x[kept], weight[kept] / weight[kept].sum()
+
+
+class Life(NamedTuple):
+    """Averages over the lives of contacts in steady sliding, each from its birth to its break."""
+
+    path: float
+    """Mean distance that the slider goes, ``<x_s - x_0>``; the mean threshold where newborns are unstretched."""
+    work: float
+    """Mean work of a contact against the slider, ``<x_s^2 - x_0^2>/2``."""
+
+
+def mean_life(interface: Interface) -> Life:
+    """Return the averages over lives: newborns have the stretchings of `Interface.newborn`, and hold beyond them."""
+    thresholds = interface.threshold_distribution
+    if interface.newborn is None:
+        return Life(thresholds.moment(1), 0.5 * thresholds.moment(2))
+    x, weight = stretching_nodes(interface.newborn, thresholds)
+    held = thresholds.survival(np.abs(x))
+    first, second = (thresholds.partial_moment(np.abs(x), order) / held for order in (1, 2))
+    return Life(float(weight @ (first - x)), 0.5 * float(weight @ (second - x * x)))
+
+
+def half_distance(interface: Interface) -> float:
+    """Return the distance slid within the mean delay at the speed at which the friction of slow sliding has halved.
+
+    Raises
+    ------
+    InputError
+        If it never halves.
+    """
+    life, force = mean_life(interface), interface.sliding_force
+    slow = life.work / life.path
+    if force >= 0.5 * slow:
+        raise InputError(
+            f"the friction never halves: it falls from {slow:.3g} to the sliding force, {force:.3g} of the contact "
+            "strength; give the delay"
+        )
+    return life.path if force == 0 else life.path / (1.0 - 2.0 * force / slow)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Margin(Distribution):
+    """How much further contacts of one stretching can go: thresholds beyond it, counted from it."""
+
+    thresholds: Distribution
+    stretching: float
+
+    @cached_property
+    def _held(self) -> float:
+        return float(self.thresholds.survival(abs(self.stretching)))
+
+    def density(self, x: ArrayLike) -> Array:
+        """Probability density at `x`."""
+        y = np.asarray(x, dtype=float) + self.stretching
+        beyond = y > abs(self.stretching)
+        return np.where(beyond, self.thresholds.density(np.where(beyond, y, 1.0)) / self._held, 0.0)
+
+    def partial_moment(self, x: ArrayLike, order: int) -> Array:
+        """Integral of ``y**order`` times the density over ``y > x``."""
+        low = np.maximum(np.asarray(x, dtype=float) + self.stretching, abs(self.stretching))
+        parts = (
+            math.comb(order, n) * (-self.stretching) ** (order - n) * self.thresholds.partial_moment(low, n)
+            for n in range(order + 1)
+        )
+        return np.asarray(sum(parts) / self._held)
+
+    def inverse_survival(self, probability: ArrayLike) -> Array:
+        """Distance exceeded with the given probability."""
+        at = self.thresholds.inverse_survival(np.asarray(probability, dtype=float) * self._held)
+        return np.asarray(at - self.stretching)
+
+    def positive(self) -> Margin:
+        """Return the distribution itself: it is positive."""
+        return self
+
+    @property
+    def leftmost(self) -> float:
+        """That of the thresholds: the tails are alike."""
+        return self.thresholds.leftmost
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """Where it begins, and the jumps of the thresholds beyond."""
+        begin = abs(self.stretching)
+        return (begin - self.stretching, *(knot - self.stretching for knot in self.thresholds.knots if knot > begin))
+
+
+def as_unstretched(interface: Interface) -> tuple[Distribution, float]:
+    """Return thresholds and sliding force of unstretched newborns that answer perturbations of steady sliding alike.
+
+    Raises
+    ------
+    InputError
+        If newborn contacts are not all stretched alike.
+    """
+    thresholds, newborn = interface.threshold_distribution, interface.newborn
+    if newborn is None:
+        return thresholds, interface.sliding_force
+    if newborn.standard_deviation() > 0:
+        raise InputError(
+            f"Interface.newborn = {newborn}: the linear response is known for newborn contacts stretched all alike; "
+            "give a Gaussian with std = 0, or simulate",
+            "Interface.newborn",
+        )
+    x = newborn.moment(1)
+    if isinstance(thresholds, Gaussian) and x >= 0 and thresholds.std > 0:
+        return replace(thresholds, mean=thresholds.mean - x, lower=max(thresholds.lower - x, 0.0)), (
+            interface.sliding_force - x
+        )
+    return Margin(thresholds=thresholds, stretching=x), interface.sliding_force - x
+
+
+def thresholds_beyond(
+    thresholds: Distribution, rng: np.random.Generator, stretching: ArrayLike, factor: float = 1.0
+) -> Array:
+    """Draw thresholds, `factor` times those of the distribution, that hold contacts of these stretchings.
+
+    A contact stretched so far that no threshold would hold it has just its stretching.
+    """
+    reach = np.abs(np.asarray(stretching, dtype=float))
+    drawn = factor * thresholds.sample_beyond(rng, np.minimum(reach / factor, thresholds.support[1]))
+    return np.asarray(np.maximum(drawn, reach))
+
+
+def stretchings_within(
+    distribution: Distribution, rng: np.random.Generator, size: int, thresholds: Distribution
+) -> Array:
+    """Draw stretchings; those beyond the largest threshold are drawn again."""
+    x, largest = distribution.sample(rng, size), thresholds.support[1]
+    while (again := np.flatnonzero(np.abs(x) >= largest)).size:
+        x[again] = distribution.sample(rng, again.size)
+    return x

@@ -1,0 +1,422 @@
+"""Sliding force, newborn stretchings, re-attachment on arrest, track scatter: contacts, closed forms, files."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import stickslip as ss
+from stickslip import stability
+from stickslip.errors import InputError
+from stickslip.io import rig_files
+from stickslip.model.newborn import mean_life
+from stickslip.model.units import Scales
+from stickslip.theory import attached_fraction
+
+TENTH = ss.Gaussian(mean=1.0, std=0.1)
+STRETCHED = ss.Uniform(low=-0.1, high=0.4)
+
+
+def rig_of(interface, drive=None, *, damping=200.0, stiffness=2.0, mass=1e-4, count=1000, seed=1, start=None):
+    slider = ss.Slider(stiffness=stiffness, mass=mass, damping=damping)
+    drive = drive or ss.constant(1.0, duration=10)
+    return ss.Rig(interface, slider, drive, method=ss.Contacts(count, seed=seed), start=start or ss.FromRest())
+
+
+def imbalance(run):
+    """How far the energies miss the work of the drive, over the largest of either."""
+    parts = ("kinetic_energy", "spring_energy", "contact_energy", "damped_energy", "broken_energy")
+    energy = sum(run[name].to_numpy() for name in parts)
+    work = run["work"].to_numpy()
+    return np.max(np.abs(energy - energy[0] - work)) / np.max(np.abs(work))
+
+
+# ------------------------------------------------------------------------------------------------ contacts
+
+THERE_AND_BACK = ss.ramp(2, -2, duration=4).then(ss.ramp(-2, 2, duration=4))
+
+interfaces = st.builds(
+    ss.Interface,
+    thresholds=st.sampled_from([TENTH, ss.Uniform(low=0.5, high=1.5), ss.Weibull(scale=1.0, shape=4.0)]),
+    delay=st.sampled_from([ss.Delay(0.1), ss.Delay(math.inf), ss.RandomDelay(mean=0.1, std=0.1), ss.OnArrest()]),
+    sliding_force=st.sampled_from([0.0, 0.05, 0.4, 1.2]),
+    newborn=st.sampled_from([None, STRETCHED, ss.Gaussian(mean=0.4, std=0.0)]),
+    track_scatter=st.sampled_from([0.0, 0.2]),
+)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    interfaces,
+    st.sampled_from([THERE_AND_BACK, ss.constant(1.0, duration=6), ss.constant(-0.3, duration=10)]),
+    st.sampled_from([0.0, 2.0, 200.0, 1e4]),
+    st.sampled_from([0.3, 3.0]),
+    st.integers(1, 300),
+)
+def test_energy_balance_closes_for_every_mixture(interface, drive, damping, stiffness, count):
+    rig = rig_of(interface, drive, damping=damping, stiffness=stiffness, count=count)
+    run = ss.simulate(rig, output=ss.Output(interval=0.01))
+    assert imbalance(run) < 1e-10
+    counted = run["attached"].to_numpy() * count
+    assert np.allclose(counted, np.round(counted), atol=1e-9)
+
+
+def reference(rig, dt):
+    """One contact after the other in small steps: the rules to the letter, and nothing in common with the engine."""
+    interface, slider, count = rig.interface, rig.slider, rig.method.count
+    K, M, eta = slider.stiffness, slider.mass, slider.damping
+    limit, delay = interface.sliding_force, interface.delay.time
+    stretching = 0.0 if interface.newborn is None else interface.newborn.moment(1)
+    threshold = interface.thresholds.moment(1)
+    x, back = np.zeros(count), np.zeros(count)  # stretchings; times of re-attachment of those detached
+    on = np.ones(count, dtype=bool)
+    X = v = element = 0.0
+    direction, rows = 1.0, []
+    for step in range(round(rig.drive.duration / dt)):
+        t = step * dt
+        rows.append((t, X, v, (x[on].sum() + (~on).sum() * element) / count, on.mean()))
+        D = sum(
+            piece.start * (s := min(max(t - begin, 0.0), piece.duration))
+            + (piece.end - piece.start) / piece.duration * s * s / 2
+            for piece, begin in zip(
+                rig.drive.pieces, np.cumsum([0, *(p.duration for p in rig.drive.pieces)]), strict=False
+            )
+        )
+        force = K * (D - X) - rows[-1][3]
+        v = (v * (1 - eta * dt / 2) + force / M * dt) / (1 + eta * dt / 2)
+        X += v * dt
+        direction = math.copysign(1.0, v) if v else direction
+        x += v * dt
+        element = min(max(element + v * dt, -limit), limit)
+        broken = on & (np.abs(x) >= threshold)
+        on[broken], back[broken] = False, t + dt + delay
+        born = ~on & (back <= t + dt)
+        on[born], x[born] = True, direction * stretching
+    return np.array(rows).T
+
+
+@pytest.mark.parametrize(
+    ("changes", "drive", "damping"),
+    [
+        ({"sliding_force": 0.4}, THERE_AND_BACK, 20.0),
+        ({"sliding_force": 0.4}, THERE_AND_BACK, 1.0),
+        ({"newborn": ss.Gaussian(mean=0.3, std=0.0)}, THERE_AND_BACK, 20.0),
+        ({"sliding_force": 0.2, "newborn": ss.Gaussian(mean=-0.2, std=0.0)}, THERE_AND_BACK, 5.0),
+    ],
+)
+def test_the_motion_is_that_of_the_rules_in_small_steps(changes, drive, damping):
+    """Equal contacts, a heavy slider: no randomness, so runs can be compared sample by sample."""
+    interface = ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=0.0),
+        initial=ss.Gaussian(mean=0.0, std=0.0),
+        delay=ss.Delay(0.15),
+        **changes,
+    )
+    rig = rig_of(interface, drive, damping=damping, mass=0.02, count=3)
+    run = ss.simulate(rig)
+    dt = 2e-4
+    t, X, _, force, attached = reference(rig, dt)
+    time = run["time"].to_numpy()
+    first = time < 7.9
+    at = np.interp(time[first], t, X)
+    assert np.ptp(X) > 1.5
+    assert np.min(attached) == 0.0
+    assert np.max(np.abs(run["displacement"].to_numpy()[first] - at)) < 30 * dt
+    away = np.abs(run["friction_force"].to_numpy()[first] - np.interp(time[first], t, force))
+    assert np.quantile(away, 0.95) < 30 * dt  # beside the jumps, which are steps late
+
+
+def test_a_mechanism_that_is_absent_changes_no_bit():
+    plain = ss.simulate(rig_of(ss.Interface(thresholds=TENTH, delay=ss.Delay(0.2))))
+    with_nothing = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.2), sliding_force=0.0, track_scatter=0.0)
+    assert plain.identical(ss.simulate(rig_of(with_nothing)).assign_attrs(plain.attrs))
+    unstretched = replace(with_nothing, newborn=ss.Gaussian(mean=0.0, std=0.0))
+    for name in ("displacement", "friction_force"):  # other draws of thresholds, the same motion on average
+        assert not plain[name].equals(ss.simulate(rig_of(unstretched))[name])
+
+
+def test_the_two_directions_are_mirror_images():
+    interface = ss.Interface(
+        thresholds=TENTH,
+        initial=ss.Gaussian(mean=0.0, std=0.0),
+        delay=ss.OnArrest(),
+        sliding_force=0.3,
+        newborn=ss.Gaussian(mean=0.3, std=0.1),
+        track_scatter=0.1,
+    )
+    ahead, back = (
+        ss.simulate(rig_of(interface, ss.constant(speed, duration=30), damping=20.0, count=50)) for speed in (0.2, -0.2)
+    )
+    assert float(ahead["attached"].min()) < 0.5
+    for name, sign in (("displacement", -1), ("friction_force", -1), ("attached", 1), ("broken_energy", 1)):
+        assert np.allclose(ahead[name], sign * back[name], atol=1e-9)
+
+
+RE_STUCK = ss.Interface(
+    thresholds=TENTH, delay=ss.OnArrest(), sliding_force=0.5, newborn=ss.Gaussian(mean=0.5, std=0.0)
+)
+"""Contacts that re-attach as they slide, when the slider stops: sustained stick-slip."""
+
+
+def stick_slip(interface, *, duration=1500, interval=0.05, count=100):
+    """A soft spring, little damping and a slow drive: the slider stops within each slip."""
+    drive = ss.constant(0.05, duration=duration)
+    rig = rig_of(interface, drive, damping=20.0, stiffness=0.5, count=count)
+    return ss.simulate(rig, output=ss.Output(interval=interval))
+
+
+def test_contacts_stay_detached_until_the_slider_stops_and_then_all_re_attach():
+    run = stick_slip(RE_STUCK)
+    attached, force = run["attached"].to_numpy(), run["spring_force"].to_numpy()
+    drops = ss.drops(run)
+    assert drops.sizes["event"] > 40
+    assert np.mean(attached == 1.0) > 0.9  # before the first breaks and between slips
+    # It overshoots the force of the detached contacts, and stops.
+    assert float(drops["force_after"].mean()) < 0.45
+    never = stick_slip(replace(RE_STUCK, delay=ss.Delay(math.inf)))
+    assert float(never["attached"][-1]) == 0.0
+    assert float(never["spring_force"][-1]) == pytest.approx(0.5, abs=1e-3)
+    slip = int(np.argmax(force)) - 20
+    assert np.allclose(force[:slip], never["spring_force"][:slip], atol=0.02)
+
+
+@pytest.mark.parametrize(("newborn", "let_go"), [(RE_STUCK.newborn, 0.0), (None, 0.5)])
+def test_at_an_arrest_contacts_let_go_of_what_newborns_do_not_take_over(newborn, let_go):
+    run = stick_slip(replace(RE_STUCK, newborn=newborn), duration=55, interval=2e-4)
+    attached, friction = run["attached"].to_numpy(), run["friction_force"].to_numpy()
+    (back,) = np.flatnonzero(np.diff(attached) > 0.8)
+    assert attached[back + 1] == 1.0
+    assert friction[back + 1] - friction[back] == pytest.approx(-let_go * (1.0 - attached[back]), abs=0.02)
+
+
+def test_peaks_of_slips_follow_the_factor_of_their_track():
+    peaks = {}
+    for scatter in (0.0, 0.15):
+        interface = replace(RE_STUCK, thresholds=ss.Gaussian(mean=1.0, std=0.02), track_scatter=scatter)
+        run = stick_slip(interface, count=200)
+        peaks[scatter] = ss.drops(run)["force_before"].to_numpy()[1:]
+    n = peaks[0.15].size
+    assert n > 30
+    assert peaks[0.0].std() < 0.02
+    assert peaks[0.15].mean() == pytest.approx(peaks[0.0].mean(), abs=4 * 0.15 / math.sqrt(n))
+    assert peaks[0.15].std() == pytest.approx(0.15 * peaks[0.0].mean(), rel=4 / math.sqrt(2 * n))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"newborn": ss.Gaussian(mean=1.5, std=0.3)}, "Interface.newborn = .*would start beyond the largest threshold"),
+        ({"newborn": STRETCHED, "track_scatter": 0.1, "delay": ss.Delay(0.0)}, "Interface.delay = .*above 0"),
+        ({"sliding_force": -0.1}, "Interface.sliding_force = -0.1: must be .* at least 0"),
+        ({"track_scatter": 1.5}, "Interface.track_scatter = 1.5: must be .* at most 1"),
+    ],
+)
+def test_what_cannot_be_is_refused(changes, words):
+    with pytest.raises(InputError, match=words):
+        ss.simulate(rig_of(ss.Interface(**{"thresholds": TENTH, "delay": ss.Delay(0.1)} | changes)))
+
+
+# ------------------------------------------------------------------------------------------------ closed forms
+
+
+@pytest.mark.parametrize("newborn", [None, STRETCHED, ss.Gaussian(mean=0.3, std=0.0)])
+@pytest.mark.parametrize("sliding_force", [0.0, 0.3, 0.8])
+def test_the_steady_force_is_that_of_contacts(newborn, sliding_force):
+    delay = ss.RandomDelay(mean=0.2, std=0.05)
+    interface = ss.Interface(thresholds=TENTH, delay=delay, sliding_force=sliding_force, newborn=newborn)
+    count = 20_000
+    run = ss.simulate(
+        rig_of(interface, ss.constant(1.0, duration=3), count=count, stiffness=30.0, start=ss.FromSliding())
+    )
+    # The mean over a few lives; the stretchings of contacts in steady sliding have a standard deviation of .3.
+    noise = 4 * 0.3 / math.sqrt(count)
+    assert float(run["friction_force"].mean()) == pytest.approx(ss.kinetic_friction(interface, 1.0), abs=noise)
+    assert float(run["attached"].mean()) == pytest.approx(attached_fraction(interface, 1.0), abs=noise)
+    assert float(run["friction_force"][0]) == pytest.approx(ss.kinetic_friction(interface, 1.0), abs=2 * noise)
+
+
+def test_steady_force_in_numbers():
+    interface = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.1), sliding_force=0.3)
+    assert ss.kinetic_friction(interface, 1.5) == pytest.approx((0.505 + 0.3 * 0.15) / 1.15, rel=1e-12)
+    life = mean_life(replace(interface, newborn=ss.Gaussian(mean=0.25, std=0.0)))
+    assert life == pytest.approx((0.75, (1.01 - 0.0625) / 2), rel=1e-12)
+    # Friction falls with velocity only below k m2/(2 m1) = .505.
+    slope = [
+        ss.kinetic_friction(replace(interface, sliding_force=f), np.array([1.0, 2.0])) @ [-1, 1] for f in (0.504, 0.506)
+    ]
+    assert slope[0] < 0 < slope[1]
+
+
+FIG7 = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.1))
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "sliding_force", "root"),
+    [
+        (2.0, 0.0, 0.02417 + 7.75412j),
+        (2.0, 0.1, -0.01831 + 7.74431j),
+        (2.0, 0.3, -0.10401 + 7.72947j),
+        (3 + 8 * math.sin(math.pi / 8) ** 2, 0.0, -0.09571 + 7.96899j),
+        (160 * math.sin(math.pi / 34) ** 2, 0.0, 0.13863 + 7.57764j),
+    ],
+)
+def test_growth_rates_in_numbers(stiffness, sliding_force, root):
+    """Against an independent evaluation of the same closed form, printed to five digits."""
+    rig = rig_of(replace(FIG7, sliding_force=sliding_force), ss.constant(1.5), damping=42.426, stiffness=stiffness)
+    assert stability.growth_rate(rig) == pytest.approx(root, abs=2e-5)
+    assert (stability.count_unstable(rig) > 0) == (root.real > 0)
+
+
+NODE, WEIGHT = np.polynomial.legendre.leggauss(150)
+
+
+def by_quadrature(interface, velocity, s):
+    """``kappa(s)`` from lives of contacts, one by one: nothing in common with transforms."""
+    c = 0.0 if interface.newborn is None else interface.newborn.moment(1)
+    low, high = max(abs(c), 0.2), 1.8
+    threshold = low + 0.5 * (high - low) * (1 + NODE)
+    share = WEIGHT * np.exp(-0.5 * ((threshold - 1) / 0.1) ** 2)
+    share /= share.sum()
+    life, q = threshold - c, s / velocity
+    ended = share @ np.exp(-q * life)
+    tau = interface.delay.time
+    again = np.exp(-s * tau)
+    # Stretching over a life, and the force that a detached contact would have, weighted by exp(-q l).
+    held = share @ (c * (1 - np.exp(-q * life)) / q + (1 - (1 + q * life) * np.exp(-q * life)) / q**2)
+    births = -(1 - again) * q / ((share @ life + velocity * tau) * (1 - again * ended))
+    return births * (held - interface.sliding_force * (1 - ended) / q)
+
+
+@pytest.mark.parametrize("newborn", [None, 0.2, -0.3])
+@pytest.mark.parametrize("thresholds", [TENTH, ss.Gaussian(mean=1.0, std=0.1, lower=0.05)])
+def test_the_response_with_stretched_newborns_and_a_sliding_force(newborn, thresholds):
+    stretched = None if newborn is None else ss.Gaussian(mean=newborn, std=0.0)
+    interface = ss.Interface(thresholds=thresholds, delay=ss.Delay(0.1), sliding_force=0.25, newborn=stretched)
+    s = np.array([0.3 + 0.1j, 2j, 0.5 + 20j, 90j])
+    expected = [by_quadrature(interface, 1.5, one) for one in s]
+    assert stability.dynamic_stiffness(interface, 1.5, s) == pytest.approx(expected, rel=1e-9)
+    slow = 1e-5j
+    slope = (ss.kinetic_friction(interface, 1.5 + 1e-4) - ss.kinetic_friction(interface, 1.5 - 1e-4)) / 2e-4
+    assert complex(stability.dynamic_stiffness(interface, 1.5, slow) / slow).real == pytest.approx(slope, rel=1e-6)
+
+
+def roots_counted_on_a_contour(rig, reach=400.0):
+    """Number of roots with ``Re s > 0`` by plain phases along a large half circle: slow and simple."""
+    slider, interface, v = rig.slider, rig.interface, rig.velocity
+
+    def total(s):
+        z = slider.stiffness + slider.mass * s * s + slider.mass * slider.damping * s
+        return z + stability.dynamic_stiffness(interface, v, s)
+
+    up = 1j * np.concatenate([np.geomspace(1e-6, 1, 2000), np.linspace(1, reach, 200_000)])
+    turned = np.sum(np.angle(total(up)[1:] / total(up)[:-1]))
+    arc = reach * np.exp(1j * np.linspace(math.pi / 2, 0, 2001))
+    turned_back = np.sum(np.angle(total(arc)[1:] / total(arc)[:-1]))
+    return -round((turned + turned_back) / math.pi)
+
+
+@pytest.mark.parametrize("sliding_force", [0.0, 0.1, 0.5, 0.9, 1.5])
+@pytest.mark.parametrize(("velocity", "stiffness"), [(0.3, 0.2), (1.5, 0.5), (4.0, 2.0)])
+@pytest.mark.parametrize("damping", [0.0, 42.0])
+def test_unstable_modes_are_all_counted(sliding_force, velocity, stiffness, damping):
+    """A sliding force keeps the response from fading at high frequencies, where modes may hide."""
+    rig = rig_of(
+        replace(FIG7, sliding_force=sliding_force), ss.constant(velocity), damping=damping, stiffness=stiffness
+    )
+    counted = stability.count_unstable(rig)
+    assert counted == roots_counted_on_a_contour(rig)
+    assert (stability.growth_rate(rig).real > 0) == (counted > 0)
+
+
+def test_the_stability_limit_is_where_the_growth_rate_changes_sign():
+    interface = replace(FIG7, sliding_force=0.3, newborn=ss.Gaussian(mean=0.1, std=0.0))
+    rig = rig_of(interface, ss.constant(1.5), damping=42.426)
+    found = ss.critical(rig, "stiffness", between=(0.1, 20))
+    assert len(found) > 0
+    for crossing in found:
+        below, above = (stability.count_unstable(rig.replace(stiffness=crossing.value * by)) for by in (0.999, 1.001))
+        assert abs(above - below) == 2
+    assert stability.count_unstable(rig.replace(stiffness=20.0)) == 0
+
+
+@pytest.mark.parametrize("delay", [ss.Delay(0.2), ss.Delay(math.inf), ss.RandomDelay(mean=0.3, std=0.1)])
+def test_rigid_motion_with_a_sliding_force(delay):
+    interface = ss.Interface(thresholds=TENTH, delay=delay, sliding_force=0.4)
+    exact = ss.rigid_slide(interface, 3.0)
+    count = 100_000
+    drawn = ss.rigid_slide(interface, 3.0, method=ss.Contacts(count, seed=2))
+    X = exact["displacement"].to_numpy()
+    for name in ("friction_force", "attached"):
+        at = np.interp(drawn["displacement"], X, exact[name])
+        assert np.max(np.abs(at - drawn[name])) < 5 * 0.5 / math.sqrt(count)
+    force = exact["friction_force"].to_numpy()
+    slope = (force[2:] - force[:-2]) / (X[2:] - X[:-2])
+    smooth = np.abs(X[1:-1] - 0.4) > 0.01
+    assert np.allclose(slope[smooth], exact["stiffness"][1:-1][smooth], atol=2e-4)
+
+
+def test_the_critical_stiffness_knows_the_sliding_force_only_where_contacts_stay_detached():
+    plain, sliding = (ss.Interface(thresholds=TENTH, sliding_force=force) for force in (0.0, 0.4))
+    assert ss.critical_stiffness(plain) == ss.critical_stiffness(sliding)
+    never = [ss.critical_stiffness(one, reattachment=False) for one in (plain, sliding)]
+    # The fall is that of breaking contacts, each of which now keeps .4 of about 1.
+    assert never[1] == pytest.approx(0.6 * never[0], rel=0.07)
+    assert never[1] < never[0]
+    assert ss.static_friction(plain) == ss.static_friction(sliding)
+
+
+@pytest.mark.parametrize(
+    ("changes", "call", "words"),
+    [
+        ({"track_scatter": 0.1}, ss.kinetic_friction, "track_scatter = 0.1: not available with kinetic_friction"),
+        ({"newborn": STRETCHED}, ss.static_friction, "newborn = .*: not available with static_friction"),
+        ({"newborn": STRETCHED}, lambda i: stability.dynamic_stiffness(i, 1.0, 1j), "stretched all alike"),
+        ({"delay": ss.OnArrest()}, lambda i: stability.dynamic_stiffness(i, 1.0, 1j), "delay = .*: not available"),
+        ({"sliding_force": 0.1, "ageing": ss.Langevin(rate=1.5)}, ss.kinetic_friction, "sliding_force = 0.1: not"),
+    ],
+)
+def test_what_has_no_closed_form_is_refused(changes, call, words):
+    with pytest.raises(InputError, match=words):
+        call(ss.Interface(thresholds=TENTH, **changes))
+
+
+# ------------------------------------------------------------------------------------------------ rig files
+
+
+@settings(max_examples=50, deadline=None)
+@given(interfaces, st.floats(1e-3, 1e6), st.floats(1e-9, 1e3), st.floats(1e-6, 1e3))
+def test_every_mixture_is_written_and_read_back_the_same(interface, strength, x_s, time):
+    rig = rig_of(interface)
+    assert rig_files.from_text(rig_files.to_toml(rig)) == rig
+    scaled = replace(rig, scales=Scales(force=strength, stretching=x_s, time=time))
+    again = rig_files.from_text(rig_files.to_toml(scaled))
+    assert again.interface.mechanisms == interface.mechanisms
+    assert again.interface.newborn == interface.newborn
+    assert again.interface.track_scatter == interface.track_scatter
+    assert again.interface.sliding_force == pytest.approx(interface.sliding_force, rel=1e-14)
+
+
+def test_a_sliding_force_in_newtons_is_a_part_of_the_contact_strength():
+    document = rig_files.to_document(rig_files.example("pmma_slider"))
+    document["interface"] |= {"sliding_force": "326.4 N", "delay": "on arrest", "track_scatter": 0.1}
+    document["interface"]["newborn"] = {"distribution": "gaussian", "mean": 0.2, "std": 0.05}
+    interface = rig_files.from_document(document).interface
+    assert interface.sliding_force == pytest.approx(326.4 / 768, rel=1e-12)
+    assert interface.delay == ss.OnArrest()
+    assert interface.newborn == ss.Gaussian(mean=0.2, std=0.05)
+    assert interface.track_scatter == 0.1
+
+
+def test_at_the_speed_v_half_the_friction_has_halved_with_a_sliding_force_too():
+    document = rig_files.to_document(rig_files.example("pmma_slider"))
+    del document["interface"]["delay"]
+    document["interface"] |= {"v_half": "1.3 mm/s", "sliding_force": "100 N"}
+    rig = rig_files.from_document(document)
+    at = rig.scales.natural(1.3e-3, "velocity")
+    assert ss.kinetic_friction(rig.interface, at) == pytest.approx(0.5 * ss.kinetic_friction(rig.interface), rel=1e-12)
+    document["interface"]["sliding_force"] = "300 N"
+    with pytest.raises(InputError, match=r"interface\.v_half: the friction never halves"):
+        rig_files.from_document(document)
