@@ -170,18 +170,20 @@ def _run(rig: Rig, watch: Watch, seconds: float, snapshots: tuple[float, ...] = 
 
 def _trace(data: xr.Dataset, width: int, words: str | None = None) -> Plain:
     """Force against time, thinned to the width of the screen, with regime in words, and slips if it has any."""
-    catalogue, seen = measure.drops(data), measure.regime(data)
-    if seen.kind != "stick-slip" and words is None:
-        catalogue = catalogue.isel(event=slice(0))
+    seen = measure.regime(data)
+    slips = measure.drops(data) if seen.kind == "stick-slip" or words is not None else None
     times, force = _axis(data["time"]), _axis(data["spring_force"])
     t, f = envelope(data["time"].to_numpy() / times["factor"], data["spring_force"].to_numpy() / force["factor"], width)
-    start, end, before = (catalogue[name].to_numpy()[:_MOST_MARKED] for name in ("start", "end", "force_before"))
+    start, end, before = (
+        np.empty(0) if slips is None else slips[name].to_numpy()[:_MOST_MARKED]
+        for name in ("start", "end", "force_before")
+    )
     return {
         "time": {**times, "values": packed(t)},
         "force": {**force, "values": packed(f)},
         "span": [float(data["time"][0]) / times["factor"], float(data["time"][-1]) / times["factor"]],
         "slips": {
-            "count": int(catalogue.sizes.get("event", 0)),
+            "count": 0 if slips is None else int(slips.sizes["event"]),
             "start": _list(start / times["factor"]),
             "end": _list(end / times["factor"]),
             "before": _list(before / force["factor"]),
