@@ -20,7 +20,8 @@ from stickslip.explorer.packing import Array, Plain, packed
 from stickslip.kernels.drive import Quadratic, Stop
 from stickslip.model import Contacts, Slider
 from stickslip.model.rig import Rig
-from stickslip.simulation import Progress, simulate
+from stickslip.progress import Progress
+from stickslip.simulation import simulate
 from stickslip.simulation.engines import Beginning, Engine, Individuals, Leg, engine_of
 
 FRAMES = 1_200
