@@ -8,7 +8,7 @@ import re
 import struct
 import threading
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from copy import deepcopy
 from pathlib import Path
 
@@ -1565,12 +1565,12 @@ def test_a_long_computation_holds_up_nobody(lesson):
         for session in sessions[1:]:  # each asks for what takes many seconds
             session.websocket.send(json.dumps({"kind": "advice", "id": 1, "document": preset("PMMA slider")}))
         time.sleep(1)
-        begun = time.monotonic()
         assert sessions[0].ask("run", small()).get("done")
-        assert time.monotonic() - begun < 5
-        begun = time.monotonic()
         assert sessions[0].ask("chart", small(), over=["stiffness", "velocity"]).get("done")
-        assert time.monotonic() - begun < 30
+        for session in sessions[1:]:  # they were there first, and are still at it
+            with suppress(TimeoutError):
+                while True:
+                    assert not json.loads(session.websocket.recv(timeout=0)).get("done")
 
 
 def test_work_that_nobody_waits_for_is_ended(lesson):
