@@ -88,13 +88,17 @@
   function wait(now) {
     waiting = now;
     $("waiting").hidden = !waiting;
-    for (const about of ["run", "map", "stop"]) if (waiting) mark(about, "waiting", "Not computed yet: this rig came with a link.");
+    for (const about of ["run", "drawing", "map", "stop"]) if (waiting) mark(about, "waiting", "Not computed yet: this rig came with a link.");
   }
   function changed() {
     remember();
     if (waiting) return;
     document.body.dataset.asked = ask("run", { cursor });
     mark("run", "computing", shown.run ? "Computing … what stands here is the rig before." : "Computing …");
+    drop("contacts"); // of the rig before
+    frames = null;
+    stage.pause();
+    mark("drawing", "computing");
     clearTimeout(patience);
     patience = setTimeout(() => progress("run", NaN), 600); // a long run, or kernels that are being compiled
     if (shown.advice && asked.advice !== JSON.stringify(doc)) mark("stop", "computing", "This is about the rig before.");
@@ -301,10 +305,11 @@
       if (kind === "advice") mark("stop", "refused", shown.advice ? "Refused: what stands here is about the rig before." : "");
       return;
     }
-    if (kind === "contacts") return noDrawing(`No drawing: ${said}`);
+    if (kind === "contacts") { mark("drawing", "refused"); return noDrawing(`No drawing: ${said}`); }
     settle();
     progress("run", null);
     noDrawing("");
+    mark("drawing", "refused");
     mark("run", "refused", shown.run ? "Refused, see the message beside the rig: what stands here is the rig before." : "Refused.");
     const rest = [];
     for (const { key, message } of errors) {
@@ -524,6 +529,7 @@
       if (!reply.frames) return;
       const time = timeNow(); // showing begins with the first frame
       frames = reply.frames;
+      mark("drawing", "");
       stage.show(frames);
       frames.clock = Array.from(numbers(frames.times));
       frames.pull = Array.from(numbers(frames.force));
@@ -597,7 +603,7 @@
     const [begin, end] = shown.run.span;
     cursor = Math.min(Math.max((time - begin) / (end - begin), 0), 1);
     ask("stretchings", { cursor, duration: lasted() });
-    const there = stage.span(), now = timeNow();
+    const there = frames && stage.span(), now = timeNow();
     if (there && now >= there[0] && now <= there[1]) stage.seek(now);
     else { point(); askFrames(); }
   }
@@ -616,7 +622,7 @@
   });
   function askFrames() {
     clearTimeout(framing);
-    framing = setTimeout(() => { if (page === "simulate" && shown.run && !waiting) ask("contacts", { cursor, duration: lasted() }); }, 250);
+    framing = setTimeout(() => { if (page === "simulate" && shown.run && !waiting && document.body.dataset.runState === "") ask("contacts", { cursor, duration: lasted() }); }, 250);
   }
   function noDrawing(words) {
     clearTimeout(framing);
@@ -629,8 +635,8 @@
     playing = now;
     $("play").textContent = playing ? "Pause" : "Play";
     $("play").setAttribute("aria-pressed", String(playing));
-    if (playing) stage.play();
-    else { stage.pause(); if (shown.run) ask("stretchings", { cursor, duration: lasted() }); }
+    if (playing && frames) stage.play();
+    else if (!playing) { stage.pause(); if (shown.run) ask("stretchings", { cursor, duration: lasted() }); }
   }
   $("play").onclick = () => setPlaying(!playing);
   $("pace").onchange = () => stage.pace(Number($("pace").value));
@@ -912,7 +918,7 @@
     }
     if (!doc) return;
     remember();
-    if (page === "simulate") { drawRun(); if (shown.run && !frames) askFrames(); if (playing) stage.play(); }
+    if (page === "simulate") { drawRun(); if (shown.run && !frames) askFrames(); if (playing && frames) stage.play(); }
     else stage.pause();
     if (waiting) return;
     if (page === "map") { drawMap(); askMap(); }
