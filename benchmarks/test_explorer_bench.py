@@ -17,6 +17,8 @@ def test_slider_to_trace(benchmark, method):
     took = []
     places = iter([(37 * i) % 400 + 300 for i in range(10 * MOVES)])
     with headless.server() as server, headless.browser() as browser, headless.window(browser, server) as page:
+        page.select_option("#preset", label="Sliding or stick-slip? (natural units)")
+        page.wait_for_selector("body[data-run-state='']")
         page.select_option("#field-simulation-method", method)
 
         def move():

@@ -7,13 +7,15 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import chromium
 from playwright.sync_api import Browser, Page, sync_playwright
+
+from stickslip import explorer
 
 CHROMIUM = chromium.find()
 WHY_NOT = "no chromium on this machine; on Debian: apt-get install chromium (or name one with CHROMIUM=/path)"
@@ -56,15 +58,31 @@ class Server:
 
     url: str
     process: subprocess.Popen[str]
+    said: list[str]
 
     @property
     def port(self) -> int:
         return int(self.url.rstrip("/").rpartition(":")[2])
 
+    def processes(self) -> list[int]:
+        """The server and the processes that compute for it."""
+        parents = {}
+        for status in Path("/proc").glob("[0-9]*/stat"):
+            with suppress(OSError):
+                parents[int(status.parent.name)] = int(status.read_text().rpartition(")")[2].split()[1])
+        found = [self.process.pid]
+        for pid in found:
+            found += [child for child, parent in parents.items() if parent == pid]
+        return found
+
     def memory(self) -> float:
-        """Resident memory, in MB."""
-        status = Path(f"/proc/{self.process.pid}/status").read_text()
-        return next(float(line.split()[1]) for line in status.splitlines() if line.startswith("VmRSS")) / 1024
+        """Memory of all of them, in MB; what they share is counted once."""
+        total = 0.0
+        for pid in self.processes():
+            with suppress(OSError):
+                rollup = Path(f"/proc/{pid}/smaps_rollup").read_text()
+                total += next(float(line.split()[1]) for line in rollup.splitlines() if line.startswith("Pss:"))
+        return total / 1024
 
 
 @contextmanager
@@ -79,18 +97,20 @@ def server(*arguments: str) -> Iterator[Server]:
                 said.append(line)
                 if process.poll() is not None:
                     raise RuntimeError("the server did not start: " + "".join(said))
+            said.clear()
             reader = threading.Thread(target=lambda: said.extend(process.stdout or ()), daemon=True)
             reader.start()
-            yield Server(next(word for word in line.split() if word.startswith("http://")), process)
+            yield Server(next(word for word in line.split() if word.startswith("http://")), process, said)
         finally:
             process.send_signal(signal.SIGINT)
             try:
                 process.wait(10)
             except subprocess.TimeoutExpired:
                 process.kill()
-    # What a server says after its address is a complaint.
+    # What a server says after its address, and what it shares, is a complaint.
     reader.join(5)
-    assert not said, "the server said: " + "".join(said)
+    told = "".join(said).removeprefix(f"{explorer.EXPOSED}\n")
+    assert not told, "the server said: " + told
     assert process.returncode == 0
 
 
@@ -106,7 +126,9 @@ def browser() -> Iterator[Browser]:
 @contextmanager
 def window(browser: Browser, server: Server, fragment: str = "", **options: Any) -> Iterator[Page]:
     """Open the app in a window of its own; it must ask no other host for anything and log no error."""
-    context = browser.new_context(**{"viewport": {"width": 1280, "height": 800}, "color_scheme": "light"} | options)
+    context = browser.new_context(
+        **{"viewport": {"width": 1280, "height": 800}, "color_scheme": "light", "reduced_motion": "reduce"} | options
+    )
     page = context.new_page()
     faults: list[str] = []
     page.on("console", lambda message: faults.append(message.text) if message.type in ("error", "warning") else None)
@@ -119,6 +141,9 @@ def window(browser: Browser, server: Server, fragment: str = "", **options: Any)
     page.on("request", lambda request: check(request.url))
     page.on("websocket", lambda socket: check(socket.url))
     page.goto(server.url + fragment)
+    page.wait_for_selector("#field-slider-stiffness", state="attached", timeout=120_000)
+    if page.is_visible("#waiting"):  # what comes with a link is computed on a click
+        page.click("#go")
     page.wait_for_selector("#friction:has-text('F')", state="attached", timeout=120_000)  # kernels may compile
     yield page
     context.close()

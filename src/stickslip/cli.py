@@ -548,6 +548,7 @@ def explore(
     *,
     port: Annotated[int | None, Parameter(help="Port on this machine; 0 for any free one.", converter=_whole)] = None,
     browser: Annotated[bool, Parameter(help="Open the page in the browser.")] = True,
+    share: Annotated[bool, Parameter(help="Serve it to the local network, too, behind a secret link.")] = False,
 ) -> None:
     """Open the browser app: move a slider and see sliding turn into stick-slip.
 
@@ -560,12 +561,14 @@ def explore(
 
     def ready(address: str) -> None:
         print(f"stickslip explorer: {address} (stop it with Ctrl-C)", flush=True)
+        if share:
+            print(explorer.EXPOSED, flush=True)
         if browser:
             import webbrowser
 
             webbrowser.open(address)
 
-    explorer.serve(rig, port=port, ready=ready)
+    explorer.serve(rig, port=port, ready=ready, share=share)
 
 
 # ---------------------------------------------------------------------------------------------------------------------

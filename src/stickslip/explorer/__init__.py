@@ -2,8 +2,10 @@
 
 It needs the extra ``pip install stickslip[explorer]`` and asks no other host for anything.
 
-- `server`: the loopback server, what it refuses, and the sessions in which the newest request wins.
-- `answers`: a request in, plain data for the page out; no state.
+- `server`: pages and sessions in which the newest request wins, and what is refused.
+- `workers`: processes that compute, bounded and killed if they do not stop; `warm` is loaded before they are made.
+- `answers`: a request in, plain data for the page out; no state. `replay`: the contacts of a run one by one.
+- `packing`: arrays for a screen.
 - `documents`: rigs as the page holds them (the content of a rig file): presets, parameters varied, errors by field.
 - ``static/``: the page.
 """
@@ -23,8 +25,22 @@ PORT = 8317
 """Port taken by default; if it is in use, any free one."""
 
 
-def serve(rig: Path | None = None, *, port: int | None = None, ready: Callable[[str], None] | None = None) -> None:
-    """Serve the app on the loopback interface until interrupted.
+EXPOSED = """\
+Shared with this network until you stop it: whoever has this link can simulate on this machine, in runs of about a
+second and searches of at most a minute each, and have force traces of up to 5 MB read. Visitors see the rig that you
+opened it with, none of your files, and no rig or trace of another visitor. The link is the only lock, and it is sent in
+the clear (http): give it to people in the room, not to the internet."""
+"""What ``--share`` exposes, in words."""
+
+
+def serve(
+    rig: Path | None = None,
+    *,
+    port: int | None = None,
+    ready: Callable[[str], None] | None = None,
+    share: bool = False,
+) -> None:
+    """Serve the app until interrupted, on the loopback interface unless it is shared.
 
     Parameters
     ----------
@@ -34,6 +50,9 @@ def serve(rig: Path | None = None, *, port: int | None = None, ready: Callable[[
         0 for any free one.
     ready : callable, optional
         Called with the address once the server listens.
+    share : bool
+        Serve it to the local network, behind a token in the address that cannot be guessed, with bounded work for each
+        visitor.
 
     Raises
     ------
@@ -46,4 +65,4 @@ def serve(rig: Path | None = None, *, port: int | None = None, ready: Callable[[
 
     if port is not None:
         port = whole("--port", port, at_least=0, at_most=65_535)
-    server.run(rig, port, ready)
+    server.run(rig, port, ready, share)

@@ -7,7 +7,6 @@ waits for any more by raising.
 
 from __future__ import annotations
 
-import base64
 import math
 import tempfile
 import time
@@ -20,11 +19,11 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
-from stickslip import advise, cycles, measure, plot, rigid, theory
+from stickslip import advise, cycles, measure, plot, rigid, stability, theory
 from stickslip.errors import InputError, UndecidedError, instance, number, shown
-from stickslip.explorer import documents
+from stickslip.explorer import documents, replay
+from stickslip.explorer.packing import Array, Plain, along_path, envelope, packed
 from stickslip.io import datasets as store
 from stickslip.io import rig_files as rigs
 from stickslip.model import Delay, Interface
@@ -33,14 +32,15 @@ from stickslip.model.rig import Rig
 from stickslip.simulation import simulate
 from stickslip.stability import PARAMETERS
 
-Array = NDArray[np.float64]
-Plain = dict[str, Any]
 Watch = Callable[[float], None]
 
 LARGEST_TRACE = 50_000_000
 """Bytes of a measured trace that the page may send."""
 _MOST_MARKED = 2_000  # slips; more cannot be told apart on a screen
 _FARTHEST = 1e3  # from the rig's own point, for the bistable band
+_SAMPLED, _SENSOR = 5e-3, 0.01  # the sample trace: seconds from row to row, noise over the largest force
+_EXTENSIONS = 3  # of a run that is undecided, each twice as long
+_POINTS = 72  # of the map along each parameter, twice over
 _COLUMNS = 9  # of the map, for the bistable band
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 
@@ -51,28 +51,82 @@ _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, 
 
 
 def run(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """Force trace, phase portrait, stretchings at the cursor's time and regime; then the friction forces."""
+    """Force trace, phase portrait, stretchings at the cursor's time and regime; then the friction forces.
+
+    A drive that would take too long is cut short; a run whose regime is undecided goes on, if it can be told by that.
+    """
     begun = time.perf_counter()
     rig = documents.rig_of(request.get("document"))
-    at = _look(request, rig)
-    made = _run(rig, watch, snapshots=(at,))
-    shown = made
-    watch(1.0)
-    yield {
-        **_trace(shown, _width(request)),
-        "phase": _phase(shown),
-        "stretchings": _stretchings(shown),
-        "name": rig.name,
-        "parameters": _values(rig),
-        "took": time.perf_counter() - begun,
-    }
+    seconds = _seconds(request)
+    asked, rig = rig, documents.shortened(rig, seconds)
+    notes = [] if rig is asked else [_cut_note(asked, rig, seconds)]
+    for extension in range(_EXTENSIONS + 1):
+        made = _run(rig, watch, seconds, snapshots=(_look(request, rig),))
+        watch(1.0)
+        answer = _trace(made, _width(request), _transitions(made, rig) if _is_ramp(made) else None)
+        longer = None
+        if answer["regime"]["kind"] == "undecided" and extension < _EXTENSIONS and "pieces" not in _drive(request):
+            longer = documents.extended(rig, seconds)
+        yield {
+            **answer,
+            "phase": _phase(made),
+            "stretchings": _stretchings(made),
+            "name": rig.name,
+            "notes": notes,
+            "going_on": longer is not None,
+            "parameters": _values(rig),
+            "period": _in_hertz(answer["regime"], rig),
+            "took": time.perf_counter() - begun,
+        }
+        if longer is None:
+            break
+        rig = longer
+        times = f"{rig.drive.duration / asked.drive.duration:.3g} times"
+        notes = [f"The run was undecided at its end and went on by itself, {times} as long as asked for."]
     yield {"friction": _friction(rig)}
+
+
+def _drive(request: Plain) -> Mapping[str, Any]:
+    drive = request["document"].get("drive")
+    return drive if isinstance(drive, Mapping) else {}
+
+
+def _seconds(request: Plain) -> float:
+    """What a run may take, as the server says; by default as on one's own machine."""
+    return float(request.get("seconds", documents.LONGEST))
+
+
+def _cut_note(asked: Rig, rig: Rig, seconds: float) -> str:
+    part = 100 * rig.drive.duration / asked.drive.duration
+    return (
+        f"The run shows the first {part:.2g} % of the drive, {rig.in_units(rig.drive.duration, 'time')}: the whole of "
+        f"it would take more than about {seconds:g} s to simulate. For that use stickslip simulate."
+    )
+
+
+def _in_hertz(regime: Plain, rig: Rig) -> str:
+    """How often slips or oscillations come, in words."""
+    period = regime["period"]
+    if period is None or regime["kind"] == "smooth sliding":
+        return ""
+    often = 1.0 / period
+    return f"{often:.3g} Hz" if rig.scales is not None else f"{often:.3g} per time unit"
 
 
 def stretchings(request: Plain, watch: Watch) -> Iterator[Plain]:
     """The distribution of stretchings at another time of the same run."""
     rig = documents.rig_of(request.get("document"))
-    yield {"stretchings": _stretchings(_run(rig, watch, snapshots=(_look(request, rig),)))}
+    rig = documents.of_duration(rig, request.get("duration"))
+    yield {"stretchings": _stretchings(_run(rig, watch, _seconds(request), snapshots=(_look(request, rig),)))}
+
+
+def contacts(request: Plain, watch: Watch) -> Iterator[Plain]:
+    """Frames of the contacts one by one, from the cursor on; see `replay`."""
+    rig = documents.of_duration(documents.rig_of(request.get("document")), request.get("duration"))
+    documents.check_size(rig, _seconds(request))
+    share = request.get("cursor")
+    at = float(share) if isinstance(share, (int, float)) and math.isfinite(share) else 0.0
+    yield {"frames": next(replay.frames(rig, min(max(at, 0.0), 1.0), watch))}
 
 
 def edit(request: Plain, watch: Watch) -> Iterator[Plain]:
@@ -83,7 +137,7 @@ def edit(request: Plain, watch: Watch) -> Iterator[Plain]:
         instance("turn", values := request["turn"], dict, "a table of parameters and values")
         yield {"document": documents.turned(document, values)}
     elif "units" in request:
-        yield {"document": documents.in_units(document, request["units"])}
+        yield documents.in_units(document, request["units"], request.get("scales"))
     else:
         ratio = request.get("damping_ratio")
         instance("damping_ratio", ratio, bool, "true or false")
@@ -109,44 +163,93 @@ def _unit(rig: Rig, parameter: str) -> float:
     return 1.0 if rig.scales is None else rig.scales.unit(documents.QUANTITIES[parameter])
 
 
-def _run(rig: Rig, watch: Watch, snapshots: tuple[float, ...] = ()) -> xr.Dataset:
-    documents.check_size(rig)
+def _run(rig: Rig, watch: Watch, seconds: float, snapshots: tuple[float, ...] = ()) -> xr.Dataset:
+    documents.check_size(rig, seconds)
     return simulate(replace(rig, output=replace(rig.output, snapshots=snapshots)), progress=watch)
 
 
-def _trace(data: xr.Dataset, width: int) -> Plain:
-    """Force against time, thinned to the width of the screen, with slips and regime in words."""
-    catalogue, seen = measure.drops(data), measure.regime(data)
+def _trace(data: xr.Dataset, width: int, words: str | None = None) -> Plain:
+    """Force against time, thinned to the width of the screen, with regime in words, and slips if it has any."""
+    seen = measure.regime(data)
+    slips = measure.drops(data) if seen.kind == "stick-slip" or words is not None else None
     times, force = _axis(data["time"]), _axis(data["spring_force"])
     t, f = envelope(data["time"].to_numpy() / times["factor"], data["spring_force"].to_numpy() / force["factor"], width)
-    start, end, before = (catalogue[name].to_numpy()[:_MOST_MARKED] for name in ("start", "end", "force_before"))
+    start, end, before = (
+        np.empty(0) if slips is None else slips[name].to_numpy()[:_MOST_MARKED]
+        for name in ("start", "end", "force_before")
+    )
     return {
         "time": {**times, "values": packed(t)},
         "force": {**force, "values": packed(f)},
         "span": [float(data["time"][0]) / times["factor"], float(data["time"][-1]) / times["factor"]],
         "slips": {
-            "count": int(catalogue.sizes.get("event", 0)),
+            "count": 0 if slips is None else int(slips.sizes["event"]),
             "start": _list(start / times["factor"]),
             "end": _list(end / times["factor"]),
             "before": _list(before / force["factor"]),
         },
-        "regime": {"kind": seen.kind, "reason": seen.reason, "evidence": str(seen).splitlines()[1:]},
+        "regime": {
+            "kind": seen.kind if words is None else "speed sweep",
+            "reason": seen.reason if words is None else words,
+            "evidence": str(seen).splitlines()[1:] if words is None else [],
+            "period": seen.period if math.isfinite(seen.period) else None,
+        },
         "window": [edge / times["factor"] for edge in seen.window],
     }
 
 
+def _is_ramp(data: xr.Dataset) -> bool:
+    """Whether the speed of the drive changes, so that one regime cannot be told."""
+    speed = data["drive_velocity"].to_numpy()
+    return bool(np.ptp(speed) > 1e-6 * np.abs(speed).max())
+
+
+def _transitions(data: xr.Dataset, rig: Rig) -> str:
+    """Between which speeds a rig stick-slips while its drive speeds up and slows down, in words."""
+    unit = str(data["drive_velocity"].attrs.get("units"))
+    window = max(4.0, 2.5 * (1.0 + 1.0 / rig.slider.stiffness))  # two cycles of loading, in x_s
+    try:
+        found = measure.transitions(data, level=0.4 * rig.unit("f_s"), window=window * rig.unit("x_s"))
+    except (InputError, UndecidedError) as error:
+        return f"the speed of the drive changes; {error}"
+    words = []
+    for way, names in (("speeding up", ("v1", "v2")), ("slowing down", ("v2_down", "v1_down"))):
+        first, last = (float(found[name]) for name in names)
+        if math.isfinite(first) or math.isfinite(last):
+            begins = f"sets in at {_speed(first, unit)}" if math.isfinite(first) else "is there from the beginning"
+            ends = f"ends at {_speed(last, unit)}" if math.isfinite(last) else "is there to the end"
+            words.append(f"{way} it {begins} and {ends}")
+    if not words:
+        return "the speed of the drive changes, and stick-slip neither sets in nor ends on the way"
+    return f"the speed of the drive changes; stick-slip: {'; '.join(words)}"
+
+
+def _speed(value: float, unit: str) -> str:
+    if unit != "m/s":
+        return f"{value:.3g}"
+    factor, prefix = next((p for p in _PREFIXES if value >= 0.5 * p[0]), _PREFIXES[-1])
+    return f"{value / factor:.3g} {prefix}m/s"
+
+
 def _phase(data: xr.Dataset) -> Plain:
-    """Force against velocity in the last two fifths of the run."""
+    """Force against velocity in the last two fifths of the run, and the range that shows noise as small as it is."""
     late = data.isel(time=slice(int(0.6 * data.sizes["time"]), None))
     velocity, force = _axis(late["velocity"]), _axis(data["spring_force"])
     v, f = along_path(
         late["velocity"].to_numpy() / velocity["factor"], late["spring_force"].to_numpy() / force["factor"]
     )
+    drive = float(late["drive_velocity"][-1]) / velocity["factor"]
+    largest = float(data["spring_force"].max()) / force["factor"]
     return {
-        "velocity": {**velocity, "values": packed(v)},
-        "force": {**force, "values": packed(f)},
-        "drive": float(late["drive_velocity"][-1]) / velocity["factor"],
+        "velocity": {**velocity, "values": packed(v), "range": _room(min(v.min(), 0.0), max(v.max(), 2 * drive))},
+        "force": {**force, "values": packed(f), "range": _room(min(f.min(), 0.0), max(f.max(), largest))},
+        "drive": drive,
     }
+
+
+def _room(low: float, high: float) -> list[float]:
+    margin = 0.04 * (high - low or 1.0)
+    return [float(low - margin), float(high + margin)]
 
 
 def _stretchings(data: xr.Dataset) -> Plain:
@@ -209,7 +312,7 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
     rig = documents.rig_of(request.get("document"))
     documents.check_thresholds(rig)
     over = _over(request)
-    found = advise.chart(rig, over, request.get("around", 20.0), 56, watch)
+    found = advise.chart(rig, over, request.get("around", 20.0), _POINTS, watch)
     rate = found["growth_rate"].transpose(over[1], over[0])
     values = rate.to_numpy()
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 1.0
@@ -223,16 +326,26 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
         "rate": [[f"{value:.3g}" for value in row] for row in values],
         "rate_unit": str(rate.attrs.get("units", "")),
         "levels": {"at": _list(_shade(levels)), "text": [f"{level * largest:.2g}" for level in levels]},
+        "frequency_unit": "Hz" if found["edge_frequency"].attrs.get("units") == "1/s" else "cycles per time unit",
         "curves": [
             {
                 "x": _list(found[f"edge_{over[0]}"].to_numpy()[mine]),
                 "y": _list(found[f"edge_{over[1]}"].to_numpy()[mine]),
+                "frequency": _list(found["edge_frequency"].to_numpy()[mine] / (2 * math.pi)),
             }
             for mine in (found["curve"].to_numpy() == curve for curve in np.unique(found["curve"].to_numpy()))
         ],
         "here": [float(found[f"here_{name}"]) for name in over],
-        "summary": found.attrs["summary"],
+        "summary": _about(rig),
     }
+
+
+def _about(rig: Rig) -> str:
+    """Whether smooth sliding is stable where the rig stands, in words."""
+    modes = stability.count_unstable(rig.natural)
+    if not modes:
+        return "Smooth sliding is stable at this point."
+    return f"Smooth sliding is unstable at this point: {modes} growing mode{'s' if modes > 1 else ''}."
 
 
 def _map_axis(parameter: xr.DataArray) -> Plain:
@@ -282,20 +395,29 @@ def band(request: Plain, watch: Watch) -> Iterator[Plain]:
 
 def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
     """Verdict, numbers, margins and mitigations."""
-    rig = documents.rig_of(request.get("document"))
-    documents.check_size(rig)
+    rig = documents.shortened(documents.rig_of(request.get("document")), _seconds(request))
+    documents.check_size(rig, _seconds(request))
     documents.check_thresholds(rig)
     found = advise.predict(rig, progress=watch)
     mitigations = []
     for mitigation, words in zip(found.mitigations, found.mitigation_lines(), strict=True):
-        name, *others = mitigation.parameters
-        targets = (("smooth sliding stays", mitigation.keeps), ("stick-slip decays", mitigation.stops))
+        trouble = "stick-slip" if found.regime.kind == "stick-slip" else "the oscillation"
+        outcomes = (
+            (mitigation.stops, f"smooth: {trouble} decays even from a start at rest"),
+            (mitigation.keeps, f"smooth sliding, once reached, stays; from rest {trouble} may persist"),
+        )
         steps = [
-            {"title": f"{advise.amount(rig, name, values[0])}: {title}", "value": values[0]}
-            for title, values in targets
-            if values is not None and not others  # a button varies one parameter
+            {
+                "title": f"{_change(mitigation.parameters, mitigation.values, values)}: {outcome}",
+                "to": ", ".join(
+                    advise.amount(rig, name, value) for name, value in zip(mitigation.parameters, values, strict=True)
+                ),
+                "values": dict(zip(mitigation.parameters, values, strict=True)),
+            }
+            for values, outcome in outcomes
+            if values is not None
         ]
-        mitigations.append({"parameter": name, "words": words, "steps": steps})
+        mitigations.append({"parameters": list(mitigation.parameters), "words": words, "steps": steps})
     yield {
         "name": rig.name,
         "verdict": found.verdict,
@@ -304,8 +426,42 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
         "numbers": [list(pair) for pair in found.numbers()],
         "margins": [list(row) for row in found.margin_rows()],
         "mitigations": mitigations,
+        "attempts": list(found.attempt_lines()),
+        "not_searched": found.search_note(),
         "assumed": {key: str(item) for key, item in rig.assumed.items()},
     }
+
+
+_CHANGES = {
+    "stiffness": ("a stiffer spring", "a softer spring"),
+    "velocity": ("faster", "slower"),
+    "mass": ("a heavier slider", "a lighter slider"),
+    "damping": ("more damping", "less damping"),
+    "delay": ("slower re-attachment", "faster re-attachment"),
+    "std": ("more scattered thresholds", "less scattered thresholds"),
+    "ageing": ("slower ageing", "faster ageing"),
+}
+_FRACTIONS = ((0.2, "a fifth"), (0.25, "a quarter"), (1 / 3, "a third"), (0.5, "half"), (2 / 3, "two thirds"))
+
+
+def _change(names: tuple[str, ...], before: tuple[float, ...], after: tuple[float, ...]) -> str:
+    """A change of parameters, as one would say it: "a softer spring, by a third"."""
+    parts = []
+    for name, old, new in zip(names, before, after, strict=True):
+        more, less = _CHANGES.get(name, (f"more {name}", f"less {name}"))
+        parts.append(f"{more if new > old else less}, {_by(new / old)}")
+    return " and ".join(parts)
+
+
+def _by(ratio: float) -> str:
+    """How far, in words."""
+    if ratio >= 1.95:
+        return f"{ratio:.2g} times"
+    if ratio <= 1 / 2.1:
+        return f"1/{1 / ratio:.2g} of it"
+    change = abs(ratio - 1.0)
+    nearest, words = min(_FRACTIONS, key=lambda part: abs(part[0] - change))
+    return f"by {words}" if abs(nearest - change) < 0.02 else f"by {100 * change:.2g} %"
 
 
 def _over(request: Plain) -> tuple[str, str]:
@@ -330,10 +486,9 @@ def _ends(request: Plain, key: str) -> tuple[float, float]:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def trace(content: bytes, name: str, options: Mapping[str, str], width: int) -> Plain:
+def trace(content: bytes, name: str, options: Mapping[str, str], width: int, watch: Watch) -> Iterator[Plain]:
     """Analyse a measured trace; `options` may name its columns (force, time) and the time from row to row (step)."""
-    if len(content) > LARGEST_TRACE:
-        raise InputError(too_large(len(content)))
+    watch(0.0)
     step = None
     if text := options.get("step", "").strip():
         try:
@@ -350,7 +505,7 @@ def trace(content: bytes, name: str, options: Mapping[str, str], width: int) -> 
             )
         except InputError as error:
             raise InputError(str(error).replace(str(file), name)) from None
-    return {
+    yield {
         **_trace(data, width),
         "name": name,
         "rows": int(data.attrs["rows"]),
@@ -359,10 +514,20 @@ def trace(content: bytes, name: str, options: Mapping[str, str], width: int) -> 
     }
 
 
-def too_large(size: float) -> str:
+def sample(watch: Watch) -> Iterator[bytes]:
+    """A trace to try: a run of the bench for teaching, as a force sensor with noise would have recorded it."""
+    rig = rigs.example("teaching_bench")
+    run = simulate(replace(rig, output=replace(rig.output, interval=_SAMPLED / rig.unit("time"))), progress=watch)
+    force = run["spring_force"].to_numpy()
+    force = force + np.random.default_rng(1).normal(0.0, _SENSOR * force.max(), force.size)
+    rows = [f"{t:.3f},{F:.4f}" for t, F in zip(run["time"].to_numpy(), force, strict=True)]
+    yield "\n".join(["time [s],force [N]", *rows, ""]).encode()
+
+
+def too_large(size: float, most: float) -> str:
     """Say that a file is too large."""
     return (
-        f"this file has {size / 1e6:.0f} MB, more than {LARGEST_TRACE / 1e6:.0f}; keep every n-th row or a part of it, "
+        f"this file has {size / 1e6:.3g} MB, more than {most / 1e6:g}; keep every n-th row or a part of it, "
         "or use `stickslip measure`"
     )
 
@@ -375,12 +540,14 @@ FORMATS = {
 }
 
 
-def download(document: object, form: str, watch: Watch) -> bytes:
-    """Return the rig as TOML, its run as NetCDF, or a picture of that."""
+def download(document: object, form: str, duration: object, seconds: float, watch: Watch) -> Iterator[bytes]:
+    """The rig as TOML; or the run on the page, of that duration, as NetCDF or as a picture."""
     rig = documents.rig_of(document)
     if form == "toml":
-        return rigs.to_toml(rig).encode()
-    made = _run(rig, watch)
+        yield rigs.to_toml(rig).encode()
+        return
+    rig = documents.of_duration(rig, duration)
+    made = _run(rig, watch, seconds)
     made.attrs["rig"] = rigs.to_toml(rig)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / f"run.{form}"
@@ -388,40 +555,29 @@ def download(document: object, form: str, watch: Watch) -> bytes:
             store.save(made, file)
         else:
             plot.save(plot.overview(made), file)
-        return file.read_bytes()
+        yield file.read_bytes()
+
+
+ANSWERS: Mapping[str, Callable[..., Iterator[Any]]] = {
+    "run": run,
+    "stretchings": stretchings,
+    "contacts": contacts,
+    "edit": edit,
+    "chart": chart,
+    "band": band,
+    "advice": advice,
+    "trace": trace,
+    "download": download,
+    "sample": sample,
+}
+"""What a worker can be asked; the last argument of each is its watch."""
+QUICK, SLOW = ("run", "stretchings", "contacts", "edit"), ("chart", "band", "advice")
+"""Questions of a window."""
 
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Arrays for a screen
 # ---------------------------------------------------------------------------------------------------------------------
-
-
-def packed(values: Array) -> Plain:
-    """An array as plotly.js takes it without parsing numbers."""
-    return {"dtype": "f4", "bdata": base64.b64encode(values.astype("<f4").tobytes()).decode()}
-
-
-def envelope(x: Array, y: Array, width: int) -> tuple[Array, Array]:
-    """Thin out a line to a screen's width: smallest and largest value of each pixel, in their order."""
-    group = y.size // width
-    if group < 3:
-        return x, y
-    whole = y.size // group * group
-    blocks = y[:whole].reshape(-1, group)
-    first = np.arange(0, whole, group)
-    ends = np.stack([first + blocks.argmin(axis=1), first + blocks.argmax(axis=1)], axis=1)
-    kept = np.unique(np.concatenate([[0], ends.ravel(), np.arange(whole, y.size), [y.size - 1]]))
-    return x[kept], y[kept]
-
-
-def along_path(x: Array, y: Array, count: int = 1_200) -> tuple[Array, Array]:
-    """Thin out a curve in the plane: about as many points, evenly along its path, so that fast parts keep theirs."""
-    if x.size <= count:
-        return x, y
-    scales = [float(np.ptp(values)) or 1.0 for values in (x, y)]
-    way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x) / scales[0], np.diff(y) / scales[1]))])
-    kept = np.unique(np.searchsorted(way, np.linspace(0.0, way[-1], count)).clip(0, x.size - 1))
-    return x[kept], y[kept]
 
 
 def _axis(variable: xr.DataArray) -> Plain:

@@ -9,12 +9,13 @@ import json
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
+from functools import lru_cache
 from typing import Any
 
 from stickslip.errors import InputError, number, shown
 from stickslip.io import rig_files as rigs
-from stickslip.model import Contacts, constant, parameter_named
+from stickslip.model import Contacts, Drive, constant, parameter_named
 from stickslip.model.distributions import Empirical
 from stickslip.model.rig import Rig
 from stickslip.model.units import Quantity, Scales, quantity
@@ -25,8 +26,11 @@ from stickslip.stability import PARAMETERS
 
 Document = dict[str, Any]
 
-LONGEST = 8.0
-"""Seconds of a run, as estimated before it starts."""
+LONGEST = 4.0
+"""Seconds of a run, as estimated before it starts; it is cut short to that."""
+SHORTEST = 0.02
+"""Of a drive, that a run shows at least; one that would have to be shorter is refused."""
+MOST_CONTACTS = 1_000_000
 MOST_SAMPLES = 200_000
 """Of a run; by default there are 50,000 at most, and a screen shows some thousands."""
 MOST_PIECES = 1_000
@@ -134,7 +138,62 @@ def of(rig: Rig) -> Document:
     return rigs.to_document(rig, digits=DIGITS)
 
 
-def check_size(rig: Rig) -> None:
+def shortened(rig: Rig, seconds: float) -> Rig:
+    """Return the rig with its drive cut short, so that a run takes no longer than this by estimate, if that will do."""
+    short = rig
+    for _ in range(6):
+        if (excess := estimate(short).seconds / seconds) <= 1.0:
+            return short
+        if not math.isfinite(excess) or short.drive.duration < SHORTEST * excess * rig.drive.duration:
+            break
+        short = _cut(short, 0.95 / excess)
+    return rig
+
+
+def extended(rig: Rig, seconds: float) -> Rig | None:
+    """Return the rig with a drive twice as long; None if that would take too long, or the drive is not constant."""
+    pieces = rig.drive.pieces
+    if len(pieces) > 1 or pieces[0].start != pieces[0].end or pieces[0].until is not None:
+        return None
+    longer = replace(rig, drive=constant(pieces[0].start, 2.0 * pieces[0].duration))
+    return longer if estimate(longer).seconds <= seconds else None
+
+
+def of_duration(rig: Rig, duration: object) -> Rig:
+    """Return the rig with the duration, in its own units, that its run on the page had; without one, as it is."""
+    if duration is None:
+        return rig
+    wanted = number("duration", duration, above=0) / rig.unit("time")
+    share = wanted / rig.drive.duration
+    if abs(share - 1.0) < 1e-9:
+        return rig
+    if share < 1.0:
+        return _cut(rig, share)
+    piece = rig.drive.pieces[0]
+    if len(rig.drive.pieces) > 1 or piece.start != piece.end:
+        raise InputError(f"duration = {wanted:g}: this drive ends after {rig.drive.duration:g}")
+    return replace(rig, drive=constant(piece.start, wanted))
+
+
+def _cut(rig: Rig, share: float) -> Rig:
+    return replace(rig, drive=cut(rig.drive, share * rig.drive.duration))
+
+
+def cut(drive: Drive, end: float) -> Drive:
+    """Return the drive up to a time."""
+    pieces, left = [], end
+    for piece in drive.pieces:
+        if piece.duration <= left:
+            pieces.append(piece)
+        elif left > 1e-12 * end:
+            pieces.append(replace(piece, end=piece.start + piece.acceleration * left, duration=left))
+        left -= piece.duration
+        if left <= 0:
+            break
+    return Drive(tuple(pieces))
+
+
+def check_size(rig: Rig, seconds: float = LONGEST) -> None:
     """Raise `InputError` if a run would keep the page waiting."""
     pieces = rig.drive.pieces
     elsewhere = "for longer ones use `stickslip simulate`"
@@ -151,6 +210,11 @@ def check_size(rig: Rig) -> None:
                 f"interface.{name}: must have at most {MOST_BINS} bins, here {len(distribution.weights)}, to stay live",
                 f"interface.{name}",
             )
+    if isinstance(rig.method, Contacts) and rig.method.count > MOST_CONTACTS:
+        raise InputError(
+            f"simulation.contacts = {rig.method.count}: must be at most {MOST_CONTACTS}, to stay live; {elsewhere}",
+            "simulation.contacts",
+        )
     samples = 0.0 if rig.output.interval is None else rig.drive.duration / rig.output.interval
     if samples > MOST_SAMPLES:
         raise InputError(
@@ -163,7 +227,7 @@ def check_size(rig: Rig) -> None:
         raise InputError(
             "slider.mass = 0: must be above 0 for a run; theory of stability takes a slider without", "slider.mass"
         )
-    estimate(rig).check(LONGEST, otherwise="use `stickslip simulate`")
+    estimate(rig).check(seconds, otherwise="use `stickslip simulate`")
 
 
 def _check_decades(rig: Rig) -> None:
@@ -270,19 +334,32 @@ def with_damping(document: Document, ratio: bool) -> Document:
     return _like(document, rig_of(document), damping_ratio=ratio)
 
 
-def in_units(document: Document, units: str) -> Document:
-    """Return a document in the other system of units.
+def in_units(document: Document, units: str, scales: object = None) -> Document:
+    """Return a document in the other system of units, and the scales of the one in SI, for the way back.
 
-    A rig in natural units has no scales; it gets those of the PMMA bench among the examples.
+    A rig in natural units has no scales; it gets those that it is given, or those of the PMMA bench among the examples.
     """
     if units not in ("SI", "natural"):
         raise InputError(f"units = {shown(units)}: must be 'SI' or 'natural'")
     rig = rig_of(document)
     if (units == "natural") == (rig.scales is None):
-        return document
-    # What was assumed is said of the numbers of the file.
-    rig = replace(rig, scales=_BENCH if units == "SI" else None, assumed={})
-    return _like(document, rig, damping_ratio=_by_ratio(document))
+        return {"document": document}
+    if units == "natural":
+        kept = vars(rig.scales)
+        # What was assumed is said of the numbers of the file.
+        rig = replace(rig, scales=None, assumed={})
+        return {"document": _like(document, rig, damping_ratio=_by_ratio(document)), "scales": kept}
+    rig = replace(rig, scales=_scales(scales), assumed={})
+    return {"document": _like(document, rig, damping_ratio=_by_ratio(document))}
+
+
+def _scales(given: object) -> Scales:
+    if given is None:
+        return _BENCH
+    names = [field.name for field in fields(Scales)]
+    if not isinstance(given, Mapping) or set(given) != set(names):
+        raise InputError(f"scales = {shown(given)}: must be a table of {', '.join(names)}")
+    return Scales(**{name: number(f"scales.{name}", given[name], above=0) for name in names})
 
 
 def _by_ratio(document: Document) -> bool:
@@ -315,22 +392,29 @@ _FIGURES = {
 }
 
 
-def presets() -> list[dict[str, Any]]:
+@lru_cache(maxsize=1)
+def presets() -> tuple[dict[str, Any], ...]:
     """Return every preset: a group, a title and a document."""
-    found: list[dict[str, Any]] = [{"group": "Begin", "title": "Sliding or stick-slip?", "document": first()}]
+    found: list[dict[str, Any]] = [{"group": "Begin", "title": "Teaching bench", "document": first()}]
+    short = paper(cases.FIG4, "Sliding or stick-slip")
+    short["simulation"]["contacts"] = 3_000
+    short["drive"]["distance"] = 40.0
+    found.append({"group": "Begin", "title": "Sliding or stick-slip? (natural units)", "document": short})
+    found += [
+        {"group": "Benches and machines", "title": rig.name, "document": of(rig)}
+        for rig in map(rigs.example, rigs.example_names())
+        if rig.name != first()["name"]
+    ]
     for figure, (case, words) in _FIGURES.items():
-        title = f"Fig. {figure}: {words}"
-        found.append({"group": "The paper", "title": title, "document": paper(case, f"Fig. {figure}")})
-    shipped = map(rigs.example, rigs.example_names())
-    found += [{"group": "Rigs", "title": rig.name, "document": of(rig)} for rig in shipped]
-    return found
+        title, document = f"Fig. {figure}: {words}", paper(case, f"Fig. {figure}")
+        found.append({"group": "The paper, in natural units", "title": title, "document": document})
+    return tuple(found)
 
 
 def first() -> Document:
-    """Return the rig that the app begins with: Fig. 4 of the paper, with fewer contacts over a shorter distance."""
-    document = paper(cases.FIG4, "Sliding or stick-slip")
-    document["simulation"]["contacts"] = 3_000
-    document["drive"]["distance"] = 40.0
+    """Return the rig that the app begins with: a bench for teaching, in a shorter run so that it answers at once."""
+    document = of(rigs.example("teaching_bench"))
+    document["drive"]["distance"] = "60 mm"
     return document
 
 

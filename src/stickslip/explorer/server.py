@@ -1,44 +1,46 @@
-"""The loopback server: pages, one websocket for each window, and what is refused.
+"""The server: pages, one websocket for each window, and what is refused.
 
-Nothing is kept between requests: the page sends the whole rig each time, so windows cannot disturb each other. On each
-websocket there is a lane for each kind of question; in a lane the newest question wins, and older ones are dropped.
+It computes nothing itself: questions go to `workers`. Nothing is kept between requests: the page sends the whole rig
+each time, so windows cannot disturb or see each other. On each websocket there is a lane for each kind of question; in
+a lane the newest question wins, and older ones are dropped.
 """
 
 from __future__ import annotations
 
 import asyncio
+import hmac
 import json
 import os
 import re
+import secrets
 import socket
 import threading
-import time
-from collections.abc import Callable, Collection, Iterator, Mapping
-from concurrent.futures import Executor, ThreadPoolExecutor
-from contextlib import asynccontextmanager, suppress
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator
+from contextlib import asynccontextmanager, contextmanager, suppress
+from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import uvicorn
 from starlette.applications import Starlette
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.requests import ClientDisconnect, Request
+from starlette.requests import ClientDisconnect, HTTPConnection, Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from stickslip.errors import InputError, UndecidedError, shown
-from stickslip.explorer import PORT, answers, documents
+from stickslip.errors import InputError, shown
+from stickslip.explorer import PORT, answers, documents, workers
+from stickslip.explorer.packing import Plain
+from stickslip.explorer.workers import Crew, Job
 from stickslip.io import rig_files as rigs
 
 HOST = "127.0.0.1"
-LONGEST = 60.0
-"""Seconds after which a run is given up."""
 
 _STATIC = Path(__file__).parent / "static"
 _POLICY = (
@@ -52,79 +54,151 @@ _HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Cache-Control": "no-cache",
 }
-_ANSWERS: dict[str, Callable[[answers.Plain, answers.Watch], Iterator[answers.Plain]]] = {
-    "run": answers.run,
-    "stretchings": answers.stretchings,
-    "edit": answers.edit,
-    "chart": answers.chart,
-    "band": answers.band,
-    "advice": answers.advice,
-}
-_SLOW = ("chart", "band", "advice")
 
 
-def run(rig: Path | None, port: int | None, ready: Callable[[str], None] | None) -> None:
+@dataclass(frozen=True)
+class Limits:
+    """What one visitor may ask for.
+
+    Parameters
+    ----------
+    run : float
+        Seconds of a run, by estimate; longer ones are cut short.
+    quick, slow : float
+        Seconds after which an answer is given up: a run; a map, a bistable band, mitigations.
+    trace : int
+        Bytes of a measured trace.
+    together : int
+        Maps, bands and searches for mitigations of one window at the same time.
+    windows : int
+        Windows from one address.
+    files : int
+        Traces and downloads from one address at the same time.
+    """
+
+    run: float
+    quick: float
+    slow: float
+    trace: int
+    together: int
+    windows: int
+    files: int
+
+
+ALONE = Limits(
+    run=documents.LONGEST, quick=60.0, slow=600.0, trace=answers.LARGEST_TRACE, together=3, windows=100, files=4
+)
+SHARED = Limits(run=1.0, quick=20.0, slow=60.0, trace=5_000_000, together=1, windows=60, files=4)
+_MOST_WINDOWS = 120
+
+
+def run(rig: Path | None, port: int | None, ready: Callable[[str], None] | None, share: bool) -> None:
     """Serve until interrupted; see `stickslip.explorer.serve`."""
     begin = documents.first() if rig is None else documents.of(rigs.read_rig(rig))
-    with _listen(port) as listening:
+    host = _own_address() if share else HOST
+    token = secrets.token_urlsafe(24) if share else ""
+    with _listen(host, port) as listening:
         number = listening.getsockname()[1]
         config = uvicorn.Config(
-            application(begin, number),
+            application(begin, number, host=host, token=token),
             ws="websockets-sansio",
-            ws_max_size=16 * documents.LARGEST_REQUEST,  # up to here the answer says what is wrong
+            ws_max_size=2 * documents.LARGEST_REQUEST
+            if share
+            else 16 * documents.LARGEST_REQUEST,  # else told in words
             log_level="warning",
+            access_log=False,
             server_header=False,
             timeout_graceful_shutdown=2,
         )
         if ready is not None:
-            ready(f"http://{HOST}:{number}/")
+            ready(f"http://{host}:{number}/{token + '/' if token else ''}")
         with suppress(KeyboardInterrupt):  # the usual way to stop it
             uvicorn.Server(config).run(sockets=[listening])
 
 
-def _listen(port: int | None) -> socket.socket:
-    """Bind to the loopback interface only."""
+def _own_address() -> str:
+    """The address of this machine on its local network; nothing is sent to find it."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))
+            address = str(probe.getsockname()[0])
+        except OSError:
+            address = HOST
+    if address.startswith("127."):
+        raise InputError("--share: this machine is on no network; without --share the app is served to itself alone")
+    return address
+
+
+def _listen(host: str, port: int | None) -> socket.socket:
+    """Bind to one address only: the loopback interface, or that on the local network."""
     for candidate in (PORT, 0) if port is None else (port,):
         try:
-            return socket.create_server((HOST, candidate))
+            return socket.create_server((host, candidate))
         except OSError as error:
             reason = os.strerror(error.errno or 0).lower()
     raise InputError(f"--port {port}: cannot be used ({reason}); choose another, or 0 for any free one")
 
 
-def application(begin: documents.Document, port: int) -> ASGIApp:
-    """Return the app that begins with a document and is reached on a port of the loopback interface."""
-    pools = {"quick": ThreadPoolExecutor(4, "quick"), "slow": ThreadPoolExecutor(2, "slow")}
+class _House:
+    """What all requests share: workers, limits, and a count of who is in."""
+
+    def __init__(self, begin: documents.Document, limits: Limits) -> None:
+        self.limits = limits
+        cores = os.cpu_count() or 1
+        self.quick = Crew("quick", max(2, cores))
+        # More than there are cores: the system shares them out, so that a long search holds up nobody's map.
+        self.slow = Crew("slow", max(4, 2 * cores), niceness=10)
+        self.hello = json.dumps({"kind": "hello", "document": begin, "presets": documents.presets()})
+        self.windows: Counter[str] = Counter()
+        self.files: Counter[str] = Counter()
+
+    @contextmanager
+    def let_in(self, count: Counter[str], most: int, connection: HTTPConnection) -> Iterator[bool]:
+        """Count a visitor by the address; whether there is room."""
+        who = connection.client.host if connection.client else ""
+        room = count[who] < most and count.total() < _MOST_WINDOWS
+        count[who] += room
+        try:
+            yield room
+        finally:
+            count[who] -= room
+            count += Counter()  # forget those that have left
+
+    async def file(self, job: Job) -> list[Any]:
+        """Do a job that comes with a request of its own."""
+        replies: list[Any] = []
+        dropped = threading.Event()
+        try:
+            await self.quick.work(job, replies.append, dropped)
+        finally:
+            dropped.set()
+        return [reply for reply in replies if not isinstance(reply, dict) or not reply.keys() & {"progress", "done"}]
+
+
+def application(begin: documents.Document, port: int, *, host: str = HOST, token: str = "") -> ASGIApp:
+    """Return the app that begins with a document, and is reached at an address, behind a token if there is one."""
+    house = _House(begin, SHARED if token else ALONE)
 
     @asynccontextmanager
     async def lifespan(_app: Starlette) -> Any:
-        threading.Thread(target=_warm, args=(begin,), daemon=True).start()
+        threading.Thread(target=workers.start, daemon=True).start()
         yield
-        for pool in pools.values():
-            pool.shutdown(wait=False, cancel_futures=True)
+        house.quick.close()
+        house.slow.close()
 
     app = Starlette(
         routes=[
             Route("/", _page),
             Route("/plotly.min.js", _plotly),
             Mount("/static", StaticFiles(directory=_STATIC)),
-            Route("/download/{form}", partial(_download, pools["quick"]), methods=["POST"]),
-            Route("/trace", partial(_trace, pools["slow"]), methods=["POST"]),
-            WebSocketRoute("/session", partial(_session, pools, begin)),
+            Route("/sample.csv", partial(_sample, house)),
+            Route("/download/{form}", partial(_download, house), methods=["POST"]),
+            Route("/trace", partial(_trace, house), methods=["POST"]),
+            WebSocketRoute("/session", partial(_session, house)),
         ],
         lifespan=lifespan,
     )
-    return _Guard(app, port)
-
-
-def _warm(begin: documents.Document) -> None:
-    """Load the kernels before the first move of a slider."""
-    for method in ("contacts", "master equation"):
-        document = json.loads(json.dumps(begin))
-        document["simulation"] = {**document.get("simulation", {}), "method": method, "contacts": 100}
-        with suppress(Exception):  # the first question will tell
-            for _ in answers.run({"document": document}, lambda _share: None):
-                pass
+    return _Guard(app, host, port, token)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -133,13 +207,17 @@ def _warm(begin: documents.Document) -> None:
 
 
 class _Guard:
-    """Refuses requests under a foreign name (DNS rebinding) or from a page of another site; adds headers of safety."""
+    """Refuses requests without the token, under a foreign name (DNS rebinding) or from a page of another site.
 
-    def __init__(self, app: ASGIApp, port: int) -> None:
-        self._app = app
-        self._hosts = {f"{name}:{port}" for name in (HOST, "localhost", "[::1]")}
+    It adds headers of safety to all answers.
+    """
+
+    def __init__(self, app: ASGIApp, host: str, port: int, token: str) -> None:
+        self._app, self._token = app, token
+        names = (HOST, "localhost", "[::1]") if host == HOST else (host,)
+        self._hosts = {f"{name}:{port}" for name in names}
         if port == 80:
-            self._hosts |= {HOST, "localhost", "[::1]"}
+            self._hosts |= set(names)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass on what comes from our own pages."""
@@ -147,10 +225,12 @@ class _Guard:
             await self._app(scope, receive, send)
             return
         headers = Headers(scope=scope)
-        origin = headers.get("origin")
+        origins = headers.getlist("origin")
         # A browser names the origin of every websocket, and of everything that is not a plain read.
-        ours = origin.removeprefix("http://") in self._hosts if origin else scope["type"] == "http"
-        if headers.get("host") not in self._hosts or len(headers.getlist("host")) != 1 or not ours:
+        ours = origins[0].removeprefix("http://") in self._hosts if origins else scope["type"] == "http"
+        path = self._without_token(scope["path"])
+        single = len(headers.getlist("host")) == 1 and len(origins) < 2
+        if headers.get("host") not in self._hosts or not single or not ours or path is None:
             if scope["type"] == "websocket":
                 await send({"type": "websocket.close", "code": 1008})  # before the handshake: status 403
             else:
@@ -164,7 +244,15 @@ class _Guard:
                     found[name] = value
             await send(message)
 
-        await self._app(scope, receive, safely)
+        await self._app({**scope, "path": path, "raw_path": path.encode()}, receive, safely)
+
+    def _without_token(self, path: str) -> str | None:
+        """The path behind the token; None if the token is not there."""
+        if not self._token:
+            return path
+        given, slash, rest = path[1:].partition("/")
+        matches = hmac.compare_digest(given.encode(), self._token.encode())
+        return f"/{rest}" if matches and slash else None
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -183,75 +271,71 @@ async def _plotly(_request: Request) -> Response:
     return FileResponse(Path(spec.origin).parent / "package_data" / "plotly.min.js", media_type="text/javascript")
 
 
-async def _download(pool: Executor, request: Request) -> Response:
+async def _sample(house: _House, request: Request) -> Response:
+    with house.let_in(house.files, house.limits.files, request) as room:
+        if not room:
+            return _refused(429, "too many files at once for this address; try again in a moment")
+        (reply,) = await house.file(Job("sample", (), house.limits.quick))
+    return JSONResponse(reply, status_code=500) if isinstance(reply, dict) else Response(reply, media_type="text/csv")
+
+
+async def _download(house: _House, request: Request) -> Response:
     form = request.path_params["form"]
     if form not in answers.FORMATS:
-        return _refused(404, InputError(f"{form}: there are {', '.join(answers.FORMATS)}"))
-    document: object = None
-    try:
-        document = documents.from_json(await _body(request, documents.LARGEST_REQUEST))
-        work = partial(answers.download, document, form, _patience())
-        content = await asyncio.get_running_loop().run_in_executor(pool, work)
-    except _REFUSALS as error:
-        return _refused(400, error)
-    except ClientDisconnect:
-        return Response(status_code=400)
-    return Response(content, media_type=answers.FORMATS[form])
+        return _refused(404, f"{form}: there are {', '.join(answers.FORMATS)}")
+    with house.let_in(house.files, house.limits.files, request) as room:
+        if not room:
+            return _refused(429, "too many downloads at once from this address; try again in a moment")
+        try:
+            asked = documents.from_json(await _body(request, documents.LARGEST_REQUEST))
+            asked = asked if isinstance(asked, dict) else {}
+            document, duration = asked.get("document", asked), asked.get("duration")
+        except InputError as error:
+            return _refused(400, str(error))
+        except ClientDisconnect:
+            return Response(status_code=400)
+        limits = house.limits
+        (reply,) = await house.file(Job("download", (document, form, duration, limits.run), limits.quick))
+    if isinstance(reply, dict):
+        return JSONResponse(reply, status_code=400)
+    return Response(reply, media_type=answers.FORMATS[form])
 
 
-async def _trace(pool: Executor, request: Request) -> Response:
-    try:
-        content = await _body(request, answers.LARGEST_TRACE)
+async def _trace(house: _House, request: Request) -> Response:
+    with house.let_in(house.files, house.limits.files, request) as room:
+        if not room:
+            return _refused(429, "too many traces at once from this address; try again in a moment")
+        try:
+            content = await _body(request, house.limits.trace)
+        except InputError as error:
+            return _refused(
+                200, str(error)
+            )  # what is wrong with a file is the answer; 400 would be a fault of the page
+        except ClientDisconnect:
+            return Response(status_code=400)
         name = Path(request.query_params.get("name", "trace")).name[:100] or "trace"
         asked = request.query_params.get("width", "")
         width = min(max(int(asked), 100), 4_000) if asked.isdecimal() and len(asked) < 6 else 1_000
-        work = partial(answers.trace, content, name, dict(request.query_params), width)
-        found = await asyncio.get_running_loop().run_in_executor(pool, work)
-    except _REFUSALS as error:
-        return _refused(200, error)  # what is wrong with a file is the answer; 400 would be a fault of the page
-    except ClientDisconnect:
-        return Response(status_code=400)
-    return JSONResponse(found)
+        job = Job("trace", (content, name, dict(request.query_params), width), house.limits.quick)
+        (reply,) = await house.file(job)
+    return JSONResponse(reply)
 
 
 async def _body(request: Request, most: int) -> bytes:
     """Read the body of a request, and no more of it than allowed."""
     announced = request.headers.get("content-length", "")
     if re.fullmatch("[0-9]{1,18}", announced) and int(announced) > most:
-        raise InputError(answers.too_large(int(announced)))
+        raise InputError(answers.too_large(int(announced), most))
     content = bytearray()
     async for chunk in request.stream():
         content += chunk
         if len(content) > most:
-            raise InputError(answers.too_large(len(content)))
+            raise InputError(answers.too_large(len(content), most))
     return bytes(content)
 
 
-_REFUSALS = (InputError, UndecidedError, MemoryError, ArithmeticError, np.linalg.LinAlgError)
-"""What a question may end in without a fault of ours: the numbers of a document can be as far apart as they like."""
-
-
-def _refused(status: int, error: Exception) -> Response:
-    return JSONResponse({"errors": _complaints(error)}, status_code=status)
-
-
-def _complaints(error: Exception) -> list[dict[str, str]]:
-    if isinstance(error, MemoryError):
-        return [{"key": "", "message": "not enough memory for this case; take fewer contacts"}]
-    if not isinstance(error, (InputError, UndecidedError)):
-        return [{"key": "", "message": f"cannot be computed, its numbers are too far apart ({type(error).__name__})"}]
-    return documents.complaints(error)
-
-
-def _patience() -> answers.Watch:
-    """Watch that gives a run up in the end."""
-    begun = time.monotonic()
-
-    def watch(_share: float) -> None:
-        if time.monotonic() - begun > LONGEST:
-            raise InputError(f"given up after {LONGEST:g} s; take a shorter run, or fewer contacts")
-
-    return watch
+def _refused(status: int, message: str) -> Response:
+    return JSONResponse({"errors": [{"key": "", "message": message}]}, status_code=status)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -259,15 +343,11 @@ def _patience() -> answers.Watch:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-class _DroppedError(Exception):
-    """Nobody waits for this work any more."""
-
-
 class _Lane:
     """Questions of one kind from one window: the newest wins."""
 
-    def __init__(self, kind: str, pool: Executor, send: Callable[[str], None]) -> None:
-        self._kind, self._pool, self._send = kind, pool, send
+    def __init__(self, kind: str, house: _House, turns: asyncio.Semaphore, send: Callable[[str], None]) -> None:
+        self._kind, self._house, self._turns, self._send = kind, house, turns, send
         self._newest = threading.Event()  # set: dropped
         self._free = asyncio.Lock()
 
@@ -275,51 +355,32 @@ class _Lane:
         """Give up the work under way."""
         self._newest.set()
 
-    async def ask(self, request: answers.Plain) -> None:
+    async def ask(self, request: Plain) -> None:
         """Answer a question unless a newer one comes in."""
         self.drop()
         self._newest = dropped = threading.Event()
-        async with self._free:
+        slow, limits = self._kind in answers.SLOW, self._house.limits
+        crew, seconds = (self._house.slow, limits.slow) if slow else (self._house.quick, limits.quick)
+        async with self._free, self._turns:
             if not dropped.is_set():
-                await asyncio.get_running_loop().run_in_executor(self._pool, self._answer, request, dropped)
+                job = Job(self._kind, ({**request, "seconds": limits.run},), seconds)
+                await crew.work(job, partial(self._reply, request.get("id")), dropped)
 
-    def _answer(self, request: answers.Plain, dropped: threading.Event) -> None:
-        """Work in a thread, sending what comes out of it."""
-        told = time.monotonic()
-        patience = _patience()
-
-        def watch(share: float) -> None:
-            nonlocal told
-            now = time.monotonic()
-            if dropped.is_set():
-                raise _DroppedError
-            if self._kind not in _SLOW:
-                patience(share)
-            if now - told > 0.2:
-                told = now
-                reply({"progress": share})
-
-        def reply(content: answers.Plain) -> None:
-            self._send(json.dumps({"kind": self._kind, "id": request.get("id"), **content}, allow_nan=False))
-
-        try:
-            for content in _ANSWERS[self._kind](request, watch):
-                if dropped.is_set():
-                    return
-                reply(content)
-            reply({"done": True})
-        except _DroppedError:
-            return
-        except _REFUSALS as error:
-            reply({"errors": _complaints(error)})
-        except Exception as error:  # the page is to stay alive whatever happens
-            reply({"errors": [{"key": "", "message": f"this failed: {type(error).__name__}: {error}"}]})
-            raise
+    def _reply(self, number: object, content: Plain) -> None:
+        self._send(json.dumps({"kind": self._kind, "id": number, **content}, allow_nan=False))
 
 
-async def _session(pools: Mapping[str, Executor], begin: documents.Document, websocket: WebSocket) -> None:
+async def _session(house: _House, websocket: WebSocket) -> None:
     """Serve one window from its first to its last question."""
-    await websocket.accept()
+    with house.let_in(house.windows, house.limits.windows, websocket) as room:
+        if room:
+            await websocket.accept()
+            await _serve(house, websocket)
+        else:
+            await websocket.close(1013)  # try again later
+
+
+async def _serve(house: _House, websocket: WebSocket) -> None:
     loop = asyncio.get_running_loop()
     outgoing: asyncio.Queue[str] = asyncio.Queue()
 
@@ -332,9 +393,11 @@ async def _session(pools: Mapping[str, Executor], begin: documents.Document, web
             while True:
                 await websocket.send_text(await outgoing.get())
 
-    lanes = {kind: _Lane(kind, pools["slow" if kind in _SLOW else "quick"], send) for kind in _ANSWERS}
+    turns = {True: asyncio.Semaphore(house.limits.together), False: asyncio.Semaphore(len(answers.QUICK))}
+    kinds = (*answers.QUICK, *answers.SLOW)
+    lanes = {kind: _Lane(kind, house, turns[kind in answers.SLOW], send) for kind in kinds}
     tasks: set[asyncio.Task[None]] = {asyncio.create_task(deliver())}
-    send(json.dumps({"kind": "hello", "document": begin, "presets": documents.presets()}))
+    send(house.hello)
     try:
         while (message := await websocket.receive())["type"] == "websocket.receive":
             try:
@@ -356,7 +419,7 @@ async def _session(pools: Mapping[str, Executor], begin: documents.Document, web
             task.cancel()
 
 
-def _question(text: str | None, kinds: Collection[str]) -> answers.Plain:
+def _question(text: str | None, kinds: Collection[str]) -> Plain:
     """Read a question: a table with its kind and its number."""
     if text is None:
         raise InputError("this message is binary; questions are JSON text")

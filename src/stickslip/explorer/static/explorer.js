@@ -3,14 +3,17 @@
    question, kept in the address. Answers carry the number of their question; only the newest counts. */
 
 (() => {
-  const { ALL, split, numeric, short, at } = Fields;
+  const { ALL, split, numeric, short, at, pointed, unfinished } = Fields;
   const $ = (id) => document.getElementById(id);
-  const PAGES = ["interface", "map", "advice", "trace"];
-  const KNOBS = { stiffness: "K, driving spring", velocity: "v, speed", mass: "M, mass", damping: "η, damping",
+  const PAGES = ["simulate", "map", "stop", "trace"];
+  const OLD = { interface: "simulate", advice: "stop" }; // names of pages in links made before
+  const PAUSE = 1000; // ms without a key after which a number that was typed counts
+  const PARAMETERS = { stiffness: "K, driving spring", velocity: "v, speed", mass: "M, mass", damping: "η, damping",
     delay: "τ, delay", std: "Δf, threshold std. dev.", ageing: "time of ageing" };
   const FRAME = 400; // ms after which a question is asked anew although the last is not answered
 
-  let doc = null, presets = [], page = "interface", cursor = 0.75, held = false, measured = null;
+  let doc = null, presets = [], page = "simulate", cursor = 0.75, held = false, measured = null;
+  let began = null, waiting = false, scales = null, before = null, question = -1;
   const shown = { run: null, friction: null, chart: null, bands: [], advice: null, trace: null };
   const asked = { chart: "", advice: "", band: "" };
 
@@ -41,13 +44,13 @@
     if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ kind, drop: true }));
   }
   function connect() {
-    socket = new WebSocket(`ws://${location.host}/session`);
+    socket = new WebSocket(`ws://${location.host}${location.pathname.replace(/[^/]*$/, "")}session`);
     socket.onopen = () => {
       notice("");
       for (const lane of Object.values(lanes)) { lane.answered = lane.id; pump(lane); }
     };
     socket.onclose = () => {
-      notice("The server is gone. Start `stickslip explore` again; this page will find it.");
+      notice("The server is gone, or has no room for another window. This page will find it again.");
       setTimeout(connect, 2000);
     };
     socket.onmessage = (event) => receive(JSON.parse(event.data));
@@ -73,37 +76,66 @@
     if (doc) return changed(); // connected again
     presets = reply.presets;
     fillPresets();
-    doc = fromAddress() ?? reply.document;
+    const linked = fromAddress();
+    doc = linked ?? reply.document;
+    began = structuredClone(doc);
+    // What a link holds was written by somebody else: it is shown, and computed on a click. A reload goes on.
+    wait(linked !== null && sessionStorage.getItem("here") !== location.hash);
     rebuild();
     open(page);
     changed();
   }
+  function wait(now) {
+    waiting = now;
+    $("waiting").hidden = !waiting;
+    for (const about of ["run", "drawing", "map", "stop"]) if (waiting) mark(about, "waiting", "Not computed yet: this rig came with a link.");
+  }
   function changed() {
     remember();
+    if (waiting) return;
     document.body.dataset.asked = ask("run", { cursor });
+    mark("run", "computing", shown.run ? "Computing … what stands here is the rig before." : "Computing …");
+    drop("contacts"); // of the rig before
+    frames = null;
+    stage.pause();
+    mark("drawing", "computing");
     clearTimeout(patience);
     patience = setTimeout(() => progress("run", NaN), 600); // a long run, or kernels that are being compiled
+    if (shown.advice && asked.advice !== JSON.stringify(doc)) mark("stop", "computing", "This is about the rig before.");
+    if (shown.chart && asked.chart !== signature(over())) mark("map", "computing", "This is the map of the rig before.");
     if (page === "map") askMap();
-    if (page === "advice") askAdvice();
+    if (page === "stop") askAdvice();
   }
   function replace(next) {
     doc = next;
     rebuild();
     changed();
   }
+  /* Never stale: what is not about the rig in the fields is dimmed, and words say so. */
+  function mark(about, state, words = "") {
+    for (const part of document.querySelectorAll(`[data-about="${about}"]`)) {
+      part.dataset.state = state;
+      part.setAttribute("aria-busy", String(state === "computing"));
+    }
+    const line = $(`${about}-words`);
+    line.textContent = words;
+    line.hidden = words === "";
+    document.body.dataset[`${about}State`] = state;
+  }
 
   let remembering = 0, patience = 0;
   function remember() {
     clearTimeout(remembering);
-    remembering = setTimeout(() => history.replaceState(null, "", address()), 250);
+    remembering = setTimeout(() => { history.replaceState(null, "", address()); keepHere(); }, 250);
   }
+  const keepHere = () => { if (!waiting) sessionStorage.setItem("here", location.hash); };
   function address() {
     const bytes = new TextEncoder().encode(JSON.stringify(doc));
     const text = btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
     return `#${page}/${text.replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "")}`;
   }
   function fromAddress() {
-    const [where, text] = location.hash.slice(1).split("/");
+    const [name, text] = location.hash.slice(1).split("/"), where = OLD[name] ?? name;
     if (PAGES.includes(where)) page = where;
     if (!text) return null;
     try {
@@ -117,8 +149,9 @@
   }
   window.addEventListener("hashchange", () => {
     const found = fromAddress();
-    if (found) { replace(found); open(page); }
+    if (found) { wait(true); replace(found); open(page); }
   });
+  $("go").onclick = () => { wait(false); rebuild(); open(page); changed(); };
 
   // ------------------------------------------------------------------------------------------------ fields
 
@@ -140,9 +173,14 @@
     $("fields").replaceChildren(host);
     showPreset();
   }
+  function told(key) {
+    const entry = Glossary.find((one) => one.key === key);
+    return entry ? `${entry.term}${entry.unit ? ` (${entry.unit})` : ""}. ${entry.text}` : "";
+  }
   function row(field) {
     const id = `field-${field.key.replaceAll(".", "-")}`, box = element("div", { className: "field" });
-    const label = element("label", { htmlFor: id, title: field.title });
+    const label = element("label", { htmlFor: id, title: told(field.key) });
+    for (const event of ["pointerenter", "focusin"]) box.addEventListener(event, () => { $("help").textContent = told(field.key); });
     if (field.symbol) label.append(element("i", { textContent: field.symbol }), " ");
     label.append(field.title);
     const complaint = element("p", { className: "complaint", id: `${id}-complaint`, hidden: true });
@@ -160,9 +198,9 @@
     const [number, unit] = split(field.read(doc) ?? field.missing ?? (field.zero ? 0 : undefined));
     made.unit = field.plain || natural ? "" : unit || field.si;
     made.input = element("input", { id, type: "text", inputMode: "decimal", value: number, autocomplete: "off" });
-    made.input.setAttribute("aria-describedby", complaint.id);
+    made.input.setAttribute("aria-describedby", `${complaint.id} help`);
     const shownUnit = element("span", { className: "unit", textContent: field.plain && !natural ? relative(field) :
-      made.unit || field.unit || "" });
+      micro(made.unit || field.unit || "") });
     made.shownUnit = shownUnit;
     if (field.swap) {
       const menu = element("button", { type: "button", textContent: `${shownUnit.textContent} ⇄`, title: `Give ${field.swap} instead` });
@@ -170,8 +208,8 @@
       shownUnit.replaceChildren(menu);
       menu.style.padding = "0 .3rem";
     }
-    made.input.oninput = () => enter(made, made.input.value);
-    made.input.onchange = () => tidy(made);
+    made.input.oninput = () => typing(made);
+    made.input.onchange = () => { settleTyping(made); tidy(made); };
     box.append(label, made.input, shownUnit);
     if (field.range) {
       made.slider = element("input", { type: "range", min: 0, max: 1000, step: 1, id: `${id}-slider` });
@@ -179,6 +217,8 @@
       made.range = rangeOf(made, parseFloat(number));
       place(made);
       made.slider.oninput = () => {
+        clearTimeout(made.pause);
+        made.typed = false;
         made.input.value = String(valueAt(made, Number(made.slider.value)));
         enter(made, made.input.value);
       };
@@ -210,16 +250,39 @@
     made.slider.setAttribute("aria-valuetext", `${made.input.value} ${made.shownUnit.textContent}`);
   }
   const field0 = ({ field }, value) => field.zero && !(value > 0);
+  /* While a number is typed nothing is computed: it counts after Enter, on leaving the field, or after a pause. */
+  function typing(made) {
+    const text = pointed(made.input.value); // a decimal comma becomes a point, before one's eyes
+    if (text !== made.input.value) made.input.value = text;
+    clearTimeout(made.pause);
+    made.typed = true;
+    if (waiting) return;
+    mark("run", "computing", "Waiting for the number: press Enter.");
+    if (!unfinished(text)) made.pause = setTimeout(settleTyping, PAUSE, made);
+  }
+  function settleTyping(made) {
+    clearTimeout(made.pause);
+    if (!made.typed) return;
+    made.typed = false;
+    const text = made.input.value.trim();
+    if (text === "") { // emptied and left: what it was before
+      made.input.value = split(made.field.read(doc) ?? made.field.missing ?? (made.field.zero ? 0 : undefined))[0];
+      return changed();
+    }
+    enter(made, made.input.value);
+  }
   /* What stands in a field goes into the document as it is; the server says what is wrong with it. */
   function enter(made, text) {
-    const pointed = text.replace(/^(\s*[-+]?\d+),(\d+)(?![\d.,])/, "$1.$2"); // a decimal comma, before one's eyes
-    if (pointed !== text) made.input.value = pointed;
-    const { field } = made, trimmed = pointed.trim(), number = numeric(trimmed), good = !isNaN(number);
-    const [, unit] = split(trimmed);
+    const { field } = made, trimmed = text.trim().replace(/^([-+]?\d+)[.](?!\d)/, "$1"), [found, typedUnit] = split(trimmed);
+    const natural = field.plain || doc.units === "natural";
+    // The unit that stands beside the field may be typed as well.
+    const known = natural && typedUnit !== "" && [field.unit, made.shownUnit.textContent].includes(typedUnit);
+    const number = numeric(known ? found : trimmed);
     let value = trimmed;
-    if (field.plain || doc.units === "natural") value = good ? number : trimmed;
-    else if (trimmed !== "" && trimmed !== "never" && !unit) value = `${trimmed} ${made.unit}`;
+    if (natural) value = isNaN(number) ? trimmed : number;
+    else if (trimmed !== "never" && !typedUnit) value = `${trimmed} ${made.unit}`;
     field.write(doc, value);
+    if (known) made.input.value = found;
     if (document.activeElement !== made.slider) place(made);
     changed();
   }
@@ -230,18 +293,24 @@
     made.input.value = number;
     if (made.slider) made.range = rangeOf(made, parseFloat(number));
     place(made);
-    if (!made.field.swap) made.shownUnit.textContent = unit;
+    if (!made.field.swap) made.shownUnit.textContent = micro(unit);
   }
   function complain(kind, errors) {
+    const said = word2(errors.map((e) => e.message).join("; "));
     if (["chart", "band", "advice"].includes(kind)) {
-      const where = kind === "advice" ? "advice" : "map";
-      $(`${where}-state`).textContent = word2(errors.map((e) => e.message).join("; "));
+      const where = kind === "advice" ? "stop" : "map";
+      $(`${where}-state`).textContent = said;
       progress(where, null);
-      if (kind === "chart") { shown.chart = null; $("summary").textContent = ""; Plotly.purge($("plot-map")); }
+      if (kind === "chart") { shown.chart = null; $("summary").textContent = ""; Plotly.purge($("plot-map")); mark("map", "refused", ""); }
+      if (kind === "advice") mark("stop", "refused", shown.advice ? "Refused: what stands here is about the rig before." : "");
       return;
     }
+    if (kind === "contacts") { mark("drawing", "refused"); return noDrawing(`No drawing: ${said}`); }
     settle();
     progress("run", null);
+    noDrawing("");
+    mark("drawing", "refused");
+    mark("run", "refused", shown.run ? "Refused, see the message beside the rig: what stands here is the rig before." : "Refused.");
     const rest = [];
     for (const { key, message } of errors) {
       const made = key && rows.find((r) => key === r.field.key) || key && rows.find((r) => r.field.key.startsWith(`${key}.`) ||
@@ -272,9 +341,20 @@
     $("preset").replaceChildren(new Option("(your own)", ""), ...Object.values(groups));
     $("preset").onchange = () => {
       const chosen = presets[$("preset").value];
-      if (chosen) { cursor = 0.75; held = false; replace(structuredClone(chosen.document)); }
+      if (chosen) { cursor = 0.75; held = false; wait(false); begin(structuredClone(chosen.document)); }
     };
   }
+  function begin(next) {
+    began = structuredClone(next);
+    shown.friction = null;
+    replace(next);
+  }
+  $("reset").onclick = () => replace(structuredClone(began));
+  $("keep").onclick = () => {
+    before = before ? null : shown.run;
+    $("keep").textContent = before ? "Let the kept trace go" : "Keep trace to compare";
+    if (shown.run) drawForce();
+  };
   function showPreset() {
     const text = JSON.stringify(doc);
     const index = presets.findIndex((preset) => JSON.stringify(preset.document) === text);
@@ -315,10 +395,11 @@
   function forceTraces(run, friction) {
     const { slips } = run;
     const size = slips.count > 60 ? 3 : 6;
-    const traces = [
+    const traces = before && run === shown.run ? [{ ...scaled(before, run), mode: "lines", line: { color: colour("quiet"), width: 1 }, opacity: 0.6, name: "before" }] : [];
+    traces.push(
       { x: run.time.values, y: run.force.values, mode: "lines", line: { color: colour("blue"), width: 1.3 }, name: "force" },
       { x: slips.start, y: slips.before, mode: "markers", marker: { color: colour("vermillion"), size }, name: "slips" },
-    ];
+    );
     const ends = run.span, factor = run.force.factor;
     for (const [value, name, dash] of [[friction?.kinetic, "Fₖ", "dash"], [friction?.static, "Fₛ", "dot"]]) {
       if (value === null || value === undefined) continue;
@@ -326,33 +407,53 @@
     }
     return [...traces, shading(run)];
   }
+  /* A kept trace in the units of the one that is shown; "time" and "force" may have another prefix. */
+  function scaled(kept, run) {
+    const turn = (packed, factor) => numbers(packed).map((value) => value * factor);
+    if (kept.time.unit.slice(-1) !== run.time.unit.slice(-1)) return { x: [], y: [] };
+    return { x: turn(kept.time.values, kept.time.factor / run.time.factor), y: turn(kept.force.values, kept.force.factor / run.force.factor) };
+  }
+  const numbers = ({ bdata }) => new Float32Array(Uint8Array.from(atob(bdata), (c) => c.charCodeAt(0)).buffer);
   /* One trace for all slips, on an axis of its own from 0 to 1: much quicker than a shape for each. */
   function shading({ slips: { start, end, count } }) {
     const x = [], y = [];
     if (count <= 200) start.forEach((begin, i) => { x.push(begin, begin, end[i], end[i], null); y.push(0, 1, 1, 0, null); });
-    return { x, y, yaxis: "y2", mode: "lines", line: { width: 0 }, fill: "toself", fillcolor: `${colour("orange")}50`, name: "sliding" };
+    return { x, y, yaxis: "y2", mode: "lines", line: { width: 0 }, fill: "toself", fillcolor: `${colour("orange")}50`, name: "slip" };
   }
   function forceLayout(run, friction) {
-    const count = run.slips.count, factor = run.force.factor;
+    const count = run.slips.count, factor = run.force.factor, dots = count > 0 ? `${count === 1 ? "1 slip" : `${count} slips`}, marked` : "";
     const names = [[friction?.kinetic, "Fₖ"], [friction?.static, "Fₛ"]].filter(([value]) => value !== null && value !== undefined);
+    const words = [dots, before && run === shown.run ? "grey: the trace kept" : ""].filter(Boolean).join("; ");
     return { shapes: [], yaxis2: { overlaying: "y", range: [0, 1], visible: false, fixedrange: true }, xaxis: axis(label(run.time), { range: run.span }), yaxis: axis(upright(run.force)),
       margin: { l: 56, r: 28, t: 22, b: 44 },
       annotations: [...names.map(([value, text]) => ({ xref: "paper", x: 1.004, xanchor: "left", y: value / factor, text,
         showarrow: false, font: { color: colour("green") } })), { xref: "paper", yref: "paper", x: 1, y: 1, xanchor: "right", yanchor: "bottom", showarrow: false,
-        text: count === 1 ? "1 slip marked" : `${count} slips marked`, font: { color: colour("vermillion") } }] };
+        text: words, font: { color: colour(count > 0 ? "vermillion" : "quiet") } }] };
   }
-  function drawForce() {
-    const run = shown.run;
-    const now = run.span[0] + cursor * (run.span[1] - run.span[0]);
-    const plan = forceLayout(run, shown.friction);
-    plan.shapes.push({ type: "line", xref: "x", yref: "paper", x0: now, x1: now, y0: 0, y1: 1,
-      line: { color: colour("purple"), width: 1.5 } });
-    return draw("plot-force", forceTraces(run, shown.friction), plan);
+  async function drawForce() {
+    const run = shown.run, slips = run.slips.count;
+    const replayed = frames && !frames.exact ? [{ x: frames.clock.map((t) => t / run.time.factor), y: frames.pull.map((f) => f / run.force.factor), mode: "lines",
+      line: { color: colour("purple"), width: 1 }, name: "replayed" }] : [];
+    await draw("plot-force", [...forceTraces(run, shown.friction), ...replayed], forceLayout(run, shown.friction));
+    $("plot-force").setAttribute("aria-label", `Spring force against time: ${run.regime.kind}${slips ? `, ${slips} slips marked` : ""}`);
+    point();
+  }
+  /* The cursor lies over the plot, which need not be drawn again as it moves. */
+  function point(force) {
+    const plot = $("plot-force"), frame = plot._fullLayout, run = shown.run, line = $("cursor"), dot = $("cursor-dot");
+    if (!run || !frame?.xaxis || !frame.xaxis._length) return;
+    const { xaxis, yaxis } = frame, time = run.span[0] + cursor * (run.span[1] - run.span[0]), x = xaxis.l2p(time);
+    line.hidden = x < 0 || x > xaxis._length;
+    line.style.transform = `translate(${xaxis._offset + x}px, ${yaxis._offset}px)`;
+    line.style.height = `${yaxis._length}px`;
+    const y = force === undefined ? -1 : yaxis.l2p(force / run.force.factor);
+    dot.hidden = line.hidden || y < 0 || y > yaxis._length;
+    dot.style.transform = `translate(${xaxis._offset + x}px, ${yaxis._offset + y}px)`;
   }
   function drawPhase() {
     const { velocity, force, drive } = shown.run.phase;
     return draw("plot-phase", [{ x: velocity.values, y: force.values, mode: "lines", line: { color: colour("blue"), width: 1.2 } }], {
-      xaxis: axis(label(velocity)), yaxis: axis(upright(force)),
+      xaxis: axis(label(velocity), { range: velocity.range }), yaxis: axis(upright(force), { range: force.range }),
       shapes: [{ type: "line", x0: drive, x1: drive, yref: "paper", y0: 0, y1: 1, line: { color: colour("quiet"), dash: "dash", width: 1 } }],
       annotations: [{ x: drive, yref: "paper", y: 1, yanchor: "bottom", showarrow: false, text: "drive", font: { color: colour("quiet") } }] });
   }
@@ -364,14 +465,17 @@
       fill: "tozeroy", fillcolor: `${colour("purple")}44` }], { xaxis: axis(label(x)), yaxis: axis(upright(Q), { rangemode: "tozero" }) });
   }
 
-  function showRegime(prefix, regime) {
+  function showRegime(prefix, regime, often = "") {
     $(prefix).textContent = regime.kind;
+    const beside = $(`${prefix.replace(/regime$/, "")}often`);
+    if (beside) beside.textContent = often;
     $(prefix).parentElement.className = `verdict ${regime.kind.replaceAll(" ", "-")}`;
   }
   function list(id, lines) {
     $(id).replaceChildren(...lines.map((textContent) => element("li", { textContent: word2(textContent) })));
   }
-  const word2 = (text) => text.replace(/\b([xf])_s\b/g, "$1ₛ").replace(/\bF_s\b/g, "Fₛ").replace(/\bF_k\b/g, "Fₖ");
+  const micro = (text) => text.replace(/\bu(m|s|N|g)\b/g, "µ$1");
+  const word2 = (text) => micro(text).replace(/\b([xf])_s\b/g, "$1ₛ").replace(/\bF_s\b/g, "Fₛ").replace(/\bF_k\b/g, "Fₖ");
   function table(id, lines, head) {
     const cells = (tag, line) => element("tr", {}, ...line.map((textContent) => element(tag, { textContent: word2(textContent) })));
     const parts = [element("tbody", {}, ...lines.map((line) => cells("td", line)))];
@@ -394,30 +498,57 @@
       if (reply.friction) {
         shown.friction = reply.friction;
         $("friction").textContent = word2(reply.friction.words.join("; "));
-        if (page === "interface" && shown.run) drawForce();
+        if (page === "simulate" && shown.run) drawForce();
         return;
       }
-      if (reply.id === lanes.run.wanted) settle();
+      const newest = reply.id === lanes.run.wanted;
+      if (newest) {
+        settle();
+        if (reply.going_on) mark("run", "computing", "Undecided so far: the run goes on by itself …");
+        else if (!rows.some((made) => made.typed)) mark("run", "");
+      }
+      reply.asked = structuredClone(newest ? doc : {});
       shown.run = reply;
       shown.stretchings = reply.stretchings;
-      showRegime("regime", reply.regime);
+      showRegime("regime", reply.regime, reply.period);
       showRegime("map-regime", reply.regime);
       $("reason").textContent = reply.regime.reason;
+      list("notes", reply.notes);
       list("evidence", reply.regime.evidence);
       showPreset();
+      offerParameters(Object.keys(reply.parameters));
       followDot(reply.parameters);
-      if (page === "interface") {
+      if (newest && !reply.going_on) { judgeTour(); askFrames(); }
+      if (page === "simulate") {
         await drawForce();
         later(drawRest); // the trace first
       }
-      document.dispatchEvent(new CustomEvent("drawn", { detail: { id: reply.id, kind: reply.regime.kind } }));
+      document.dispatchEvent(new CustomEvent("drawn", { detail: { id: reply.id, kind: reply.regime.kind, extended: reply.going_on } }));
+    },
+    contacts(reply) {
+      if (!reply.frames) return;
+      const time = timeNow(); // showing begins with the first frame
+      frames = reply.frames;
+      mark("drawing", "");
+      stage.show(frames);
+      frames.clock = Array.from(numbers(frames.times));
+      frames.pull = Array.from(numbers(frames.force));
+      const shownOf = frames.shown < frames.of ? `${frames.shown} of the ${frames.of} contacts` : `all ${frames.of} contacts`;
+      $("stage-words").textContent = frames.exact ? shownOf : frames.own ? `${shownOf}, of another run of the same rig (purple line)`
+        : `${shownOf}, of a run with contacts of the same rig (purple line)`;
+      for (const id of ["play", "pace", "slow"]) $(id).disabled = false;
+      if (!frames.exact && page === "simulate") drawForce();
+      const [begin, end] = stage.span();
+      stage.seek(time >= begin && time <= end ? time : begin);
+      if (playing) stage.play();
     },
     stretchings(reply) {
       if (!reply.stretchings) return;
       shown.stretchings = reply.stretchings;
-      if (page === "interface") drawStretchings();
+      if (page === "simulate") drawStretchings();
     },
     edit(reply) {
+      if (reply.scales) scales = reply.scales; // for the way back
       if (reply.document) replace(reply.document);
     },
     chart(reply) {
@@ -426,8 +557,9 @@
       shown.chart = reply;
       shown.bands = [];
       asked.band = "";
+      mark("map", "");
       $("map-state").textContent = "";
-      $("summary").textContent = reply.summary.replace(/^.*?: smooth/, "Smooth");
+      $("summary").textContent = reply.summary;
       drawMap();
       if ($("band").checked) askBand();
     },
@@ -439,9 +571,10 @@
       drawMap();
     },
     advice(reply) {
-      if (reply.progress !== undefined) return progress("advice", reply.progress);
-      if (reply.done) return progress("advice", null);
+      if (reply.progress !== undefined) return progress("stop", reply.progress);
+      if (reply.done) return progress("stop", null);
       shown.advice = reply;
+      mark("stop", "");
       showAdvice();
     },
   };
@@ -452,7 +585,7 @@
     drawRest();
   }
   function drawRest() {
-    if (page !== "interface") return;
+    if (page !== "simulate") return;
     drawPhase();
     drawStretchings();
   }
@@ -469,12 +602,47 @@
     if (time === null || time === undefined) return;
     const [begin, end] = shown.run.span;
     cursor = Math.min(Math.max((time - begin) / (end - begin), 0), 1);
-    ask("stretchings", { cursor });
-    const lines = $("plot-force").layout.shapes.length - 1, now = begin + cursor * (end - begin);
-    Plotly.relayout($("plot-force"), { [`shapes[${lines}].x0`]: now, [`shapes[${lines}].x1`]: now });
+    ask("stretchings", { cursor, duration: lasted() });
+    const there = frames && stage.span(), now = timeNow();
+    if (there && now >= there[0] && now <= there[1]) stage.seek(now);
+    else { point(); askFrames(); }
   }
-  $("plot-force").addEventListener("pointermove", (event) => { if (!held && event.pointerType === "mouse" && !event.buttons) look(event); });
-  $("plot-force").addEventListener("click", (event) => { held = !held; look(event); }, true);
+  $("plot-force").addEventListener("pointermove", (event) => { if (!held && !playing && event.pointerType === "mouse" && !event.buttons) look(event); });
+  $("plot-force").addEventListener("click", (event) => { held = !held || playing; look(event); }, true);
+
+  // ------------------------------------------------------------------------------------------------ the drawing
+
+  let frames = null, playing = !matchMedia("(prefers-reduced-motion: reduce)").matches, framing = 0;
+  const timeNow = () => (shown.run.span[0] + cursor * (shown.run.span[1] - shown.run.span[0])) * shown.run.time.factor;
+  const lasted = () => shown.run.span[1] * shown.run.time.factor; // of the run on the page, which may be cut short
+  const stage = Stage.make($("drawing"), colour, (time, force) => {
+    if (!shown.run) return;
+    cursor = (time / shown.run.time.factor - shown.run.span[0]) / (shown.run.span[1] - shown.run.span[0]);
+    if (page === "simulate") point(force);
+  });
+  function askFrames() {
+    clearTimeout(framing);
+    framing = setTimeout(() => { if (page === "simulate" && shown.run && !waiting && document.body.dataset.runState === "") ask("contacts", { cursor, duration: lasted() }); }, 250);
+  }
+  function noDrawing(words) {
+    clearTimeout(framing);
+    frames = null;
+    stage.clear();
+    for (const id of ["play", "pace", "slow"]) $(id).disabled = true;
+    $("stage-words").textContent = words;
+  }
+  function setPlaying(now) {
+    playing = now;
+    $("play").textContent = playing ? "Pause" : "Play";
+    $("play").setAttribute("aria-pressed", String(playing));
+    if (playing && frames) stage.play();
+    else if (!playing) { stage.pause(); if (shown.run) ask("stretchings", { cursor, duration: lasted() }); }
+  }
+  $("play").onclick = () => setPlaying(!playing);
+  $("pace").onchange = () => stage.pace(Number($("pace").value));
+  $("slow").onchange = () => stage.slow($("slow").checked);
+  $("sound").onchange = () => stage.sound($("sound").checked);
+  window.addEventListener("resize", () => { if (page === "simulate") { stage.paint(); point(); } });
 
   // ------------------------------------------------------------------------------------------------ page 2
 
@@ -487,6 +655,7 @@
     delete rest.simulation; delete rest.name; delete rest.assumed; delete rest.source;
     if (rest.drive) { delete rest.drive.distance; delete rest.drive.duration; }
     for (const parameter of over) Fields.put(rest, keys[parameter], undefined);
+    if (over.includes("damping")) Fields.put(rest, "slider.damping_ratio", undefined);
     return JSON.stringify([over, rest]);
   }
   const over = () => [$("across").value, $("up").value];
@@ -494,11 +663,13 @@
   function askMap() {
     if (dragging) return;
     clearTimeout(resting);
-    if (shown.chart && asked.chart === signature(over())) return;
+    if (waiting) return;
+    if (shown.chart && asked.chart === signature(over())) return mark("map", "");
     resting = setTimeout(() => {
       asked.chart = signature(over());
       drop("band");
       shown.bands = [];
+      if (shown.chart) mark("map", "computing", "Computing … this is the map of the rig before.");
       $("map-state").textContent = "computing the map …";
       progress("map", 0);
       ask("chart", { over: over() });
@@ -549,25 +720,43 @@
     const { chart } = shown;
     if (!chart || page !== "map") return;
     const bands = bandOutline();
-    const dark = matchMedia("(prefers-color-scheme: dark)").matches;
-    const middle = dark ? "#2b3138" : "#f7f7f7";
+    // As in `stickslip map`: purple is stable, orange unstable.
     const traces = [
       { type: "heatmap", x: chart.x.values, y: chart.y.values, z: chart.shade, customdata: chart.rate, zmin: -1, zmax: 1,
-        colorscale: [[0, dark ? "#56b4e9" : "#0072b2"], [0.5, middle], [1, dark ? "#e69f00" : "#e66f00"]], opacity: 0.85,
+        colorscale: [[0, colour("stable")], [0.5, colour("neither")], [1, colour("unstable")]], zsmooth: "best",
         hovertemplate: `growth rate %{customdata} ${word(chart.rate_unit)}<extra></extra>`,
         colorbar: { title: { text: `growth rate (${word(chart.rate_unit)})`, side: "right" }, tickvals: chart.levels.at,
           ticktext: chart.levels.text, thickness: 12, outlinewidth: 0 } },
       { ...bands, mode: "lines", fill: "toself", fillpattern: { shape: "/", size: 7, fgcolor: colour("edge"), bgcolor: "rgba(0,0,0,0)" },
         line: { width: 0 }, hoverinfo: "skip", name: "bistable" },
-      ...chart.curves.map(({ x, y }) => ({ x, y, mode: "lines", line: { color: colour("edge"), width: 2.2 }, hoverinfo: "skip", name: "boundary" })),
+      ...chart.curves.map(({ x, y }) => ({ x, y, mode: "lines", line: { color: colour("edge"), width: 2.2 }, hoverinfo: "skip", name: "limit" })),
       { x: [chart.here[0]], y: [chart.here[1]], mode: "markers", hoverinfo: "skip", name: "this rig",
         marker: { size: 15, color: colour("paper"), line: { color: colour("vermillion"), width: 4 } } },
     ];
-    const range = (values) => { const e = chart[values].ends; return [Math.log10(e[0]), Math.log10(e[1])]; };
-    const tick = { exponentformat: doc.units === "natural" ? "power" : "SI", minexponent: 0, dtick: "D2" };
-    return draw("plot-map", traces, { hovermode: "closest", dragmode: false, margin: { l: 62, r: 8, t: 10, b: 48 },
-      xaxis: axis(label(chart.x), { type: "log", range: range("x"), ...tick }),
-      yaxis: axis(label(chart.y), { type: "log", range: range("y"), ...tick }) });
+    $("map-bistable").hidden = !bands.x.length;
+    const numbersOn = chart.curves.flatMap(({ x, y, frequency }) => [0.25, 0.5, 0.75].map((part) => Math.round(part * (x.length - 1))).map((i) => [x[i], y[i], frequency[i]]))
+      .filter(([x, y, f]) => f > 0 && x > chart.x.ends[0] * 1.2 && x < chart.x.ends[1] / 1.2 && y > chart.y.ends[0] * 1.2 && y < chart.y.ends[1] / 1.2);
+    const apart = numbersOn.filter(([x, y], i) => numbersOn.slice(0, i).every(([a, b]) => Math.hypot(Math.log(x / a), Math.log(y / b)) > 0.7));
+    $("map-frequency").textContent = apart.length ? `; numbers: frequency of the oscillation there, in ${chart.frequency_unit}` : "";
+    const written = apart.map(([x, y, f]) => ({ x: Math.log10(x), y: Math.log10(y), text: f >= 100 ? f.toFixed(0) : String(short(f, 3)), showarrow: false,
+      bgcolor: colour("paper"), borderpad: 1, font: { size: 11, color: colour("ink") } }));
+    return draw("plot-map", traces, { hovermode: "closest", dragmode: false, annotations: written, margin: { l: 62, r: 8, t: 10, b: 48 },
+      xaxis: logarithmic(chart.x), yaxis: logarithmic(chart.y) });
+  }
+  /* An axis of the map: 1, 2, 5, 10 ... in the prefix that suits its middle. */
+  function logarithmic({ title, unit, ends: [low, high] }) {
+    const middle = Math.sqrt(low * high), prefixes = { "N/m": "mkMG", "m/s": "nµmk", s: "nµm" }[unit] ?? "";
+    const sizes = { n: 1e-9, "µ": 1e-6, m: 1e-3, "": 1, k: 1e3, M: 1e6, G: 1e9 };
+    const prefix = ["", ...prefixes].filter((p) => sizes[p] <= middle * 2).sort((p, q) => sizes[q] - sizes[p])[0] ?? "";
+    const tickvals = [], wide = high / low > 200;
+    for (let decade = Math.floor(Math.log10(low)); decade <= Math.log10(high); decade++) {
+      for (const step of wide ? [1, 3] : [1, 2, 5]) {
+        const value = step * Math.pow(10, decade);
+        if (value >= low * 0.999 && value <= high * 1.001) tickvals.push(value);
+      }
+    }
+    return axis(label({ title, unit: prefix + unit }), { type: "log", range: [Math.log10(low), Math.log10(high)], tickvals,
+      ticktext: tickvals.map((value) => String(short(value / sizes[prefix], 2))) });
   }
   let dragging = false;
   function turn(event) {
@@ -598,12 +787,22 @@
     moveTo(clamp(shown.chart.here[0] * Math.pow(1.05, step[0]), shown.chart.x.ends),
       clamp(shown.chart.here[1] * Math.pow(1.05, step[1]), shown.chart.y.ends));
   });
+  /* Only what the rig has can be an axis. */
+  function offerParameters(names) {
+    if (!names.length) return;
+    for (const id of ["across", "up"]) for (const option of $(id).options) option.disabled = !names.includes(option.value);
+    for (const [id, other] of [["across", "up"], ["up", "across"]]) {
+      if (names.includes($(id).value)) continue;
+      $(id).value = names.find((name) => name !== $(other).value);
+      if (page === "map") askMap();
+    }
+  }
   for (const [id, chosen] of [["across", "stiffness"], ["up", "velocity"]]) {
-    $(id).replaceChildren(...Object.entries(KNOBS).map(([value, text]) => new Option(text, value)));
+    $(id).replaceChildren(...Object.entries(PARAMETERS).map(([value, text]) => new Option(text, value)));
     $(id).value = chosen;
     $(id).onchange = () => {
       const other = $(id === "across" ? "up" : "across");
-      if (other.value === $(id).value) other.value = Object.keys(KNOBS).find((parameter) => parameter !== $(id).value);
+      if (other.value === $(id).value) other.value = [...other.options].find((option) => !option.disabled && option.value !== $(id).value).value;
       askMap();
     };
   }
@@ -621,28 +820,31 @@
 
   function askAdvice() {
     const text = JSON.stringify(doc);
-    if (asked.advice === text) return;
+    if (waiting || asked.advice === text) return;
+    if (shown.advice) mark("stop", "computing", "Computing … this is about the rig before.");
     clearTimeout(resting);
     resting = setTimeout(() => {
       asked.advice = text;
-      $("advice-state").textContent = "predicting …";
-      progress("advice", 0);
+      $("stop-state").textContent = "predicting …";
+      progress("stop", 0);
       ask("advice");
     }, 200);
   }
   function showAdvice() {
     const found = shown.advice;
-    $("advice-state").textContent = "";
+    $("stop-state").textContent = "";
     $("verdict").textContent = word2(`${found.name}: ${found.verdict}`);
     $("verdict").parentElement.className = `verdict ${found.ill ? "stick-slip" : "smooth-sliding"}`;
-    list("advice-evidence", found.evidence);
+    list("stop-evidence", found.evidence);
     table("numbers", found.numbers);
     table("margins", found.margins, ["parameter", "now", "limit below", "limit above"]);
-    const mitigations = found.mitigations.map(({ parameter, words, steps }) => element("li", {}, word2(words), element("br"),
-      ...steps.map(({ title, value }) => element("button", { type: "button", textContent: `Apply ${word2(title)}`,
-        onclick: () => ask("edit", { turn: { [parameter]: value } }) }))));
+    const mitigations = found.mitigations.map(({ words, steps }) => element("li", {},
+      ...steps.map(({ title, to, values }) => element("p", {}, element("strong", { textContent: title }), ` (${word2(to)}) `,
+        element("button", { type: "button", textContent: "Apply", ariaLabel: `Apply: ${title}`, onclick: () => ask("edit", { turn: values }) }))),
+      element("p", { className: "quiet", textContent: word2(words) })));
     const none = found.ill ? "No change within the ranges searched gives smooth sliding." : "None needed.";
     $("mitigations").replaceChildren(...(mitigations.length ? mitigations : [element("li", { textContent: none })]));
+    list("attempts", [...found.attempts, found.not_searched].filter(Boolean));
     const assumed = Object.entries(found.assumed).map(([key, how]) => element("li", { textContent: `${key}: ${how}` }));
     $("assumed").replaceChildren(...(assumed.length ? [element("h2", { textContent: "Assumed, not measured" }), element("ul", {}, ...assumed)] : []));
   }
@@ -657,6 +859,7 @@
       return traceComplaint(`${file.name} has ${Math.round(file.size / 1e6)} MB, more than ${LARGEST / 1e6}; keep every n-th row or a part of it, or use stickslip measure`);
     }
     $("trace-state").textContent = `reading ${file.name} …`;
+    if (shown.trace) mark("trace", "computing", `Reading … this is ${shown.trace.name}.`);
     const query = new URLSearchParams({ name: file.name, width: Math.max(300, $("pages").clientWidth), force: $("column-force").value,
       time: $("column-time").value, step: $("step").value });
     try {
@@ -677,16 +880,22 @@
   }
   function showTrace(found) {
     shown.trace = found;
+    mark("trace", "");
     $("trace-complaint").hidden = true;
     $("trace-found").hidden = false;
     $("trace-state").textContent = `${found.name}: ${found.rows} rows${found.note ? `; ${found.note}` : ""}`;
-    showRegime("trace-regime", found.regime);
+    const per = found.regime.period;
+    showRegime("trace-regime", found.regime, per && found.regime.kind !== "smooth sliding" && found.time.unit.endsWith("s") ? `${short(1 / per, 3)} Hz` : "");
     $("trace-reason").textContent = found.regime.reason;
     list("trace-evidence", found.regime.evidence);
     table("statistics", [["slips", String(found.slips.count)], ...found.statistics]);
     draw("plot-trace", forceTraces(found), forceLayout(found));
   }
   $("file").onchange = () => { if ($("file").files[0]) analyse($("file").files[0]); $("file").value = ""; };
+  $("sample").onclick = async () => {
+    const answer = await fetch("sample.csv").catch(() => null);
+    if (answer?.ok) analyse(new File([await answer.blob()], "sample.csv"));
+  };
   $("again").onclick = () => analyse(measured);
   for (const kind of ["dragover", "drop"]) {
     window.addEventListener(kind, (event) => { // anywhere on the page, so that a miss does not leave it
@@ -709,9 +918,11 @@
     }
     if (!doc) return;
     remember();
-    if (page === "interface") drawRun();
+    if (page === "simulate") { drawRun(); if (shown.run && !frames) askFrames(); if (playing && frames) stage.play(); }
+    else stage.pause();
+    if (waiting) return;
     if (page === "map") { drawMap(); askMap(); }
-    if (page === "advice") askAdvice();
+    if (page === "stop") askAdvice();
     if (page === "trace" && shown.trace) showTrace(shown.trace);
   }
   for (const name of PAGES) $(`tab-${name}`).onclick = () => open(name);
@@ -721,12 +932,46 @@
     open(PAGES[(PAGES.indexOf(page) + step + PAGES.length) % PAGES.length]);
     $(`tab-${page}`).focus();
   });
-  $("units").onchange = () => ask("edit", { units: $("units").value });
+  $("units").onchange = () => ask("edit", { units: $("units").value, ...($("units").value === "SI" && scales ? { scales } : {}) });
+
+  // ------------------------------------------------------------------------------------------------ the tour and the glossary
+
+  function judgeTour() {
+    if (question < 0) return;
+    if (before === null) { before = shown.run; drawForce(); } // of the beginning, to compare with
+    if (!Tour.QUESTIONS[question].solved(shown.run, began)) return;
+    $("tour-answer").textContent = `Yes. ${Tour.QUESTIONS[question].answer}`;
+    $("tour-answer").className = "solved";
+  }
+  function tour(index) {
+    question = index >= Tour.QUESTIONS.length ? -1 : index;
+    $("tour").hidden = question < 0;
+    before = null;
+    $("keep").textContent = "Keep trace to compare";
+    if (question < 0) { if (shown.run && page === "simulate") drawForce(); return; }
+    const { title, question: words } = Tour.QUESTIONS[question];
+    $("tour-title").textContent = title;
+    $("tour-question").textContent = words;
+    $("tour-answer").textContent = "";
+    $("tour-answer").className = "";
+    $("tour-next").textContent = question + 1 < Tour.QUESTIONS.length ? "Next question" : "Done";
+    wait(false);
+    if (page !== "simulate") open("simulate");
+    begin(Tour.begin(presets[0].document, question));
+  }
+  $("tour-begin").onclick = () => { if (presets.length) tour(0); };
+  $("tour-reset").onclick = () => tour(question);
+  $("tour-next").onclick = () => tour(question + 1);
+  $("tour-end").onclick = () => tour(-1);
+  $("glossary-list").replaceChildren(...Glossary.flatMap(({ term, unit, text }) => [element("dt", {}, term, unit ? element("span", { className: "quiet", textContent: ` ${unit}` }) : ""),
+    element("dd", { textContent: text })]));
+  $("glossary-open").onclick = () => $("glossary").showModal();
+  $("glossary-close").onclick = () => $("glossary").close();
 
   for (const button of document.querySelectorAll("[data-download]")) {
     button.onclick = async () => {
       const form = button.dataset.download;
-      const answer = await fetch(`download/${form}`, { method: "POST", body: JSON.stringify(doc) }).catch(() => null);
+      const answer = await fetch(`download/${form}`, { method: "POST", body: JSON.stringify({ document: doc, duration: form !== "toml" && shown.run ? lasted() : null }) }).catch(() => null);
       if (!answer) return notice("The server is gone. Start `stickslip explore` again; this page will find it.");
       if (!answer.ok) return complain("run", (await answer.json()).errors);
       const url = URL.createObjectURL(await answer.blob());
@@ -738,13 +983,15 @@
   $("link").onclick = async () => {
     const link = location.origin + location.pathname + address();
     history.replaceState(null, "", link);
+    keepHere();
     let done = "Copied";
     try { await navigator.clipboard.writeText(link); } catch { done = "It is in the address bar"; }
     $("link").textContent = done;
     setTimeout(() => { $("link").textContent = "Copy link"; }, 2000);
   };
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => open(page));
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { stage.recolour(); open(page); });
 
+  setPlaying(playing);
   open(page);
   connect();
 })();

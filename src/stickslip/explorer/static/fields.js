@@ -109,7 +109,11 @@ const Fields = (() => {
     const found = WITH_UNIT.exec(value);
     return found ? [found[1], (found[2] ?? "").trim()] : [String(value), ""];
   }
+  /* A decimal comma becomes a point ("1,5"); thousands apart ("1 200", "1.200,5") are not guessed at. */
+  const pointed = (text) => text.replace(/^(\s*[-+]?\d*),(\d+)(?![\d.,])/, "$1.$2");
+  /* Still being typed: "", "-", "1.", "1e", "1.5e-". */
+  const unfinished = (text) => /^\s*[-+]?(\d*[.,]?|(\d+[.,]?\d*|[.,]\d+)[eE][-+]?)\s*$/.test(text) && !/^\s*[-+]?\d+\s*$/.test(text);
   const short = (value, digits = 4) => Number(value.toPrecision(digits));
 
-  return { ALL, split, numeric, short, at, put };
+  return { ALL, split, numeric, short, at, put, pointed, unfinished };
 })();

@@ -79,6 +79,20 @@ class Stretchings(NamedTuple):
     cells: bool
 
 
+class Individuals(NamedTuple):
+    """Every contact by itself, in an order that stays.
+
+    Attributes
+    ----------
+    stretching : ndarray, shape (N,)
+        Meaningless for detached contacts.
+    attached : ndarray of bool, shape (N,)
+    """
+
+    stretching: Array
+    attached: NDArray[np.bool_]
+
+
 class Advance(NamedTuple):
     """What an engine has passed on a leg: samples, looks, and whether it has come to the end."""
 

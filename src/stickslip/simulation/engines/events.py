@@ -15,6 +15,7 @@ from stickslip.simulation.engines.base import (
     Advance,
     Beginning,
     Engine,
+    Individuals,
     Leg,
     Stretchings,
     slider_constants,
@@ -102,6 +103,11 @@ class Events(Engine):
     def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts now."""
         return self._stretchings(self.here()[1])
+
+    def individuals(self) -> Individuals:
+        """Every contact by itself, now."""
+        contacts = self._state.contacts
+        return Individuals(self.here()[1] - contacts["birth"], contacts["threshold"] > 0)
 
     def _stretchings(self, X: float) -> Stretchings:
         from stickslip.kernels import events as kernel

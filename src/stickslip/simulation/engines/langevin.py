@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError
 from stickslip.model import Contacts, Interface, Langevin, MasterEquation, PaperClosure
-from stickslip.simulation.engines.base import Beginning, Stretchings, slider_constants, solves
+from stickslip.simulation.engines.base import Beginning, Individuals, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import (
     attached_now,
     first_contacts,
@@ -66,6 +66,10 @@ class LangevinContacts(Steps):
     def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts now."""
         return attached_now(self._contacts.stretching, self._contacts.attach, self.state[0])
+
+    def individuals(self) -> Individuals:
+        """Every contact by itself, now."""
+        return Individuals(self._contacts.stretching.copy(), self._contacts.attach <= self.state[0])
 
     def take(self, course: Course) -> Array:
         """Follow a course, and return the samples."""

@@ -1,0 +1,217 @@
+"""Processes that compute: one question at a time each, bounded in time and memory, and killed if they do not stop.
+
+The server itself never computes, so that no question of one window can hold up another window's. Workers are forked
+from a process that has loaded the kernels already, so that a new one is ready at once, or spawned where there is none.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import multiprocessing
+import os
+import queue
+import signal
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from typing import Any
+
+import numpy as np
+
+from stickslip.errors import InputError, UndecidedError
+from stickslip.explorer import answers, documents
+from stickslip.explorer.packing import Plain
+
+Reply = Callable[[Any], None]
+
+GRACE = 1.0
+"""Seconds that a worker has to stop by itself before it is killed."""
+MEMORY = 3_000_000_000
+"""Bytes that a worker may take."""
+
+REFUSALS = (InputError, UndecidedError, MemoryError, ArithmeticError, np.linalg.LinAlgError)
+"""What a question may end in without a fault of ours: the numbers of a document can be as far apart as they like."""
+_STOP = "stop"
+
+
+@dataclass(frozen=True)
+class Job:
+    """A question: what kind, with what, and for how many seconds it may be worked on."""
+
+    kind: str
+    arguments: tuple[Any, ...]
+    seconds: float
+
+
+class Crew:
+    """Some workers, started when they are needed; `size` of them work at the same time, the rest of the jobs wait."""
+
+    def __init__(self, name: str, size: int, niceness: int = 0) -> None:
+        self._niceness = niceness
+        self._threads = ThreadPoolExecutor(size, name)  # each waits for its worker
+        self._idle: queue.LifoQueue[_Worker] = queue.LifoQueue()
+        self._closed = False
+
+    async def work(self, job: Job, reply: Reply, dropped: threading.Event | None = None) -> None:
+        """Do a job; `reply` is called, in another thread, with each answer, at last with ``{"done": True}`` or errors.
+
+        After `dropped` is set there is no reply, and the worker is free again within `GRACE`.
+        """
+        loop = asyncio.get_running_loop()
+        await loop.run_in_executor(self._threads, self._work, job, reply, dropped or threading.Event())
+
+    def _work(self, job: Job, reply: Reply, dropped: threading.Event) -> None:
+        if dropped.is_set() or self._closed:
+            return
+        try:
+            worker = self._idle.get_nowait()
+        except queue.Empty:
+            worker = _Worker(self._niceness)
+        if worker.work(job, reply, dropped) and not self._closed:
+            self._idle.put(worker)
+        else:
+            worker.kill()
+
+    def close(self) -> None:
+        """End all workers."""
+        self._closed = True
+        self._threads.shutdown(wait=False, cancel_futures=True)
+        with suppress(queue.Empty):
+            while True:
+                self._idle.get_nowait().kill()
+
+
+class _Worker:
+    """A process, and our end of the line to it."""
+
+    def __init__(self, niceness: int) -> None:
+        context: Any = _context()
+        self._line, theirs = context.Pipe()
+        self._process = context.Process(target=_serve, args=(theirs, niceness), daemon=True)
+        self._process.start()
+        theirs.close()
+
+    def work(self, job: Job, reply: Reply, dropped: threading.Event) -> bool:
+        """Do a job; return whether the worker is fit for another."""
+        deadline, stopping, late = time.monotonic() + job.seconds, 0.0, False
+        try:
+            self._line.send(job)
+            while True:
+                if self._line.poll(0.05):
+                    word, content = self._line.recv()
+                    if word == "end":
+                        break
+                    if not dropped.is_set() and not late:
+                        reply(content)
+                now = time.monotonic()
+                if stopping:
+                    if now > stopping:
+                        return False
+                elif dropped.is_set() or now > deadline:
+                    late = not dropped.is_set()
+                    if late:
+                        reply(_errors(f"given up after {job.seconds:g} s; take a shorter run, or fewer contacts"))
+                    self._line.send(_STOP)
+                    stopping = now + GRACE
+        except (EOFError, OSError):  # killed from outside, for its memory as a rule
+            if not dropped.is_set():
+                reply(_errors("the computation was ended by the system, for want of memory as a rule"))
+            return False
+        return True
+
+    def kill(self) -> None:
+        """End the process, whatever it is doing."""
+        self._process.kill()
+        self._line.close()
+
+
+def _context() -> Any:
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    context: Any = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["stickslip.explorer.warm"])
+    return context
+
+
+def start() -> None:
+    """Begin to load what workers need."""
+    if "forkserver" in multiprocessing.get_all_start_methods():
+        _context()
+        from multiprocessing.forkserver import ensure_running
+
+        ensure_running()
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# In the worker
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+class _StoppedError(Exception):
+    """Nobody waits for this work any more."""
+
+
+def _serve(line: Connection, niceness: int) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all; the server ends us
+    with suppress(OSError, AttributeError):
+        os.nice(niceness)
+    _bound_memory()
+    with suppress(EOFError, OSError):
+        while True:
+            job = line.recv()
+            if job != _STOP:  # else it came after the answer
+                _answer(line, job)
+                line.send(("end", None))
+
+
+def _bound_memory() -> None:
+    try:
+        import resource
+    except ImportError:
+        return
+    with suppress(ValueError, OSError):
+        resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
+
+
+def _answer(line: Connection, job: Job) -> None:
+    told = time.monotonic()
+
+    def watch(share: float) -> None:
+        nonlocal told
+        if line.poll():
+            line.recv()
+            raise _StoppedError
+        if time.monotonic() - told > 0.2:
+            told = time.monotonic()
+            line.send(("reply", {"progress": share}))
+
+    try:
+        for content in answers.ANSWERS[job.kind](*job.arguments, watch):
+            line.send(("reply", content))
+        line.send(("reply", {"done": True}))
+    except _StoppedError:
+        return
+    except REFUSALS as error:
+        line.send(("reply", {"errors": _complaints(error)}))
+    except (EOFError, OSError):
+        raise
+    except Exception as error:  # the page is to stay alive whatever happens; the terminal is told, too
+        traceback.print_exc()
+        line.send(("reply", _errors(f"this failed: {type(error).__name__}: {error}")))
+
+
+def _errors(message: str) -> Plain:
+    return {"errors": [{"key": "", "message": message}]}
+
+
+def _complaints(error: Exception) -> list[dict[str, str]]:
+    if isinstance(error, MemoryError):
+        return [{"key": "", "message": "not enough memory for this case; take fewer contacts"}]
+    if not isinstance(error, (InputError, UndecidedError)):
+        return [{"key": "", "message": f"cannot be computed, its numbers are too far apart ({type(error).__name__})"}]
+    return documents.complaints(error)
