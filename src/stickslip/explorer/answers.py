@@ -41,6 +41,7 @@ _FARTHEST = 1e3  # from the rig's own point, for the bistable band
 _SAMPLED, _SENSOR = 5e-3, 0.01  # the sample trace: seconds from row to row, noise over the largest force
 _EXTENSIONS = 3  # of a run that is undecided, each twice as long
 _POINTS = 72  # of the map along each parameter, twice over
+_AROUND_AGED, _POINTS_AGED = 5.0, 24  # each point takes a hundred times as long, and theory ends at some speeds
 _COLUMNS = 9  # of the map, for the bistable band
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 
@@ -312,7 +313,8 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
     rig = documents.rig_of(request.get("document"))
     documents.check_thresholds(rig)
     over = _over(request)
-    found = advise.chart(rig, over, request.get("around", 20.0), _POINTS, watch)
+    around, points = (20.0, _POINTS) if rig.interface.ageing is None else (_AROUND_AGED, _POINTS_AGED)
+    found = advise.chart(rig, over, request.get("around", around), points, watch)
     rate = found["growth_rate"].transpose(over[1], over[0])
     values = rate.to_numpy()
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 1.0
