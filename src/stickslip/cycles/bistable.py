@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stickslip.answers import Answer
 from stickslip.cycles.branch import Point, carried, first_point
 from stickslip.cycles.edges import Edge, Interval, scaled
 from stickslip.cycles.ride import METHOD, Range
@@ -24,8 +25,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-@dataclass(frozen=True, kw_only=True)
-class BistableRange:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class BistableRange(Answer):
     """Where along a parameter both smooth sliding and stick-slip persist; nowhere is an answer too.
 
     Attributes

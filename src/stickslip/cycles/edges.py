@@ -7,11 +7,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from stickslip.answers import Answer
+
 EdgeKind = Literal["decay", "fold", "linear", "shrinks to nothing", "end of range", "undecided"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Edge:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Edge(Answer):
     """An end of an interval of a parameter.
 
     Attributes
@@ -70,8 +72,8 @@ class Edge:
         return f"{self.value:.5g} ({self.kind})"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Interval:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Interval(Answer):
     """An interval of a parameter, and what its ends are."""
 
     low: Edge

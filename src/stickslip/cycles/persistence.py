@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stickslip.answers import Answer
 from stickslip.cycles.edges import Edge, Interval, halved, scaled
 from stickslip.cycles.ride import METHOD, Range
 from stickslip.cycles.verdict import Verdict, settle
@@ -19,8 +20,8 @@ from stickslip.model.rig import Rig
 from stickslip.stability import critical
 
 
-@dataclass(frozen=True, kw_only=True)
-class Sustained:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Sustained(Answer):
     """Where an oscillation persists along a parameter, afresh from the same start at each value; nowhere is an answer.
 
     Attributes
@@ -157,8 +158,8 @@ def _windows(probe: _Probe, grid: list[tuple[float, bool | None]], tolerance: fl
     return tuple(Interval(low=low, high=high) for low, high in zip(edges[::2], edges[1::2], strict=True))
 
 
-@dataclass(frozen=True, kw_only=True)
-class SustainedOnset:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class SustainedOnset(Answer):
     """The smallest value of a parameter with which an oscillation is sustained from a start (nonlinear).
 
     Attributes

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip.answers import Answer
 from stickslip.cycles.ride import METHOD, Look, Ride, natural_rig
 from stickslip.errors import InputError, UndecidedError
 from stickslip.measure.slips import SLIP_VELOCITY
@@ -27,8 +28,8 @@ REST = 0.01
 """... and that may still lie ahead, if the changes shrink geometrically."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Verdict:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Verdict(Answer):
     """Whether an oscillation persists from a start, with the evidence. Nonlinear: it belongs to the start.
 
     Attributes

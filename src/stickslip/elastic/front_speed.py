@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
-from typing import Any, Literal, get_args
+from dataclasses import dataclass
+from typing import Literal, get_args
 
 from scipy.optimize import brentq, minimize_scalar
 
+from stickslip.answers import Answer
 from stickslip.elastic.lattice import Groups, continuum_prestress, lattice_prestress
 from stickslip.elastic.precursors import elastic_parts, screening_length
 from stickslip.elastic.threshold_front import Medium, shoot, threshold
@@ -20,8 +21,8 @@ SLOWEST = 0.01
 """Speed, in units of that of sound, below which no front in a lattice is looked for."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Front:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Front(Answer):
     """A steady slip front, as theory has it; ``float(front)`` is its speed.
 
     Parameters
@@ -73,10 +74,6 @@ class Front:
                 f"sound ({kind} sound), at a prestress of {self.prestress:.4g} ({self.blocks})"
             )
         return "; ".join([said, *self.caveats])
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the fields by name."""
-        return asdict(self)
 
 
 def front_speed(rig: Rig, *, prestress: float, blocks: Blocks | None = None) -> Front:

@@ -12,7 +12,7 @@ spring ``Lambda_m``, with the viscosity of the bulk added to its damping.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh_tridiagonal
 from scipy.optimize import brentq
 
+from stickslip.answers import Answer
 from stickslip.errors import InputError, UndecidedError, instance, whole
 from stickslip.model import Chain, Rig, Sheet
 from stickslip.stability.critical import critical_spring
@@ -32,8 +33,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, kw_only=True)
-class CriticalLength:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class CriticalLength(Answer):
     """How long an elastic slider, and how long a wave on it, has to be to lose stability; lengths in blocks.
 
     Parameters
@@ -60,10 +61,6 @@ class CriticalLength:
             return "smooth sliding is stable at every wavelength"
         said = f"waves longer than {self.wavelength:.4g} blocks grow"
         return said + (f"; pulled at one end, unstable from {self.blocks} blocks on" if self.blocks else "")
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the fields by name."""
-        return asdict(self)
 
 
 def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:

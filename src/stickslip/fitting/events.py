@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from stickslip.answers import Answer
 from stickslip.errors import InputError, instance, number
 from stickslip.fitting.arrest import FLOOR
 from stickslip.fitting.summary import FITTED, comparable, resampled, statistics
@@ -37,7 +38,7 @@ RESOLVED = 5.0
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Events:
+class Events(Answer):
     """The slips of a trace. It prints as its short text.
 
     Attributes
@@ -177,8 +178,6 @@ class Events:
                 f"last {self.sawtooth:.3g} times as long as drops",
             )
         )
-
-    __repr__ = __str__
 
     def count_at(self, smallest: float) -> int:
         """How many slips have at least a certain drop, by the counts at hand."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import xarray as xr
 
+from stickslip.answers import Answer
 from stickslip.errors import InputError, instance, whole
 from stickslip.fitting.arrest import KEYS, UNKNOWNS, Prior
 from stickslip.fitting.events import Events, check, pick_events
@@ -74,7 +74,7 @@ class Interval:
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Fit:
+class Fit(Answer):
     """The interface behind a trace: draws of its parameters. It prints as its short text.
 
     Attributes
@@ -272,11 +272,6 @@ class Fit:
                 lines.append(str(more))
         lines += [f"note: {note}" for note in self.notes]
         return "\n".join(lines)
-
-    __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(str(self))}</pre>"
 
 
 def fit(

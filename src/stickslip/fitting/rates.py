@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.answers import Answer
 from stickslip.errors import InputError, number, sequence
 from stickslip.measure.arrays import Array
 from stickslip.model.quantities import read_quantity
@@ -20,8 +21,8 @@ if TYPE_CHECKING:
 _FEWEST_SPEEDS, _FEWEST_HOLDS = 3, 3
 
 
-@dataclass(frozen=True, kw_only=True)
-class Delays:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Delays(Answer):
     """The delay of re-attachment that the friction at several speeds tells.
 
     Attributes
@@ -52,8 +53,8 @@ class Delays:
         )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Strengthening:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Strengthening(Answer):
     """How static friction grows with the time of rest.
 
     Attributes

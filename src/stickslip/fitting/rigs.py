@@ -9,7 +9,6 @@ is.
 from __future__ import annotations
 
 import copy
-import html
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stickslip.answers import Answer
 from stickslip.errors import InputError, UndecidedError, instance, whole
 from stickslip.fitting.events import RESOLVED
 from stickslip.fitting.known import Known
@@ -189,7 +189,7 @@ def _put(document: dict[str, Any], path: str, value: Any) -> None:
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Uncertain:
+class Uncertain(Answer):
     """How often smooth sliding is unstable, over the draws of a fitted rig (linear stability). It prints as its text.
 
     Attributes
@@ -225,11 +225,6 @@ class Uncertain:
             f"{100 * self.here:.0f} % at this speed; {', '.join(odd)}"
             + (f" (up to {100 * most:.0f} % not told)" if most > 0 else "")
         )
-
-    __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        return f"<p>{html.escape(str(self))}</p>"
 
     def to_dict(self) -> dict[str, Any]:
         """As plain numbers."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from stickslip.answers import Answer
 from stickslip.errors import InputError, UndecidedError, number, shown, whole
 from stickslip.model import Bell, Gamma, Interface, LogarithmicGrowth
 from stickslip.model.distribution import Distribution
@@ -45,8 +46,8 @@ class Step:
     after: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class StepFit:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class StepFit(Answer):
     """Rate-and-state parameters of a step, in the units of the data.
 
     Attributes
@@ -109,8 +110,8 @@ class StepFit:
         )
 
 
-@dataclass(frozen=True, kw_only=True)
-class ContactsFit:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class ContactsFit(Answer):
     """A step read as contacts with Bell activation and logarithmic ageing, in the units of the data.
 
     Attributes

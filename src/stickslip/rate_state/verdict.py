@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip.answers import Answer
 from stickslip.errors import InputError, UndecidedError, instance, number, shown
 from stickslip.model import Bell, Interface, LogarithmicGrowth, Rig, Slider, constant
 from stickslip.rate_state.contacts import contact_stiffness, finite_step, small_step
@@ -36,8 +37,8 @@ _FAST = 200.0
 """Wave number of a shake that is too fast for the memory of the contacts, over the mean threshold."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class RateAndStateFit:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class RateAndStateFit(Answer):
     """Rate-and-state parameters of an interface, and what they are worth. Per contact, natural units.
 
     Attributes
