@@ -10,7 +10,7 @@ import pytest
 
 from stickslip.errors import InputError, UndecidedError
 from stickslip.io.datasets import read_provenance
-from stickslip.model import Delay, ExponentialGrowth, Interface, RandomDelay, Rig, Slider, constant
+from stickslip.model import Bell, Delay, Interface, Langevin, RandomDelay, Rig, Slider, constant
 from stickslip.model.distributions import (
     Empirical,
     Exponential,
@@ -266,8 +266,9 @@ def test_no_answer_where_there_is_no_steady_sliding():
         dynamic_stiffness(case(gaussian, Delay(math.inf)), 1.0, 1j)
     with pytest.raises(InputError, match="share one threshold"):
         growth_rate(Rig(case(Gaussian(mean=1.0, std=0.0), Delay(0.1)), SLIDER, constant(1.0)))
-    with pytest.raises(InputError, match="ageing"):
-        critical_spring(Rig(Interface(thresholds=gaussian, ageing=ExponentialGrowth(rate=1.0)), SLIDER, constant(1.0)))
+    warm = Interface(thresholds=gaussian, ageing=Langevin(rate=1.0), temperature=Bell(width=0.01, attempts=1e6))
+    with pytest.raises(InputError, match="temperature"):
+        critical_spring(Rig(warm, SLIDER, constant(1.0)))
     with pytest.raises(InputError, match="velocity = 0"):
         dynamic_stiffness(INTERFACE, 0.0, 1j)
 

@@ -22,12 +22,15 @@ from stickslip import plot
 RIG = "teaching_bench"
 SPRINGS = (100.0, 500.0, 10_000.0)
 """In N/m."""
+DURATION = 120.0
+"""In s: the softest spring takes two for a cycle, and a verdict a few dozen cycles."""
 
 
 def pull(bench: ss.Rig, stiffness: float):
     """The run with another spring, in SI units; the damping stays the same fraction of the block's own oscillation."""
     damping = bench.value("damping") * math.sqrt(stiffness / bench.value("stiffness"))
-    return ss.simulate(bench.replace(stiffness=stiffness, damping=damping))
+    long = ss.constant(bench.velocity, duration=DURATION)
+    return ss.simulate(bench.replace(stiffness=stiffness, damping=damping, drive=long))
 
 
 def draw(rig: str | Path = RIG) -> Figure:

@@ -34,7 +34,9 @@ _CLEARANCES = (_CLEARANCE, 1.1, 1.25)
 """How far past a linear boundary runs begin; and those that test whether smooth sliding stays."""
 Parts = tuple[tuple[Parameter, int], ...]
 """Parameters varied together, each up (+1) or down (-1)."""
-TURNABLE: tuple[tuple[Parameter, tuple[int, ...]], ...] = (
+Choices = tuple[tuple[Parameter, tuple[int, ...]], ...]
+"""Parameters, and which ways each is turned."""
+TURNABLE: Choices = (
     (VELOCITY, (1, -1)),
     (STIFFNESS, (1, -1)),
     (DAMPING, (1, -1)),
@@ -42,7 +44,7 @@ TURNABLE: tuple[tuple[Parameter, tuple[int, ...]], ...] = (
     (LOAD, (-1, 1)),
 )
 """What can be changed on a machine, and which way is looked at first."""
-OTHERS: tuple[tuple[Parameter, tuple[int, ...]], ...] = (
+OTHERS: Choices = (
     (FRICTION, (-1,)),
     (CONTACT_STIFFNESS, (1, -1)),
     (DELAY, (-1,)),
@@ -120,9 +122,9 @@ class Search:
         self.left_out: list[str] = []
         self.known: dict[tuple[tuple[str, int], ...], list[tuple[float, float]]] = {}
 
-    def single(self, report: Callable[[float], None]) -> list[Mitigation]:
-        """The smallest change of each parameter, those that an engineer can turn first."""
-        choices = [(p, sides) for p, sides in (*TURNABLE, *OTHERS) if self._has(p)]
+    def single(self, parameters: Choices, report: Callable[[float], None]) -> list[Mitigation]:
+        """The smallest change of each of some parameters."""
+        choices = [(p, sides) for p, sides in parameters if self._has(p)]
         found: dict[str, list[Mitigation]] = {}
         for i, (parameter, sides) in enumerate(choices):
             report(i / len(choices))

@@ -586,7 +586,7 @@ def _with_mitigations(found: Prediction, setting: Rig, budget: Budget, report: P
     """Look for changes of one parameter; of two, if none of those that can be turned suffices."""
     rig = found.rig
     search = changes.Search(setting, bool(found.unstable_modes), budget, in_si=rig.scales is not None)
-    single = search.single(lambda share: report(0.7 * share))
+    single = search.single(changes.TURNABLE, lambda share: report(0.5 * share))
     cured = {m.parameters[0] for m in single if m.stops is not None}
     turnable = [parameter.name for parameter, _ in changes.TURNABLE]
     attempts: list[Attempt] = []
@@ -595,8 +595,9 @@ def _with_mitigations(found: Prediction, setting: Rig, budget: Budget, report: P
         tried = list(search.attempts(found.relative_amplitude, found.static_friction / rig.unit("f_s"), cured))
         attempts = [each for each, _ in tried]
         sides = changes.NATURAL_SIDES | {each.parameter: side for each, side in tried}
-        report(0.8)
+        report(0.6)
         pairs = search.pairs(sides)
+    single += search.single(changes.OTHERS, lambda share: report(0.7 + 0.3 * share))
 
     def order(mitigation: Mitigation) -> tuple[bool, bool, float]:
         hard = any(name not in turnable for name in mitigation.parameters)

@@ -38,6 +38,8 @@ _STEPS = 2_000
 """Steps in an advance."""
 _SAFETY = 1e-4, 0.87
 """Tolerance of a step for an error of 1e-4, and the power by which it falls: errors of steps fall a little faster."""
+_AT_KNOTS = 0.3
+"""Part of the tolerance of a step that is left where the survival has knots."""
 _FINE = 2.5e-3
 """Distance of the stretchings shown, in ``x_s``."""
 
@@ -212,6 +214,8 @@ def _accuracy(distribution: Distribution, rtol: float) -> kernel.Accuracy:
     from stickslip.kernels.survival import widest
 
     table, tolerance = survival_of(distribution), _tolerance(rtol)
+    if table.knots.size:  # where the order is lost, and again a delay later
+        tolerance *= _AT_KNOTS
     return Accuracy(tolerance, widest(table, tolerance, 0.3 * distribution.moment(1), order=1))
 
 
