@@ -99,7 +99,10 @@ def _fail(message: str, code: int = 2) -> int:
 # Commands
 # ---------------------------------------------------------------------------------------------------------------------
 
-app.command("stickslip.rate_state.command:rsf")
+app.command(
+    "stickslip.rate_state.command:rsf",
+    help="Say whether friction is rate-and-state-like, with which a, b and D; fit a velocity step.",
+)
 
 
 @app.command
