@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-_FIRST, _ALL, _FOR_SPEEDS = 1.3, 3.8, 0.4
+_FIRST, _ALL, _FOR_SPEEDS = 1.3, 4.6, 0.3
 """Seconds, by estimate, for the first run and for all runs; the part of what is then left that goes to other speeds."""
 _AGED = 10.0
 """How much more thresholds that age may take, whose runs cost a hundred times as much."""
