@@ -99,14 +99,14 @@ COMBINED = {
     "bell, delay, sliding force": ss.Interface(
         thresholds=WIDE, temperature=ss.Bell(width=0.02, attempts=1e4), delay=ss.Delay(0.2), sliding_force=0.2
     ),
+}
+ALL_COMBINED = COMBINED | {
     "bell, growing, delay": ss.Interface(
         thresholds=WIDE,
         temperature=ss.Bell(width=0.02, attempts=1e4),
         ageing=ss.LogarithmicGrowth(slope=0.02, time=1e-2),
         delay=ss.RandomDelay(mean=0.1, std=0.03),
     ),
-}
-ALL_COMBINED = COMBINED | {
     "bell, growing to a strength": ss.Interface(
         thresholds=WIDE,
         temperature=ss.Bell(width=0.02, attempts=1e4),
@@ -139,10 +139,13 @@ def test_contacts_and_cohorts_agree_under_a_slider_that_turns_and_rests(case):
         assert np.sqrt((difference**2).mean()) < 2.5 * error
 
 
-@pytest.mark.parametrize("case", COMBINED)
+GROWING_TOO = [*COMBINED, pytest.param("bell, growing, delay", marks=pytest.mark.slow)]
+
+
+@pytest.mark.parametrize("case", GROWING_TOO)
 @pytest.mark.parametrize("method", [ss.Contacts(500, seed=2), ss.MasterEquation()], ids=["contacts", "cohorts"])
 def test_the_energy_account_closes(case, method):
-    run = ss.simulate(pulled(COMBINED[case]), method=method)
+    run = ss.simulate(pulled(ALL_COMBINED[case]), method=method)
     spent = run.kinetic_energy + run.spring_energy + run.contact_energy + run.damped_energy + run.broken_energy
     balance = run.work - spent
     # Exact event by event; with cohorts of the order of the step, of the first where detached contacts begin to slide.
@@ -150,9 +153,9 @@ def test_the_energy_account_closes(case, method):
     assert float(np.abs(balance - balance[0]).max()) < allowed * float(run.work.max())
 
 
-@pytest.mark.parametrize("case", COMBINED)
+@pytest.mark.parametrize("case", GROWING_TOO)
 def test_cohorts_lose_no_contact(case):
-    interface = COMBINED[case]
+    interface = ALL_COMBINED[case]
     engine = engine_of(interface, ss.MasterEquation())(
         Beginning(interface, None, 1.0, ss.FromSliding()), ss.MasterEquation()
     )
