@@ -822,6 +822,7 @@ def test_a_click_on_the_map_moves_the_rig(page):
     box = page.locator("#plot-map .nsewdrag").bounding_box()
     page.mouse.click(box["x"] + 0.9 * box["width"], box["y"] + 0.5 * box["height"])  # K = 2 * 20**.8
     page.wait_for_selector("#map-regime:has-text('smooth sliding')")
+    assert page.inner_text("#summary") == ""  # what stood there was about the first point
     document = state(page)
     assert document["slider"]["stiffness"] == pytest.approx(2 * 20**0.8, rel=0.02)
     assert document["drive"]["velocity"] == pytest.approx(1, rel=0.02)

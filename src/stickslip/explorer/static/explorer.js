@@ -103,8 +103,13 @@
     patience = setTimeout(() => progress("run", NaN), 600); // a long run, or kernels that are being compiled
     if (shown.advice && asked.advice !== JSON.stringify(doc)) mark("stop", "computing", "This is about the rig before.");
     if (shown.chart && asked.chart !== signature(over())) mark("map", "computing", "This is the map of the rig before.");
+    summarise();
     if (page === "map") askMap();
     if (page === "stop") askAdvice();
+  }
+  /* The sentence under the map is about one point: it stands only while the rig is there. */
+  function summarise() {
+    $("summary").textContent = shown.chart && shown.chart.about === JSON.stringify(doc) ? shown.chart.summary : "";
   }
   function replace(next) {
     doc = next;
@@ -559,7 +564,8 @@
       asked.band = "";
       mark("map", "");
       $("map-state").textContent = "";
-      $("summary").textContent = reply.summary;
+      reply.about = asked.about;
+      summarise();
       drawMap();
       if ($("band").checked) askBand();
     },
@@ -667,6 +673,7 @@
     if (shown.chart && asked.chart === signature(over())) return mark("map", "");
     resting = setTimeout(() => {
       asked.chart = signature(over());
+      asked.about = JSON.stringify(doc);
       drop("band");
       shown.bands = [];
       if (shown.chart) mark("map", "computing", "Computing … this is the map of the rig before.");
