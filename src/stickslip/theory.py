@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError, instance, number, numbers
-from stickslip.lives import mean_lives
+from stickslip.lives import growth_of, mean_lives
 from stickslip.model import ExponentialGrowth, Interface, Langevin, LogarithmicGrowth, Slider
 from stickslip.model.distributions import Gaussian
 from stickslip.model.newborn import mean_life
@@ -191,13 +191,8 @@ def growth_model(interface: Interface) -> Growth:
     InputError
         If thresholds do not grow by such a distribution.
     """
-    from stickslip.kernels.growth import EXPONENTIAL, LOGARITHMIC, Growth
-
-    match interface.ageing:
-        case ExponentialGrowth(rate=rate, newborn=newborn):
-            return Growth(EXPONENTIAL, rate, newborn)
-        case LogarithmicGrowth(slope=slope, time=time):
-            return Growth(LOGARITHMIC, slope, time)
+    if isinstance(interface.ageing, ExponentialGrowth | LogarithmicGrowth):
+        return growth_of(interface.ageing)
     raise InputError(f"Interface.ageing = {interface.ageing}: is no fixed rule of growth; use ExponentialGrowth")
 
 

@@ -426,9 +426,17 @@ class Prediction(Answer):
     def to_dict(self) -> dict[str, Any]:
         """Return the answer as plain numbers, texts and lists, as JSON takes them; what is not finite is None."""
         kept = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("rig", "run")}
-        names = ("velocity", "at_speeds", "stiffness_margin", "smooth", "bistable", "frequency", "amplitude")
+        names = [
+            "velocity",
+            "at_speeds",
+            "stiffness_margin",
+            "smooth",
+            "bistable",
+            "frequency",
+            "amplitude",
+            "relative_amplitude",
+        ]
         mine = {name: getattr(self if hasattr(self, name) else self.rig, name) for name in names}
-        mine["relative_amplitude"] = self.relative_amplitude
         units = {p.name: self.rig.unit_name(p.unit) for p in (*PARAMETERS, *UNITS_OF_A_RIG)}
         units |= {"force": self.rig.unit_name("f_s"), "frequency": self._frequency_unit()}
         own = {"rig": self.rig.name, "verdict": self.verdict, "units": units, **mine, **kept}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json as jsonlib
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -56,7 +55,7 @@ def rsf(
         if plot is not None:
             raise InputError(f"--plot {plot}: draws the fit of a trace; a rig has none")
         if export is None:
-            print(jsonlib.dumps(_finite(fit.to_dict()), indent=2) if json else fit)
+            print(jsonlib.dumps(fit.to_dict(), indent=2) if json else fit)
             return
         if load is None:
             raise InputError("--load: is missing; give the normal load, '2 kN'")
@@ -70,7 +69,7 @@ def rsf(
     if step_at is None or from_ is None or to is None:
         raise InputError(f"{data}: of a measured trace say --step-at '68.7 s' --from '3 um/s' --to '10 um/s'")
     found = _of_trace(data, step_at, from_, to, law, plot)
-    print(jsonlib.dumps(_finite(found.to_dict()), indent=2) if json else found)
+    print(jsonlib.dumps(found.to_dict(), indent=2) if json else found)
 
 
 def _of_rig(
@@ -122,8 +121,3 @@ def _told(option: str, text: str, read: Any) -> float:
         return float(read(text))
     except InputError as error:
         raise InputError(f"{option} {shown(text)}: {error}") from None
-
-
-def _finite(value: Any) -> Any:
-    """A dictionary as JSON knows it: no number without end."""
-    return {key: None if isinstance(item, float) and not math.isfinite(item) else item for key, item in value.items()}

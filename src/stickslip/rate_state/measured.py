@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -100,7 +100,7 @@ class StepFit(Answer):
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain values."""
-        return asdict(self) | {"critical_stiffness": self.critical_stiffness}
+        return super().to_dict() | {"critical_stiffness": self.critical_stiffness}
 
     def __str__(self) -> str:
         return (
@@ -168,7 +168,7 @@ class ContactsFit(Answer):
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain values."""
-        return asdict(self) | {"thresholds": str(self.thresholds)}
+        return super().to_dict() | {"thresholds": str(self.thresholds)}
 
     def __str__(self) -> str:
         cv = self.thresholds.standard_deviation() / self.thresholds.moment(1)

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.answers import Answer
+from stickslip.answers import Answer, plain
 from stickslip.errors import InputError, UndecidedError, instance, number, shown
 from stickslip.model import Bell, Interface, LogarithmicGrowth, Rig, Slider, constant
 from stickslip.rate_state.contacts import contact_stiffness, finite_step, small_step
@@ -123,13 +123,8 @@ class RateAndStateFit(Answer):
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain values."""
-        from dataclasses import asdict
-
-        return asdict(self) | {
-            "healing_over_b": self.healing_over_b,
-            "ratio": None if math.isnan(self.ratio) else self.ratio,
-            "danger": self.danger,
-        }
+        derived = {"healing_over_b": self.healing_over_b, "ratio": self.ratio, "danger": self.danger}
+        return {**super().to_dict(), **plain(derived)}
 
     def __str__(self) -> str:
         verdict = "rate-and-state-like" if self.holds else "not rate-and-state"

@@ -49,11 +49,6 @@ _NODES = 240
 """Nodes of thresholds, at most, where one number does not do."""
 
 
-def _rtol(method: MasterEquation) -> float:
-    """Relative error of forces that the steps are made for."""
-    return method.rtol
-
-
 @solves(MasterEquation, type(None), ExponentialGrowth, LogarithmicGrowth, temperature=(Bell, Parabolic, Barrier))
 class ThermalPopulation(Engine):
     """Cohorts of contacts that attached together and break by thermal activation."""
@@ -72,7 +67,7 @@ class ThermalPopulation(Engine):
         self._delays = kernel.Delays(*interface.delay.quadrature())
         mean = interface.threshold_distribution.moment(1)
         # Second order: half a width makes 1e-5 of the force.
-        reach = 0.5 * min(1.0, math.sqrt(_rtol(method) / 1e-4))
+        reach = 0.5 * min(1.0, math.sqrt(method.rtol / 1e-4))
         broken = min(1.5 * reach * self._model.width / mean, 0.006)
         self._limits = kernel.Limits(reach, broken, 0.35 * math.sqrt(reach / 0.5))
         if beginning.sliding:
