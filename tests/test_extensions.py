@@ -4,6 +4,7 @@ import functools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 import pytest
@@ -11,10 +12,11 @@ import pytest
 import stickslip as ss
 from stickslip import sweep
 from stickslip.errors import InputError
-from stickslip.io import datasets
+from stickslip.io import datasets, rig_files
 from stickslip.model import ageing, delays, distributions, parameters
 from stickslip.model.distribution import Distribution
 from stickslip.model.parameters import Parameter
+from stickslip.model.records import Number
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +35,7 @@ class Triangular(Distribution):
 class ConstantRate(delays.DelayModel):
     """Detached contacts re-attach at a constant rate: delays are exponential."""
 
-    rate: float
+    rate: Annotated[float, Number("1/time", above=0)]
 
     def moment(self, order):
         return math.factorial(order) / self.rate**order
@@ -185,11 +187,32 @@ delay = 0.1
     found = ss.sweep(rig, {"stiffness": [1.0, 3.0]}, store=tmp_path / "own.sqlite")
     assert found.sizes["stiffness"] == 2
     assert np.all(np.isfinite(found["mean_force"]))
+    varied = ss.sweep(rig, {"damping ratio": [0.1, 2.0], "seed": [1]})
+    assert varied["damping ratio"].attrs["long_name"] == "damping ratio of the slider"
+    for zeta in (0.1, 2.0):
+        damped = rig.replace(damping=2 * zeta * rig.slider.frequency)
+        alone = ss.sweep(damped, {"velocity": [1.0], "seed": [1]})
+        np.testing.assert_allclose(varied["mean_force"].sel({"damping ratio": zeta}), alone["mean_force"][0], 1e-12)
     run = ss.simulate(rig)
     assert ss.rerun(run).identical(run)
     file.write_text(file.read_text().replace("half_width", "width"))
     with pytest.raises(InputError, match=r"own\.toml: interface\.thresholds.*width"):
         ss.read_rig(file)
+
+
+def test_a_rig_file_names_a_delay():
+    rig = ss.example("pmma_slider")
+    document = rig_files.to_document(rig)
+    document["interface"]["delay"] = {"model": "rate of a test", "rate": "2.5 1/ms"}
+    own = ss.read_rig(document)
+    assert own.interface.delay == ConstantRate(2500.0 / own.scales.size("1/time"))
+    assert rig_files.from_text(rig_files.to_toml(own)) == own
+    document["interface"]["delay"] = {"model": "rate of a test", "rate": 2.5}
+    with pytest.raises(InputError, match=r"interface\.delay\.rate = 2\.5: has no unit"):
+        ss.read_rig(document)
+    document["interface"]["delay"] = {"model": "rate of a tset"}
+    with pytest.raises(InputError, match=r"must be one of the known models .*'rate of a test'"):
+        ss.read_rig(document)
 
 
 def _friction(velocity, interface):

@@ -505,7 +505,7 @@ def test_a_phase_diagram_shows_every_kind_of_cell():
         stuck = (result["regime"].sel(start=start) == 1) & (result["status"].sel(start=start) == 1)
         np.testing.assert_array_equal(found, np.argwhere(stuck.transpose("velocity", "stiffness").values))
     assert all(ax.get_xscale() == "log" and ax.get_yscale() == "linear" for ax in figure.axes)
-    assert "velocity of the drive" in " ".join(figure.axes[0].get_ylabel().split())
+    assert "speed" in " ".join(figure.axes[0].get_ylabel().split())
 
 
 def test_cells_whose_seeds_differ_are_shown_as_such():

@@ -60,6 +60,7 @@ def rig_keys() -> str:
     from stickslip.io import rig_keys as keys
     from stickslip.model.activation import ACTIVATIONS
     from stickslip.model.ageing import AGEING_MODELS
+    from stickslip.model.delays import RandomDelay
     from stickslip.model.distributions import DISTRIBUTIONS
 
     lines = ["### At the top of the file", "", *_table(keys.TOP)]
@@ -69,7 +70,7 @@ def rig_keys() -> str:
             for kind, record in DISTRIBUTIONS.items():
                 heading = f'#### `thresholds`, `initial` and `newborn` with `distribution = "{kind}"`'
                 lines += [heading, "", *_table(keys.keys_of(record))]
-            lines += ["#### `interface.delay` as a table", "", *_table(keys.RANDOM_DELAY)]
+            lines += ["#### `interface.delay` as a table", "", *_table(keys.keys_of_delay(RandomDelay))]
             for kind, record in AGEING_MODELS.items():
                 lines += [f'#### `interface.ageing` with `model = "{kind}"`', "", *_table(keys.keys_of(record))]
             for kind, record in ACTIVATIONS.items():

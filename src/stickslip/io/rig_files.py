@@ -43,12 +43,13 @@ from stickslip.model import (
 )
 from stickslip.model.activation import ACTIVATIONS, Activation, Bell
 from stickslip.model.ageing import AGEING_MODELS, Strengthening
-from stickslip.model.delays import DelayModel, OnArrest, RandomDelay
+from stickslip.model.delays import DELAYS, DelayModel, OnArrest
 from stickslip.model.distributions import DISTRIBUTIONS, Distribution, Empirical
 from stickslip.model.drive import USUAL_DISTANCE, Drive, constant, ramp
 from stickslip.model.newborn import half_distance
 from stickslip.model.operation import Operation
 from stickslip.model.parameters import Parameter, parameter_named
+from stickslip.model.records import declared
 from stickslip.model.rig import Assumption, Fitted, Rig
 from stickslip.model.units import SI_NAMES, Scales
 
@@ -602,13 +603,15 @@ class _Reader:
             return Delay(math.inf)
         if content == "on arrest":
             return OnArrest()
-        if isinstance(content, Mapping):
-            before = len(self.mistakes)
-            values = self.table(content, rig_keys.RANDOM_DELAY, place)
-            if len(self.mistakes) > before:
-                raise _MistakesError
-            return self.make(place, lambda: RandomDelay(**values))
-        return self.make(place, lambda: Delay(content))
+        if not isinstance(content, Mapping):
+            return self.make(place, lambda: Delay(content))
+        kind = self._kind({"model": "random", **content}, place, "model", DELAYS, rig_keys.DELAY)
+        before = len(self.mistakes)
+        values = self.table(_without(content, "model"), rig_keys.keys_of_delay(kind), place)
+        if len(self.mistakes) > before:
+            raise _MistakesError
+        made: DelayModel = self.make(place, lambda: kind(**values))
+        return made
 
     def ageing(self, content: Any, place: str) -> Callable[[Callable[[float, str], float]], Strengthening]:
         """A model of ageing, to be made when the unit of time is known."""
@@ -772,13 +775,15 @@ def _without(content: Mapping[str, Any], name: str) -> dict[str, Any]:
     return {key: value for key, value in content.items() if key != name}
 
 
-def _in(delay: DelayModel, natural: Callable[[float, str], float]) -> DelayModel:
+def _in(delay: Made, natural: Callable[[float, str], float]) -> Made:
     """A delay in natural units."""
-    if isinstance(delay, RandomDelay):
-        return replace(delay, mean=natural(delay.mean, "time"), std=natural(delay.std, "time"))
-    if isinstance(delay, OnArrest):
-        return delay
-    return Delay(natural(delay.moment(1), "time"))
+    kind: Any = type(delay)
+    times = {
+        name: natural(getattr(delay, name), mark.unit)
+        for name, (_, mark) in declared(kind).items()
+        if mark is not None and mark.unit != "1"
+    }
+    return replace(delay, **times)  # type: ignore[type-var]
 
 
 def _value_at(document: Mapping[str, Any], path: str) -> str:

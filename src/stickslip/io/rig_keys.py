@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import KW_ONLY, MISSING, dataclass, fields
+from dataclasses import KW_ONLY, MISSING, dataclass, fields, replace
 from types import NoneType
 from typing import Any, Literal, get_args, get_origin
 
@@ -511,7 +511,7 @@ _USUAL = {"mean": 1.0, "scale": 1.0}
 
 def by_time(record: type) -> bool:
     """Whether a model of ageing has a rate, which a file gives as a time."""
-    return "rate" in declared(record)
+    return record in AGEING_MODELS.values() and "rate" in declared(record)
 
 
 def time_of(record: Any) -> float:
@@ -534,7 +534,7 @@ def keys_of(record: type) -> dict[str, Key]:
         if name not in defaults:
             continue
         default = None if defaults[name] is MISSING else defaults[name]
-        if name == "rate" and record in AGEING_MODELS.values():
+        if name == "rate" and by_time(record):
             found["time"] = Key(*_FIELDS["time"], unit="time", sign="above 0", required=True)
             continue
         meaning, example = _meaning(record, name, kind)
@@ -576,11 +576,29 @@ def is_distribution(kind: Any) -> bool:
     return kind is Distribution
 
 
-RANDOM_DELAY: Mapping[str, Key] = {
-    **keys_of(RandomDelay),
-    "mean": Key("Mean of the delays.", "2 ms", unit="time", sign="at least 0", required=True),
-    "std": Key("Standard deviation of the delays.", "1 ms", unit="time", sign="above 0", required=True),
-}
+DELAY = {"model": "random", "mean": "2 ms", "std": "1 ms"}
+"""Example of a delay as a table."""
+
+
+def keys_of_delay(kind: type) -> dict[str, Key]:
+    """Keys of a delay as a table; without a model it is a `RandomDelay`.
+
+    Raises
+    ------
+    InputError
+        If the delay is a class of the user's own whose numbers have no unit: a file could not say what they mean.
+    """
+    found = keys_of(kind)
+    if kind is RandomDelay:
+        found["mean"] = replace(found["mean"], meaning="Mean of the delays.", example=DELAY["mean"])
+        found["std"] = replace(found["std"], meaning="Standard deviation of the delays.", example=DELAY["std"])
+    for name, (plain, mark) in declared(kind).items():
+        if mark is None and plain is float:
+            raise InputError(
+                f"{kind.__name__}.{name}: has no unit, so no file can give it; declare it as "
+                "Annotated[float, Number('time')], or of another unit"
+            )
+    return found
 
 
 def toml(value: Any) -> str:

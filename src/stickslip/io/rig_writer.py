@@ -22,7 +22,7 @@ from stickslip.model import (
 )
 from stickslip.model.activation import ACTIVATIONS
 from stickslip.model.ageing import AGEING_MODELS
-from stickslip.model.delays import OnArrest, RandomDelay
+from stickslip.model.delays import DELAYS, OnArrest
 from stickslip.model.distributions import DISTRIBUTIONS, Distribution
 from stickslip.model.parameters import parameter_named
 from stickslip.model.quantities import read_quantity
@@ -163,10 +163,7 @@ class RigWriter:
             return "never" if math.isinf(delay.time) else self._quantity(delay.time, "time")
         if isinstance(delay, OnArrest):
             return "on arrest"
-        if not isinstance(delay, RandomDelay):
-            raise self._refuse(f"the delay {shown(delay)}")
-        times = {name: self._quantity(getattr(delay, name), "time") for name in ("mean", "std")}
-        return times | {"negative": delay.negative}
+        return self._record("model", delay, DELAYS)
 
     def _drive(self) -> Document:
         pieces = self.rig.drive.pieces

@@ -146,12 +146,8 @@ def quantity(unit: str, example: str, sign: Sign = "above 0") -> BeforeValidator
     return BeforeValidator(to_si)
 
 
-Mass = Annotated[float, quantity("kg", "75.6 g", "at least 0")]
-Stiffness = Annotated[float, quantity("N/m", "4 MN/m")]
-Rate = Annotated[float, quantity("1/s", "200 1/s", "at least 0")]
 Length = Annotated[float, quantity("m", "2 um")]
 Time = Annotated[float, quantity("s", "2 ms")]
-Lag = Annotated[float, quantity("s", "2 ms", "at least 0")]
 
 
 # ---------------------------------------------------------------------------------------------------------------------

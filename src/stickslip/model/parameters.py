@@ -27,6 +27,8 @@ class Parameter:
         Its natural unit: ``"x_s/time"``.
     title : str
         What it is, in words.
+    zero : bool
+        Whether it may be 0.
     rescales : bool
         Whether it is one of the rig's own units, so that varying it changes all that is measured in them.
     get : callable
@@ -45,12 +47,13 @@ class Parameter:
     name: str
     unit: str
     title: str = ""
+    zero: bool = False
     rescales: bool = False
     get: Callable[[Rig], float] = field(repr=False)
     set: Callable[[Rig, float], Rig] = field(repr=False)
 
 
-def _of_slider(attribute: str, unit: str, title: str) -> Parameter:
+def _of_slider(attribute: str, unit: str, title: str, *, zero: bool = False) -> Parameter:
     def get(rig: Rig) -> float:
         if not hasattr(rig.slider, attribute):
             raise InputError(
@@ -62,7 +65,7 @@ def _of_slider(attribute: str, unit: str, title: str) -> Parameter:
         get(rig)
         return replace(rig, slider=replace(rig.slider, **{attribute: value}))
 
-    return Parameter(name=attribute, unit=unit, title=title, get=get, set=set_)
+    return Parameter(name=attribute, unit=unit, title=title, zero=zero, get=get, set=set_)
 
 
 def _of_interface(name: str, unit: str, title: str, part: str, read: str, write: str) -> Parameter:
@@ -82,7 +85,7 @@ def _of_interface(name: str, unit: str, title: str, part: str, read: str, write:
         changed = getattr(value(rig), write)(new)
         return replace(rig, interface=replace(rig.interface, **{part: changed}))
 
-    return Parameter(name=name, unit=unit, title=title, get=get, set=set_)
+    return Parameter(name=name, unit=unit, title=title, zero=part == "delay", get=get, set=set_)
 
 
 def _get_velocity(rig: Rig) -> float:
@@ -101,9 +104,9 @@ def _set_velocity(rig: Rig, value: float) -> Rig:
 
 STIFFNESS = _of_slider("stiffness", "k", "stiffness of the driving spring")
 """Stiffness of the driving spring ``K/N``."""
-MASS = _of_slider("mass", "f_s time^2/x_s", "mass of the slider")
+MASS = _of_slider("mass", "f_s time^2/x_s", "mass of the slider", zero=True)
 """Mass ``M/N``, at constant ``eta``."""
-DAMPING = _of_slider("damping", "1/time", "damping eta")
+DAMPING = _of_slider("damping", "1/time", "damping eta", zero=True)
 """``eta`` of Eq. (11)."""
 VELOCITY = Parameter(name="velocity", unit="x_s/time", title="speed", get=_get_velocity, set=_set_velocity)
 """Velocity of the drive at its beginning; the path of the drive stays."""
@@ -158,9 +161,9 @@ PARAMETERS: tuple[Parameter, ...] = (STIFFNESS, VELOCITY, MASS, DAMPING, DELAY, 
 
 COUPLING = _of_slider("coupling", "k", "coupling of neighbouring blocks")
 """Stiffness ``k_b/N`` between neighbouring blocks of an elastic slider."""
-LEAF = _of_slider("leaf", "k", "stiffness of the spring from each block to the drive")
+LEAF = _of_slider("leaf", "k", "stiffness of the spring from each block to the drive", zero=True)
 """Stiffness of the springs by which the drive pulls all blocks."""
-SIDE = _of_slider("side", "k", "stiffness of the spring from the first block to the drive")
+SIDE = _of_slider("side", "k", "stiffness of the spring from the first block to the drive", zero=True)
 """Stiffness of the spring by which the drive pulls one end."""
 
 OF_BODIES: tuple[Parameter, ...] = (COUPLING, LEAF, SIDE)

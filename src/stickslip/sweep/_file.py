@@ -14,10 +14,8 @@ from numpy.typing import NDArray
 from pydantic import Discriminator, Field, Tag, create_model
 
 from stickslip.errors import InputError, number, whole
-from stickslip.io.validation import Lag, Length, Mass, Part, Rate, Stiffness, Time, quantity
+from stickslip.io.validation import Length, Part, Time, quantity
 from stickslip.model import (
-    OF_BODIES,
-    PARAMETERS,
     Contacts,
     FromRest,
     FromSliding,
@@ -27,6 +25,8 @@ from stickslip.model import (
     Rig,
     Start,
 )
+from stickslip.model.parameters import BY_NAME
+from stickslip.model.units import engineering
 from stickslip.simulation import check_method
 from stickslip.sweep._refine import Refinement
 from stickslip.sweep._run import CYCLES, MAX_CASES, check_size
@@ -35,27 +35,35 @@ from stickslip.sweep.study import FROM_REST, FROM_SLIDING, MEASURES, USUAL, Stud
 SHORTEST = 120.0
 """``x_s`` that a run lasts at least unless the file says otherwise: transients last 40 to 100 ``x_s``."""
 
-_Speed = Annotated[float, quantity("m/s", "0.4 mm/s")]
 _Count = Annotated[int, Field(ge=1)]
 _Seed = Annotated[int, Field(ge=0, lt=2**53)]
 _Start = Literal["from rest", "sliding"]
 
-SETTABLE: tuple[str, ...] = tuple(parameter.name for parameter in (*PARAMETERS, *OF_BODIES))
-AXES: dict[str, tuple[Any, str]] = {
-    "stiffness": (Stiffness, "stiffness of the driving spring"),
-    "coupling": (Stiffness, "stiffness between neighbouring blocks"),
-    "leaf": (Stiffness, "stiffness of the spring from each block to the drive"),
-    "side": (Stiffness, "stiffness of the spring from the first block to the drive"),
-    "velocity": (_Speed, "velocity of the drive"),
-    "mass": (Mass, "mass of the slider"),
-    "damping": (Rate, "damping eta"),
-    "delay": (Lag, "delay of re-attachment"),
-    "std": (float, "standard deviation of the thresholds"),
+OTHERS: dict[str, tuple[Any, str]] = {
     "contacts": (_Count, "number of contacts"),
     "seed": (_Seed, "seed of the contacts"),
     "start": (_Start, "start of the run"),
 }
-"""What can be an axis: how a value is read, and what it is."""
+"""What can be an axis besides the parameters of a rig: how a value is read, and what it is."""
+
+
+def axis_names() -> tuple[str, ...]:
+    """Return all that can be an axis."""
+    return (*BY_NAME, *OTHERS)
+
+
+def _element(rig: Rig, name: str) -> Any:
+    """How a value of an axis is read."""
+    if name in OTHERS:
+        return OTHERS[name][0]
+    if BY_NAME[name].unit == "1":
+        return float
+    unit = rig.unit_name(BY_NAME[name].unit)
+    try:
+        example = engineering(rig.value(name), unit, 3)
+    except InputError:  # the rig has none: the plan will say so
+        example = f"1 {unit}"
+    return Annotated[float, quantity(unit, example, "at least 0" if BY_NAME[name].zero else "above 0")]
 
 
 def _form(value: object) -> str:
@@ -65,9 +73,9 @@ def _form(value: object) -> str:
     return "as range" if isinstance(value, Part) else "as list"
 
 
-def _axis(name: str) -> Any:
+def _axis(rig: Rig, name: str) -> Any:
     """Ways to write an axis: a list of values, or its ends, their number and spacing."""
-    element: Any = AXES[name][0]
+    element = _element(rig, name)
     listed: Any = list.__class_getitem__(element)
     forms = [("as list", listed), ("as table", create_model("Values", __base__=Part, values=(listed, ...)))]
     ends: dict[str, Any] = {"from": (element, ...), "to": (element, ...), "count": (_Count | None, None)}
@@ -78,10 +86,6 @@ def _axis(name: str) -> Any:
     tagged: list[Any] = [Annotated[form, Tag(tag)] for tag, form in forms]
     union: Any = functools.reduce(operator.or_, tagged)
     return Annotated[union, Discriminator(_form)]
-
-
-_OF_AXES: dict[str, Any] = {name: (_axis(name) | None, None) for name in AXES}
-_Axes: Any = create_model("_Axes", __base__=Part, **_OF_AXES)
 
 
 class _Run(Part):
@@ -108,10 +112,16 @@ class Document(Part):
 
     name: str = "sweep"
     rig: Any
-    axes: _Axes
+    axes: Any
     run: _Run = _Run()
     measure: list[str] | None = None
     refine: _Refine | None = None
+
+    @staticmethod
+    def of(rig: Rig) -> type[Document]:
+        """Return the model of a file that sweeps this rig: its axes are the parameters that are known by now."""
+        axes: dict[str, Any] = {name: (_axis(rig, name) | None, None) for name in axis_names()}
+        return create_model("Document", __base__=Document, axes=(create_model("Axes", __base__=Part, **axes), ...))
 
     def parts(self, rig: Rig, names: Iterable[str]) -> dict[str, Any]:
         """Return the fields of a `stickslip.sweep.plan.Plan`; `names` are the axes in their order."""
@@ -151,8 +161,8 @@ class Document(Part):
         if rig.slider.mass == 0 and "mass" not in axes:
             raise InputError("rig.slider.mass = 0: a run needs a mass above 0")
         for name in axes:
-            if name in SETTABLE:
-                rig.value(name)
+            if name in BY_NAME:
+                rig.value(name)  # it has one
         number("rig.drive.velocity", rig.velocity, above=0)
         starts: dict[str | None, Start] = {None: rig.start, FROM_REST: FromRest(), FROM_SLIDING: FromSliding()}
         run = self.run
@@ -194,8 +204,8 @@ class Document(Part):
         return tuple(dict.fromkeys([*always, *(name for name in names if name != "seed")]))
 
     def _check_refinement(self, given: Mapping[str, Any]) -> None:
-        parameters = [name for name in given if name in SETTABLE]
-        others = [name for name in given if name not in SETTABLE and name != "start"]
+        parameters = [name for name in given if name in BY_NAME]
+        others = [name for name in given if name not in BY_NAME and name != "start"]
         if len(parameters) != 2 or others:
             raise InputError(
                 f"axes: [refine] searches the plane of two parameters, for each start; this file has {', '.join(given)}"

@@ -27,8 +27,9 @@ from stickslip.io import datasets
 from stickslip.io import rig_files as rigs
 from stickslip.io.validation import read_toml, validate
 from stickslip.model import Chain, Rig, Sheet, Slider, parameter_named
+from stickslip.model.parameters import BY_NAME
 from stickslip.sweep._executors import Workers
-from stickslip.sweep._file import AXES, SETTABLE, Document
+from stickslip.sweep._file import OTHERS, Document, axis_names
 from stickslip.sweep._grid import open_sweep, run_cases
 from stickslip.sweep._refine import Refinement, Span, refine
 from stickslip.sweep._results import Failure, failures, summary
@@ -84,7 +85,7 @@ class Plan:
     @property
     def parameters(self) -> tuple[str, ...]:
         """Axes that set a parameter of the rig."""
-        return tuple(name for name in self.axes if name in SETTABLE)
+        return tuple(name for name in self.axes if name not in OTHERS)
 
     @property
     def total(self) -> int:
@@ -107,8 +108,8 @@ class Plan:
             title = title.replace(", per contact", "") if whole else title
             found[name] = {"units": rig.unit_name(unit), "long_name": title}
         for name in self.axes:
-            title, unit = AXES[name][1], "1"
-            if name in SETTABLE:
+            title, unit = OTHERS[name][1] if name in OTHERS else parameter_named(name).title, "1"
+            if name not in OTHERS:
                 unit = rig.unit_name(parameter_named(name).unit)
             spacing = "log" if name in self.logarithmic else "linear"
             found[name] = {"units": unit, "long_name": title, "spacing": spacing}
@@ -234,7 +235,8 @@ def sweep(
     document: dict[str, Any] = {"name": rig.name, "rig": {_RECORDS: json.dumps(datasets.encode(rig))}, "run": run}
     document["axes"] = {}
     for name, given in axes.items():
-        unit = "" if natural or name not in SETTABLE or name == "std" else rig.unit_name(parameter_named(name).unit)
+        plain = natural or name not in BY_NAME or BY_NAME[name].unit == "1"
+        unit = "" if plain else rig.unit_name(BY_NAME[name].unit)
         if isinstance(given, Span):
             ends = {"from": _written(given.low, unit), "to": _written(given.high, unit)}
             document["axes"][name] = ends | {"spacing": "log" if given.log else "linear"}
@@ -302,7 +304,7 @@ def from_document(document: Mapping[str, Any], place: str = "sweep", directory: 
     """Make a plan of the content of a file; a rig file that it names is looked for in `directory`."""
     document = dict(document)
     if not isinstance(document.get("axes"), dict) or not document["axes"]:
-        raise InputError(f"{place}: axes: must be a table [axes] with at least one of {', '.join(AXES)}")
+        raise InputError(f"{place}: axes: must be a table [axes] with at least one of {', '.join(axis_names())}")
     rig = _rig_of(document, place, directory)
     held = (
         document["rig"] if isinstance(document["rig"], dict) and _RECORDS in document["rig"] else rigs.to_document(rig)
@@ -313,7 +315,7 @@ def from_document(document: Mapping[str, Any], place: str = "sweep", directory: 
 def _plan(rig: Rig, document: Mapping[str, Any], place: str) -> Plan:
     # All of them tables: written as TOML, lists would come first, and the order of the axes be lost.
     axes = {name: {"values": axis} if isinstance(axis, list) else axis for name, axis in document["axes"].items()}
-    content = validate(Document, document, place, natural=rig.scales is None)
+    content = validate(Document.of(rig), document, place, natural=rig.scales is None)
     try:
         return Plan(**content.parts(rig, axes), document={**document, "axes": axes})
     except InputError as error:

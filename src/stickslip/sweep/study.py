@@ -57,7 +57,8 @@ class Study:
         method = self.rig.method
         if isinstance(method, Contacts | QuasiStatic):
             method = replace(method, count=method.count if count is None else count, seed=seed)
-        rig = replace(self.rig.replace(**values).natural, method=method, start=_beginning(start, method))
+        varied = self.rig.replace(**values)
+        rig = replace(varied.natural, method=method, start=_beginning(start, method))
         slider = rig.slider
         stiffness = slider.stiffness if isinstance(slider, Slider) else float(slider.pulled.mean())
         distance = max(self.distance, self.cycles * (1.0 + 1.0 / stiffness))
@@ -68,7 +69,7 @@ class Study:
             if seen.kind != "undecided":
                 break
         numbers = _numbers(seen) | {"travel": drive.duration * rig.velocity}
-        inside = {name: value * self.rig.unit(MEASURES[name][0]) for name, value in numbers.items()}
+        inside = {name: value * varied.unit(MEASURES[name][0]) for name, value in numbers.items()}
         return {"regime": seen.kind, "reason": seen.reason} | inside | {"seed": seed}
 
     @property
