@@ -29,32 +29,71 @@ LIMIT = 600
 """Seconds for the tests of one mutant; a mutant that hangs is caught."""
 
 TESTS = {
-    "cycles.py": "test_cycles",
+    "advise": "test_advise",
+    "answers.py": "test_plain test_model",
+    "cli.py": "test_cli",
+    "console.py": "test_cli",
+    "cycles": "test_cycles",
+    "elastic": "test_elastic test_fronts",
     "errors.py": "test_errors test_arguments",
+    "fitting": "test_fitting",
+    "friction_law.py": "test_friction_laws",
+    "io": "test_rig test_store test_extensions",
     "io/datasets.py": "test_store test_damaged",
     "io/files.py": "test_files",
-    "io": "test_rig test_store",
-    "kernels/cohorts.py": "test_cohorts test_simulate",
-    "kernels/event_queue.py": "test_contacts",
-    "kernels/events.py": "test_contacts test_simulate test_turning_drives",
+    "kernels": "test_contacts test_panels test_simulate test_ageing",
+    "kernels/arrest.py": "test_mechanisms",
+    "kernels/births.py": "test_panels test_master_equation",
+    "kernels/block": "test_elastic",
+    "kernels/event": "test_contacts test_simulate test_turning_drives",
     "kernels/flight.py": "test_contacts test_simulate test_turning_drives",
+    "kernels/groups.py": "test_panels test_master_equation",
     "kernels/growth.py": "test_ageing test_simulate_ageing",
+    "kernels/hazard.py": "test_thermal_runs",
     "kernels/langevin": "test_ageing test_simulate_ageing",
+    "kernels/leapfrog.py": "test_elastic",
+    "kernels/lives.py": "test_friction_laws",
+    "kernels/network.py": "test_elastic",
     "kernels/oscillator.py": "test_contacts test_simulate test_turning_drives",
+    "kernels/panel": "test_panels test_master_equation",
+    "kernels/quasistatic.py": "test_elastic",
+    "kernels/rate_state.py": "test_friction_laws",
     "kernels/renewal.py": "test_renewal test_rigid",
-    "kernels": "test_contacts test_cohorts test_simulate test_ageing",
+    "kernels/rules.py": "test_panels test_master_equation",
+    "kernels/survival.py": "test_panels test_master_equation",
+    "kernels/thermal": "test_thermal_runs",
+    "kernels/tournament.py": "test_elastic",
+    "kernels/velocity_step.py": "test_friction_laws test_thermal_runs",
+    "lives.py": "test_friction_laws",
     "measure": "test_measure test_traces",
-    "model/distributions.py": "test_distributions",
+    "measure/fronts.py": "test_fronts test_elastic",
+    "model": "test_model test_drive test_rig test_units",
+    "model/activation.py": "test_friction_laws test_thermal_runs",
+    "model/body.py": "test_elastic",
+    "model/distribution": "test_distributions",
+    "model/newborn.py": "test_mechanisms test_rig",
+    "model/parameters.py": "test_model test_rig test_extensions",
+    "model/quadrature.py": "test_distributions",
     "model/quantities.py": "test_quantities",
     "model/units.py": "test_units test_quantities test_rig",
-    "model": "test_model test_drive test_rig test_units",
+    "paper": "test_paper",
+    "plot": "test_plot",
+    "plot/elastic.py": "test_fronts test_elastic",
+    "progress.py": "test_cli test_plain",
+    "rate_state": "test_friction_laws",
     "rigid.py": "test_rigid",
     "simulation": "test_simulate test_contacts test_work",
+    "simulation/engines/blocks.py": "test_elastic",
+    "simulation/engines/growth.py": "test_ageing test_simulate_ageing",
+    "simulation/engines/langevin.py": "test_ageing test_simulate_ageing",
+    "simulation/engines/panels.py": "test_panels test_master_equation",
+    "simulation/engines/thermal": "test_thermal_runs",
+    "simulation/steps_and_holds.py": "test_thermal_runs",
     "stability": "test_stability test_stability_aged",
     "sweep": "test_sweep test_sweep_plan",
     "theory.py": "test_theory",
 }
-"""Modules and packages, and the tests of their rooms; the longest name that fits counts."""
+"""Modules, packages and beginnings of names in them, and the tests of their rooms; the longest that fits counts."""
 
 Turned = dict[type[ast.AST], type[ast.AST]]
 OPERATORS: Turned = {
@@ -88,7 +127,11 @@ class Mutant:
 def tests_of(file: Path) -> list[str]:
     """Return the tests of the room that a module belongs to; none if it has none here."""
     name = file.relative_to(PACKAGE).as_posix()
-    fits = [room for room in TESTS if name == room or name.startswith((f"{room}/", f"{room}_"))]
+    fits = [
+        room
+        for room in TESTS
+        if name == room or name.startswith((f"{room}/", f"{room}_")) or ("/" in room and name.startswith(room))
+    ]
     return [f"tests/{test}.py" for test in TESTS[max(fits, key=len)].split()] if fits else []
 
 
