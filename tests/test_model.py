@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import special
 
+import stickslip as ss
 from stickslip import model
 from stickslip.errors import InputError
 from stickslip.model import (
@@ -323,3 +324,16 @@ def test_records_are_made_by_keyword_only(kind):
 def test_a_misspelt_field_is_refused():
     with pytest.raises(TypeError, match="stifness"):
         Slider(stifness=1.0, mass=1.0, damping=1.0)
+
+
+def test_what_a_notebook_tries_works_or_says_what_to_write():
+    assert Gaussian(1.0, 0.1) == Gaussian(mean=1.0, std=0.1)
+    assert Uniform(0.8, 1.2) == Uniform(low=0.8, high=1.2)
+    with pytest.raises(InputError, match=r"Slider\.stiffness = '2 MN/m': .* give SI to read_rig or Rig\.replace"):
+        Slider(stiffness="2 MN/m", mass=1.0, damping=1.0)
+    rig = ss.example("brake_pad")
+    with pytest.raises(AttributeError, match=r"Rig has no 'simulate'; write stickslip\.simulate\(rig\)"):
+        rig.simulate()
+    with pytest.raises(AttributeError, match=r"Rig has no 'colour'$"):
+        rig.colour()
+    assert not hasattr(rig, "__wrapped__")

@@ -11,7 +11,7 @@ Natural units: stretchings in units of ``x_s = f_s/k``.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from itertools import pairwise
 from typing import Self
 
@@ -56,7 +56,7 @@ def _stretching(place: str, value: object, *, above: float | None = None, at_lea
 
 
 @register("gaussian")
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Gaussian(Distribution):
     """Gaussian distribution, optionally cut off from below; with a standard deviation of 0 all values are the mean.
 
@@ -71,6 +71,7 @@ class Gaussian(Distribution):
 
     mean: float
     std: float
+    _: KW_ONLY
     lower: float = -math.inf
 
     def __post_init__(self) -> None:
@@ -194,7 +195,7 @@ class Gaussian(Distribution):
 
 
 @register("uniform")
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Uniform(Distribution):
     """Rectangular distribution on ``[low, high]``."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -194,6 +195,12 @@ class Rig(Answer):
     def unit_name(self, natural: str) -> str:
         """Name of a natural unit, such as ``"x_s/time"``, in the rig's own units: ``"m/s"``."""
         return natural if self.scales is None else self.scales.si_name(natural)
+
+    if not TYPE_CHECKING:  # to a checker of types it has just the names that stand here
+
+        def __getattr__(self, name: str) -> Any:
+            verb = not name.startswith("_") and name in dir(sys.modules["stickslip"])
+            raise AttributeError(f"Rig has no {name!r}" + (f"; write stickslip.{name}(rig)" if verb else ""))
 
     def replace(self, **changes: Any) -> Rig:
         """Return the rig with some of its parts or parameters changed.
