@@ -827,3 +827,16 @@ def test_what_the_page_on_sweeps_shows_is_true(tmp_path, monkeypatch, capsys):
     in_python = in_python.replace("Processes(2)", "None, runs=Runs(distance='8 um', cycles=0)")
     exec(compile(in_python, "in_python", "exec"), {"__name__": "__main__"})
     assert "6 of 6 cases done []" in capsys.readouterr().out
+
+
+def test_the_load_is_an_axis():
+    rig = ss.example("pmma_slider")
+    loads = [0.5 * rig.value("load"), rig.value("load")]
+    short = Runs(distance="40 um", cycles=0)
+    found = ss.sweep(rig, {"load": loads, "seed": [3]}, runs=short)
+    assert found["load"].attrs == {"units": "N", "long_name": "contact strength (normal load)", "spacing": "linear"}
+    for load in loads:
+        alone = ss.sweep(rig.replace(load=load), {"velocity": [rig.value("velocity")], "seed": [3]}, runs=short)
+        np.testing.assert_allclose(found["mean_force"].sel(load=load), alone["mean_force"][0], rtol=1e-12)
+    with pytest.raises(InputError, match=r"axes\.load\.values\.0 = '3 kg': .*'768 N'"):
+        ss.sweep(rig, {"load": ["3 kg"]}, runs=short)

@@ -189,9 +189,9 @@ def sweep(
     rig : Rig
         Its method and start are those of every case, unless they are an axis.
     axes : mapping of name to values
-        ``stiffness``, ``velocity``, ``mass``, ``damping``, ``delay``, ``std``, ``contacts``, ``seed``, ``start``
-        (``"from rest"``, ``"sliding"``). Numbers in the rig's own units, or texts with a unit; a `Span` for each of two
-        parameters with a `refinement`.
+        Parameters by name, as `Rig.replace` takes them, and ``contacts``, ``seed``, ``start`` (``"from rest"``,
+        ``"sliding"``). Numbers in the rig's own units, or texts with a unit; a `Span` for each of two parameters with a
+        `refinement`.
     store : path, optional
         File that keeps all cases; a second start runs what is missing.
     executor : Threads, Processes or concurrent.futures.Executor, optional
