@@ -59,7 +59,30 @@ def documents_to_begin_with():
         "drive": {"velocity": 1.0, "distance": 4.0},
         "simulation": {"contacts": 50},
     }
-    return [small, *(tomllib.loads(rig_files.example_file(name).read_text()) for name in rig_files.example_names()[:3])]
+    thresholds = {"distribution": "gaussian", "std": 0.1}
+    many = {
+        "thresholds": thresholds,
+        "sliding_force": 0.2,
+        "newborn": {"distribution": "uniform", "low": 0.0, "high": 0.1},
+        "track_scatter": 0.1,
+        "delay": {"mean": 0.2, "std": 0.05, "negative": "redraw"},
+    }
+    interfaces = [
+        many,
+        {"thresholds": thresholds, "delay": "on arrest", "sliding_force": 0.1},
+        {"thresholds": thresholds, "ageing": {"model": "langevin", "time": 1.0}},
+        {"thresholds": thresholds, "ageing": {"model": "logarithmic", "slope": 0.05, "time": 0.1}},
+        {"thresholds": thresholds, "delay": 0.1, "temperature": {"kind": "bell", "width": 0.05, "attempts": 1e4}},
+        {"thresholds": thresholds, "temperature": {"kind": "parabolic", "temperature": 0.01, "attempts": 1e4}},
+        {"thresholds": thresholds, "temperature": {"kind": "barrier", "height": 50.0, "power": 1.5, "attempts": 1e6}},
+    ]
+    speeds = {**small, "drive": {"velocity": {"from": 0.5, "to": 2.0}}, "feasible": {"stiffness": [1.0, 4.0]}}
+    pieces = {**small, "drive": {"pieces": [{"start": 1.0, "end": -1.0, "duration": 2.0}]}}
+    bar = {"blocks": 4, "coupling": 10.0, "mass": 0.01, "damping": 1.0, "side": 0.5}
+    chain = {**{key: small[key] for key in ("units", "interface", "drive")}, "chain": bar}
+    mechanisms = [{**small, "interface": interface} for interface in interfaces]
+    shipped = [tomllib.loads(rig_files.example_file(name).read_text()) for name in rig_files.example_names()]
+    return [small, speeds, pieces, chain, *mechanisms, *shipped]
 
 
 def paths(node, at=()):
@@ -144,6 +167,13 @@ def with_a_trace(text, tmp_path):
 
 INTERFACE = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
 AGEING = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), ageing=ss.Langevin(rate=1.0))
+THERMAL = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), temperature=ss.Bell(width=0.05, attempts=1e4))
+CHAIN = ss.Rig(
+    INTERFACE,
+    ss.Chain(blocks=4, coupling=10.0, mass=0.01, damping=1.0, leaf=0.1),
+    ss.constant(1.0, duration=1.0),
+    method=ss.Contacts(20, seed=1),
+)
 RIG = ss.Rig(
     INTERFACE,
     ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0),
@@ -173,6 +203,39 @@ CALLS = (
     lambda a, _: ss.regime(a),
     lambda a, b: ss.critical(RIG, a, between=b),
     lambda a, b: ss.rigid_slide(INTERFACE, a, velocity=b),
+    lambda a, b: ss.Bell(width=a, attempts=b),
+    lambda a, b: ss.Parabolic(temperature=a, attempts=b),
+    lambda a, b: ss.Barrier(height=a, attempts=1.0, power=b),
+    lambda a, b: ss.LogarithmicGrowth(slope=a, time=b),
+    lambda a, b: ss.Interface(thresholds=ss.Uniform(0.5, 1.5), sliding_force=a, newborn=b),
+    lambda a, b: ss.Interface(thresholds=a, temperature=b),
+    lambda a, b: ss.Interface(thresholds=ss.Gaussian(1.0, 0.1), track_scatter=a, delay=b),
+    lambda a, b: ss.Chain(blocks=a, coupling=b, mass=1.0, damping=1.0),
+    lambda a, b: ss.Sheet(along=a, across=2, coupling=b, shear=1.0, mass=1.0, damping=1.0),
+    lambda a, b: ss.Prestressed(stretching=a, push=b),
+    lambda a, b: ss.Rig(INTERFACE, a, b),
+    lambda a, b: ss.simulate(RIG, method=a, start=b),
+    lambda a, b: ss.save(a, b),
+    lambda a, _: ss.example(a),
+    lambda a, _: ss.static_friction(a),
+    lambda a, _: ss.friction_slope(THERMAL, a),
+    lambda a, b: ss.turning_velocities(THERMAL, between=(a, b)),
+    lambda a, b: ss.rate_and_state(THERMAL, a, step=b),
+    lambda a, b: ss.fit_rate_and_state(a, at=b),
+    lambda a, b: ss.velocity_step(INTERFACE, before=a, after=b, distance=2.0, method=ss.Contacts(20)),
+    lambda a, b: ss.slide_hold_slide(THERMAL, velocity=a, holds=b, method=ss.Contacts(20)),
+    lambda a, b: ss.front_speed(CHAIN, prestress=a, blocks=b),
+    lambda a, _: ss.modes(CHAIN, count=a),
+    lambda a, _: ss.fronts(a),
+    lambda a, b: ss.growth_rate(RIG.replace(velocity=a, delay=b)),
+    lambda a, _: ss.critical_stiffness(ss.Interface(thresholds=ss.Gaussian(1.0, a))),
+    lambda a, b: ss.sustained(RIG, a, between=b),
+    lambda a, b: ss.bistable_range(RIG, a, between=b),
+    lambda a, b: ss.stability_map(RIG, over=a, values=b),
+    lambda a, b: ss.fit(a, known=b),
+    lambda a, b: ss.quick_fit(static_friction=a, kinetic_friction=b, stiffness="1 N/m", speed="1 mm/s", mass="1 kg"),
+    lambda a, b: ss.sweep(RIG, {str(a): [b]}),
+    lambda a, b: ss.transitions(a, level=b),
 )
 
 

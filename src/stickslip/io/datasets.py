@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip import model
-from stickslip.errors import InputError
+from stickslip.errors import InputError, instance
 from stickslip.io import files
 from stickslip.model.activation import ACTIVATIONS
 from stickslip.model.ageing import AGEING_MODELS
@@ -139,6 +139,9 @@ def save(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     InputError
         If the place cannot be written.
     """
+    import xarray as xr
+
+    instance("save: data", data, xr.Dataset, "a Dataset, as simulate() returns it")
     # What has no dimension, or is no number, cannot be compressed.
     numbers = [name for name, values in data.variables.items() if values.ndim > 0 and values.dtype.kind in "fiub"]
     # In memory first: where a disk is full, HDF5 spills its own messages and then crashes.

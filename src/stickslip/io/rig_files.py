@@ -24,7 +24,7 @@ from functools import partial, reduce
 from pathlib import Path
 from typing import Any, TypeVar
 
-from stickslip.errors import InputError, instance, shown
+from stickslip.errors import InputError, instance, shortened, shown
 from stickslip.io import rig_keys
 from stickslip.io.rig_keys import Key, keys_of, toml
 from stickslip.io.rig_writer import RigWriter
@@ -92,11 +92,11 @@ def example_file(name: str) -> Path:
     InputError
         If there is none of that name.
     """
-    file = EXAMPLES / f"{name}.toml"
-    if not file.is_file():
-        known = ", ".join(sorted(f.stem for f in EXAMPLES.glob("*.toml")))
-        raise InputError(f"{name}: no such example; there are {known}")
-    return file
+    instance("example: name", name, str, "the name of an example")
+    known = sorted(f.stem for f in EXAMPLES.glob("*.toml"))
+    if name not in known:
+        raise InputError(f"{shortened(name)}: no such example; there are {', '.join(known)}")
+    return EXAMPLES / f"{name}.toml"
 
 
 def example(name: str) -> Rig:

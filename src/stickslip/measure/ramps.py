@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from stickslip.errors import InputError, UndecidedError, number
+from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.measure.arrays import CONSTANT_DRIVE, Trace, turns
 
 _PARTS = 16  # the window moves in steps of a sixteenth of it
@@ -116,6 +116,7 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
         If the drive does not change, goes up and down more than once, or travels less than two windows, or
         there are too few samples in a window.
     """
+    instance("transitions: run", run, xr.Dataset, "a run of simulate()")
     for name, value, of in (("level", level, "spring_force"), ("window", window, "displacement")):
         unit = str(run[of].attrs.get("units", "")) if of in run else ""
         if value is None and unit.strip().lower() in _SI_UNITS:

@@ -200,7 +200,6 @@ def parameter_named(parameter: Parameter | str, place: str = "parameter") -> Par
     """
     if isinstance(parameter, Parameter):
         return parameter
-    for name, known in BY_NAME.items():
-        if name == parameter:
-            return known
+    if isinstance(parameter, str) and parameter in BY_NAME:
+        return BY_NAME[parameter]
     raise InputError(f"{place} = {shown(parameter)}: must be one of {', '.join(BY_NAME)}, or a Parameter")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stickslip.errors import InputError, UndecidedError, instance, number
+from stickslip.errors import InputError, UndecidedError, instance, numbers, sequence, shown
 from stickslip.io import datasets as store
 from stickslip.model.parameters import STIFFNESS, VELOCITY, Parameter, parameter_named
 from stickslip.model.rig import Ends, Rig
@@ -112,10 +112,10 @@ def stability_map(
     """
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
     first, second = _two_parameters(over)
-    grids = [np.atleast_1d(np.asarray(value, dtype=float)) for value in values]
-    for parameter, grid in zip((first, second), grids, strict=True):
-        for value in (np.min(grid), np.max(grid)):
-            number(f"values of {parameter.name}", float(value), above=0, hint=parameter.unit)
+    grids = [
+        np.atleast_1d(numbers(f"values of {parameter.name}", value, above=0, hint=parameter.unit))
+        for parameter, value in zip((first, second), _pair("values", values, "values of each parameter"), strict=True)
+    ]
     grids = [grid / rig.unit(parameter.unit) for parameter, grid in zip((first, second), grids, strict=True)]
     natural = rig.natural
     if second is STIFFNESS or first is VELOCITY:
@@ -216,8 +216,15 @@ def _provenance(call: str, parameters: Sequence[Parameter], rig: Rig, **more: ob
 # ---------------------------------------------------------------- boundaries
 
 
+def _pair(place: str, given: object, what: str) -> tuple[Any, ...]:
+    found = sequence(place, given, what)
+    if len(found) != 2:
+        raise InputError(f"{place} = {shown(given)}: must be {what}", place)
+    return found
+
+
 def _two_parameters(over: tuple[Parameter | str, Parameter | str]) -> tuple[Parameter, Parameter]:
-    first, second = parameter_named(over[0]), parameter_named(over[1])
+    first, second = (parameter_named(each, "over") for each in _pair("over", over, "two parameters"))
     for parameter in (first, second):
         if parameter.rescales:
             raise InputError(
