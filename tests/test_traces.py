@@ -410,3 +410,10 @@ def test_five_million_rows_take_seconds_and_little_memory(tmp_path, columns):
     assert code == "0"
     assert float(cpu) <= 4.0
     assert int(peak) <= 600_000  # kB
+
+
+def test_a_header_of_another_separator_than_the_rows_is_one_line(tmp_path):
+    place = tmp_path / "odd.csv"
+    place.write_text("t [s];F [N]\n0.000\t5")
+    with pytest.raises(ss.InputError, match=r"odd\.csv: its rows are no table of 3 columns"):
+        ss.read_trace(place)

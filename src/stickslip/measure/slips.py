@@ -143,6 +143,8 @@ def _quantum(force: Array) -> float:
     if values.size < 2 or values.size > force.size // 2:
         return 0.0
     step = float(np.min(np.diff(values)))
+    if values[-1] - values[0] > 1e12 * step:
+        return 0.0
     count = (values - values[0]) / step
     return step if bool(np.all(np.abs(count - np.round(count)) < 0.1)) else 0.0
 

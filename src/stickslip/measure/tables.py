@@ -8,17 +8,20 @@ import io
 import math
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.errors import InputError
+from stickslip.errors import InputError, shortened
 from stickslip.measure.arrays import Array
 from stickslip.measure.headings import Heading, coefficients_without_unit, is_units_row, ratio, unit_named
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 LARGEST_FILE = 100_000_000  # bytes
 LONGEST_LINE = 65_536  # characters
@@ -210,8 +213,6 @@ class _Text:
 
     def rows(self, table: Table, columns: Sequence[int]) -> Rows:
         """Read some columns; blank lines and comments are left out."""
-        import pandas as pd
-
         # Where blanks part the columns, a unit in a cell is a column of its own, behind that of the number.
         beside = {i: i + 1 for i in columns if self.parting is None and self._holds_units(i + 1, table)}
         wanted = sorted({*columns, *beside.values()})
@@ -221,19 +222,7 @@ class _Text:
         filled = 0
         with io.BytesIO(self.lines.raw) as stream:
             stream.seek(begin)
-            for chunk in pd.read_csv(
-                stream,
-                sep=r"\s+" if self.parting is None else self.parting,
-                decimal="," if self.comma else ".",
-                header=None,
-                names=range(self.width),
-                usecols=wanted,
-                skip_blank_lines=False,
-                skipinitialspace=True,
-                quoting=csv.QUOTE_MINIMAL if self.quoted else csv.QUOTE_NONE,
-                chunksize=_CHUNK,
-                encoding_errors="replace",
-            ):
+            for chunk in self._chunks(stream, wanted, table.place):
                 part = slice(filled, filled + len(chunk))
                 if part.stop > count:
                     break
@@ -251,6 +240,27 @@ class _Text:
         keep = self._no_remark([cells[i].values for i in columns])
         values = {i: cells[i].values if keep.all() else cells[i].values[keep] for i in columns}
         return Rows(values=values, units=units, lines=np.flatnonzero(keep) + self.start + 1)
+
+    def _chunks(self, stream: io.BytesIO, columns: Sequence[int], place: str) -> Iterator[pd.DataFrame]:
+        import pandas as pd
+
+        try:
+            yield from pd.read_csv(
+                stream,
+                sep=r"\s+" if self.parting is None else self.parting,
+                decimal="," if self.comma else ".",
+                header=None,
+                names=range(self.width),
+                usecols=columns,
+                skip_blank_lines=False,
+                skipinitialspace=True,
+                quoting=csv.QUOTE_MINIMAL if self.quoted else csv.QUOTE_NONE,
+                chunksize=_CHUNK,
+                encoding_errors="replace",
+            )
+        except pd.errors.ParserError as error:
+            reason = shortened(" ".join(str(error).split()))
+            raise InputError(f"{place}: its rows are no table of {self.width} columns ({reason})") from None
 
     def _holds_units(self, column: int, table: Table) -> bool:
         return column < self.width and column not in table.numeric and table.labels[column] != ""
