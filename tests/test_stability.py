@@ -682,3 +682,14 @@ def test_import_stays_quick():
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "set()"
+
+
+def test_without_a_range_a_factor_30_either_way_is_searched():
+    rig = ss.Rig(
+        ss.Interface(thresholds=ss.Gaussian(1.0, 0.1), delay=ss.Delay(0.1)),
+        ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4264),
+        ss.constant(velocity=1.0),
+    )
+    assert ss.critical(rig, "velocity") == ss.critical(rig, "velocity", between=(1 / 30, 30.0))
+    with pytest.raises(ss.InputError, match=r"between: delay is 0, so give a range"):
+        ss.critical(rig.replace(delay=0.0), "delay")

@@ -36,6 +36,9 @@ if TYPE_CHECKING:
 Ends = tuple[float | str, float | str]
 """Both ends of a range of a parameter: numbers in the rig's own unit, or texts with a unit."""
 
+USUAL_RANGE = 30.0
+"""Factor either way of a parameter's value in a rig, within which it is varied where no range is given."""
+
 
 @dataclass(frozen=True)
 class Assumption:
@@ -249,20 +252,25 @@ class Rig(Answer):
         except InputError as error:
             raise error.at(f"{place} = {value!r}") from None
 
-    def span(self, parameter: Parameter, between: Ends) -> tuple[float, float]:
+    def span(self, parameter: Parameter, between: Ends | None) -> tuple[float, float]:
         """Return a range of a parameter in its natural unit.
 
         Parameters
         ----------
         parameter : Parameter
-        between : (float or str, float or str)
-            Its ends, rising, as in `Ends`.
+        between : (float or str, float or str), optional
+            Its ends, rising, as in `Ends`; by default a factor `USUAL_RANGE` either way of what the rig has.
 
         Raises
         ------
         InputError
             If it is no range.
         """
+        if between is None:
+            here = parameter.get(self.natural)
+            if here <= 0:
+                raise InputError(f"between: {parameter.name} is {here:g}, so give a range, such as (0.1, 10)")
+            return here / USUAL_RANGE, here * USUAL_RANGE
         ends = sequence("between", between, "two values, such as (0.1, 10)")
         if len(ends) != 2:
             raise InputError(f"between = {shown(between)}: must be two values, such as (0.1, 10)")

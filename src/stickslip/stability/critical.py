@@ -119,7 +119,7 @@ class Crossings(Answer):
         return f"{where}, smooth sliding " + ", ".join(words)
 
 
-def critical(rig: Rig, parameter: Parameter | str, *, between: Ends) -> Crossings:
+def critical(rig: Rig, parameter: Parameter | str, *, between: Ends | None = None) -> Crossings:
     """Find every value of a parameter in a range at which a mode of smooth sliding is neutral (linear).
 
     The number of growing modes is counted along the range, on a logarithmic grid that is refined wherever a
@@ -130,12 +130,13 @@ def critical(rig: Rig, parameter: Parameter | str, *, between: Ends) -> Crossing
     Parameters
     ----------
     rig : Rig
-        The parameter's own value in it does not matter.
+        The parameter's own value in it matters only where no range is given.
     parameter : Parameter or str
         What to vary: ``"stiffness"``, ``"velocity"``, ``"mass"``, ``"damping"``, ``"delay"``, ``"std"``, ``"ageing"``,
         or a parameter of your own.
-    between : (float, float)
-        Range searched, in the rig's own units, both above 0; or texts with units, as in ``("1 mm/s", "1 m/s")``.
+    between : (float, float), optional
+        Range searched, in the rig's own units, both above 0; or texts with units, as in ``("1 mm/s", "1 m/s")``. By
+        default a factor 30 either way of the rig's value.
 
     Returns
     -------
@@ -227,7 +228,7 @@ def critical_spring(rig: Rig) -> float:
     return max(0.0, spring) * rig.unit("k")
 
 
-def _range(rig: Rig, parameter: Parameter | str, between: Ends) -> tuple[Parameter, Rig, float, float]:
+def _range(rig: Rig, parameter: Parameter | str, between: Ends | None) -> tuple[Parameter, Rig, float, float]:
     """The parameter, the rig and the range, in natural units."""
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
     varied = parameter_named(parameter)
