@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+import stickslip as ss
 from stickslip.errors import InputError, UndecidedError
 from stickslip.io.datasets import read_provenance
 from stickslip.model import Bell, Delay, Interface, Langevin, RandomDelay, Rig, Slider, constant
