@@ -7,11 +7,11 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from stickslip.errors import InputError, UndecidedError
-from stickslip.measure import Regime, regime
+from stickslip.measure import Regime, regime_of
 from stickslip.model import Contacts, FromRest, Method, Start
 from stickslip.model.drive import constant
 from stickslip.model.rig import Rig
-from stickslip.simulation import simulate
+from stickslip.simulation import record
 from stickslip.stability import growth_rate
 
 CYCLES = 12.0
@@ -99,7 +99,7 @@ def judge(
                 raise
             break
         drive = constant(setting.velocity, distance / setting.velocity)
-        seen = regime(simulate(replace(setting, drive=drive), method=method, start=start, long=True))
+        seen = regime_of(record(replace(setting, drive=drive), method=method, start=start, long=True))
         if seen.kind != "undecided":
             break
         distance *= 2.0
