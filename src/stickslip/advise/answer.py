@@ -40,6 +40,8 @@ class Margin:
     lower, upper : float or None
         The nearest stability limits below and above; None if there is none within `searched`.
     searched : (float, float)
+    stable : tuple of (float, float)
+        All ranges within that in which smooth sliding is stable.
     """
 
     parameter: str
@@ -47,6 +49,7 @@ class Margin:
     lower: float | None
     upper: float | None
     searched: tuple[float, float]
+    stable: tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -19,7 +19,7 @@ from stickslip.errors import InputError, UndecidedError, instance
 from stickslip.measure import Regime, regime_of
 from stickslip.model import Delay, ElasticBody
 from stickslip.model.drive import constant
-from stickslip.model.parameters import DELAY, PARAMETERS, Parameter, parameter_named
+from stickslip.model.parameters import DELAY, PARAMETERS, VELOCITY, Parameter, parameter_named
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress, reporting
 from stickslip.rigid import critical_stiffness, static_friction
@@ -119,16 +119,18 @@ def complete(found: Prediction, *, progress: Progress | None = None) -> Predicti
     if not found.judged or found.theory_note:
         report(1.0)
         return replace(found, complete=True)
-    distance = float(found.recording.track.times[-1]) * setting.velocity
-    spent = min(cost_of(setting, distance, rig.method), 0.7 * _ALL)
+    spent = min(cost_of(found.recording.rig), 0.7 * _ALL)
     left = (_ALL - spent) * (1.0 if rig.interface.ageing is None else _AGED)
     speed = rig.unit("x_s/time")
-    bands = tuple(_scaled(band, 1.0 / speed) for band in found.bands)
+    linear = tuple(_scaled(band, 1.0 / speed) for band in found.bands)
     bands = speeds.bands_by_runs(
-        setting, bands, found.regime, Budget(_FOR_SPEEDS * left), lambda share: report(0.3 * share)
+        setting, linear, found.regime, Budget(_FOR_SPEEDS * left), lambda share: report(0.3 * share)
     )
     found = replace(
-        found, bands=tuple(_scaled(band, speed) for band in bands), margins=tuple(_margins(rig)), complete=True
+        found,
+        bands=tuple(_scaled(band, speed) for band in bands),
+        margins=tuple(_margins(rig, linear)),
+        complete=True,
     )
     report(0.4)
     if found.ill:
@@ -143,6 +145,9 @@ def _with_mitigations(found: Prediction, setting: Rig, budget: Budget, report: P
     """Look for changes of one parameter; of two, if none of those that can be turned suffices."""
     rig = found.rig
     search = changes.Search(setting, bool(found.unstable_modes), budget, in_si=rig.scales is not None)
+    for margin in found.margins:
+        size = rig.unit(parameter_named(margin.parameter).unit)
+        search.know(margin.parameter, [(low / size, high / size) for low, high in margin.stable])
     single = search.single(changes.TURNABLE, lambda share: report(0.5 * share))
     cured = {m.parameters[0] for m in single if m.stops is not None}
     turnable = [parameter.name for parameter, _ in changes.TURNABLE]
@@ -198,20 +203,19 @@ def _watch(rig: Rig, progress: Progress) -> tuple[Recording, Regime]:
     A drive whose last stretch is not of constant speed is replaced by one of constant speed.
     """
     drive, setting = rig.drive, rig.natural
-    method = rig.method
     dearer = 1.0 if rig.interface.ageing is None else _AGED
     if drive.pieces[-1].start != drive.pieces[-1].end or drive.pieces[-1].end <= 0:
         drive = constant(setting.velocity, length_of(setting) / setting.velocity)
     if len(drive.pieces) == 1:
-        per_time = cost_of(setting, setting.velocity, method) - cost_of(setting, 0.0, method)
-        affordable = max(_FIRST * dearer / per_time, _FEWEST_CYCLES * cycle_of(setting) / setting.velocity)
-        if drive.duration > affordable:
-            drive = constant(setting.velocity, min(drive.duration, affordable))
+        part = _FIRST * dearer / cost_of(replace(rig, drive=drive))
+        enough = max(part * drive.duration, _FEWEST_CYCLES * cycle_of(setting) / setting.velocity)
+        if part < 1.0 and drive.duration > enough:
+            drive = constant(setting.velocity, enough)
     left = _FIRST * dearer
     for attempt in range(_EXTENSIONS + 1):
         run = record(replace(rig, drive=drive), progress=progress, long=attempt > 0)
         seen = regime_of(run)
-        left -= cost_of(setting, setting.velocity * drive.duration, method)
+        left -= cost_of(run.rig)
         if seen.kind != "undecided" or attempt == _EXTENSIONS or left <= 0:
             break
         drive = drive.then(constant(drive.pieces[-1].end, drive.duration))
@@ -250,8 +254,11 @@ def _over_delays(rig: Rig) -> tuple[Band, ...]:
     return tuple(found)
 
 
-def _margins(rig: Rig) -> Iterator[Margin]:
-    """Look up and down from where each parameter stands for the nearest limit of linear stability."""
+def _margins(rig: Rig, bands: tuple[Band, ...]) -> Iterator[Margin]:
+    """Look up and down from where each parameter stands for the nearest limit of linear stability.
+
+    `bands` are those by theory, in natural units.
+    """
     setting = _at_its_speed(rig.natural)
     for parameter in PARAMETERS:
         try:
@@ -261,7 +268,11 @@ def _margins(rig: Rig) -> Iterator[Margin]:
         if value <= 0:
             continue
         low, high = _searched(parameter, value, rig)
-        stable = stable_ranges(parameter, setting, low, high)
+        if parameter is VELOCITY:
+            smooth = [(band.low, band.high) for band in bands if band.kind == "smooth sliding"]
+            stable = [(max(a, low), min(b, high)) for a, b in smooth if a < high and b > low]
+        else:
+            stable = stable_ranges(parameter, setting, low, high)
         edges = {end for pair in stable for end in pair} - {low, high}
         size = rig.unit(parameter.unit)
         lower = max((edge for edge in edges if edge < value), default=None)
@@ -272,6 +283,7 @@ def _margins(rig: Rig) -> Iterator[Margin]:
             lower=None if lower is None else lower * size,
             upper=None if upper is None else upper * size,
             searched=(low * size, high * size),
+            stable=tuple((a * size, b * size) for a, b in stable),
         )
 
 
