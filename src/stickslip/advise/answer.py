@@ -176,8 +176,8 @@ class Prediction(Answer):
         parts.append(f"at {speed}: {self._here()}")
         others = [pair for pair in self.at_speeds if pair[0] != self.rig.velocity]
         parts += [f"at {self._speed(other)}: {kind}" for other, kind in others]
-        if self.rig.operation.between is not None:
-            parts.append(self._over_its_range())
+        if self.between is not None:
+            parts.append(self._over_its_range(*self.between))
         return "; ".join(parts)
 
     @property
@@ -194,10 +194,20 @@ class Prediction(Answer):
             return "undecided"
         return _KINDS.get(found.kind, found.kind) + (" from rest only" if found.bistable else "")
 
-    def _over_its_range(self) -> str:
-        """The motion over the range of speeds at which the rig works."""
+    @property
+    def between(self) -> tuple[float, float] | None:
+        """The range of speeds at which the rig works, in its own units: as given, or those its drive goes through."""
         size = self.rig.unit("x_s/time")
-        low, high = (end * size for end in self.rig.operation.between or ())
+        if self.rig.operation.between is not None:
+            low, high = self.rig.operation.between
+            return low * size, high * size
+        through = sorted(abs(v) * size for piece in self.rig.drive.pieces for v in (piece.start, piece.end))
+        if through[0] == through[-1]:
+            return None
+        return max(through[0], self.speeds_searched[0]), through[-1]
+
+    def _over_its_range(self, low: float, high: float) -> str:
+        """The motion over the range of speeds at which the rig works, were each of them to last."""
         parts: list[tuple[float, str]] = []
         for band, kind in zip(self.bands, self._told([band.kind for band in self.bands]), strict=True):
             if band.high > low and band.low < high:
@@ -207,7 +217,8 @@ class Prediction(Answer):
         words = [f"{kind} from {self._speed(begin)}" for begin, kind in parts]
         if len(parts) == 1:
             words = [f"{parts[0][1]} throughout"]
-        return f"over its range, {self._speed(low)} to {self._speed(high)}: {', '.join(words) or 'undecided'}"
+        whose = "over its range" if self.rig.operation.between is not None else "along its drive"
+        return f"{whose}, {self._speed(low)} to {self._speed(high)}: {', '.join(words) or 'undecided'}"
 
     def _here(self) -> str:
         kind = self.regime.kind
@@ -354,6 +365,12 @@ class Prediction(Answer):
                 words += "; from rest, no value was found at which it decays"
             yield words
 
+    @property
+    def where(self) -> str:
+        """At which of several speeds changes were tried, in words; nothing for a rig that works at one."""
+        several = self.between is not None or len(self.at_speeds) > 1
+        return f" at {self._said(self.rig.velocity, 'velocity')}" if several else ""
+
     def attempt_lines(self) -> Iterator[str]:
         """How far each parameter goes that does not give smooth sliding within the range searched."""
         for each in self.attempts:
@@ -389,8 +406,10 @@ class Prediction(Answer):
         lines = [f"{self.rig.name}: {self.verdict}"]
         if not self.judged:
             return "\n".join([*lines, self.measure_note()])
-        lines += [f"- {line}" for line in (*self.mitigation_lines(), *self.attempt_lines())]
-        return "\n".join(lines)
+        advice = [f"- {line}" for line in (*self.mitigation_lines(), *self.attempt_lines())]
+        if advice and self.where:
+            lines.append(f"what would stop it{self.where}:")
+        return "\n".join([*lines, *advice])
 
     def _repr_html_(self) -> str:
         rows = "".join(

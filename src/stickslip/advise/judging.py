@@ -19,7 +19,7 @@ CYCLES = 12.0
 _SHORTEST = 60.0
 _RINGING = 10.0
 """... at least this far, in ``x_s``, and until the free slider has rung out, in units of ``1/eta``."""
-_FALLS, _LONGEST = 6.0, 4.0
+_DECAYS, _LONGEST = 6.0, 4.0
 """The last test of a change lasts for so many times 1/decay rate, but not for more than so many runs."""
 _LONGER = 2
 """How often a run that cannot be judged is made again, twice as long."""
@@ -54,11 +54,13 @@ def contacts_of(rig: Rig) -> Contacts:
 
 
 def cycle_of(setting: Rig) -> float:
-    """Travel of the drive in the slowest cycle of a rig: loading to the thresholds, or a free oscillation."""
+    """Travel of the drive in the slowest cycle of a rig: a life of its contacts with the loading, or a free oscillation."""
     slider = setting.slider
     stretch = setting.interface.threshold_distribution.moment(1)
     period = 2.0 * math.pi / slider.frequency if slider.mass > 0 else 0.0
-    return float(max(stretch * (1.0 + 1.0 / slider.stiffness), setting.velocity * period))
+    delay = setting.interface.delay.moment(1)
+    detached = setting.velocity * delay if math.isfinite(delay) else 0.0
+    return float(max(stretch * (1.0 + 1.0 / slider.stiffness) + detached, setting.velocity * period))
 
 
 def length_of(setting: Rig) -> float:
@@ -121,7 +123,7 @@ def _decay_time(setting: Rig) -> float:
         rate = growth_rate(setting).real
     except (InputError, UndecidedError):
         return 0.0
-    return _FALLS / -rate if rate < 0 else 0.0
+    return _DECAYS / -rate if rate < 0 else 0.0
 
 
 def first_smooth(

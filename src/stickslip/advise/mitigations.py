@@ -149,10 +149,10 @@ class Search:
         choices = [(p, sides[p.name]) for p, _ in TURNABLE if p.name in sides]
         return [m for pair in combinations(choices, 2) if (m := self._stop(pair)) is not None]
 
-    def attempts(self, before: float, static_friction: float, cured: set[str]) -> Iterator[tuple[Attempt, int]]:
+    def attempts(self, before: float, static_friction: float, mitigated: set[str]) -> Iterator[tuple[Attempt, int]]:
         """The better end of its range, for each parameter that can be turned and gives no smooth sliding there."""
         for parameter, sides in TURNABLE:
-            if parameter.name in cured or not self._has(parameter):
+            if parameter.name in mitigated or not self._has(parameter):
                 continue
             value, ends = parameter.get(self.setting), []
             for side in sides:

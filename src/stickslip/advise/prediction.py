@@ -26,14 +26,14 @@ from stickslip.rigid import critical_stiffness, static_friction
 from stickslip.simulation import Recording, record
 from stickslip.theory import kinetic_friction
 
-_FIRST, _ALL, _FOR_SPEEDS = 1.3, 4.6, 0.3
+_FIRST, _ALL, _FOR_SPEEDS = 0.8, 3.0, 0.3
 """Seconds, by estimate, for the first run and for all runs; the part of what is then left that goes to other speeds."""
 _AGED = 10.0
 """How much more thresholds that age may take, whose runs cost a hundred times as much."""
 _FEWEST_CYCLES = 3.3
 """The first run lasts for so many, by their longest, whatever that takes; most are shorter."""
-_EXTENSIONS = 2
-"""How often a run that cannot be judged is made twice as long."""
+_LONGEST = 40.0
+"""A run that cannot be judged is made twice as long, again and again, while the next takes less than this."""
 _RANGE, _AGED_RANGE = 30.0, 10.0
 """Margins are looked for within this factor on either side of a parameter's value."""
 _DELAYS = (0.01, 10.0)
@@ -149,12 +149,12 @@ def _with_mitigations(found: Prediction, setting: Rig, budget: Budget, report: P
         size = rig.unit(parameter_named(margin.parameter).unit)
         search.know(margin.parameter, [(low / size, high / size) for low, high in margin.stable])
     single = search.single(changes.TURNABLE, lambda share: report(0.5 * share))
-    cured = {m.parameters[0] for m in single if m.stops is not None}
+    mitigated = {m.parameters[0] for m in single if m.stops is not None}
     turnable = [parameter.name for parameter, _ in changes.TURNABLE]
     attempts: list[Attempt] = []
     pairs: list[Mitigation] = []
-    if not cured & set(turnable):
-        tried = list(search.attempts(found.relative_amplitude, found.static_friction / rig.unit("f_s"), cured))
+    if not mitigated & set(turnable):
+        tried = list(search.attempts(found.relative_amplitude, found.static_friction / rig.unit("f_s"), mitigated))
         attempts = [each for each, _ in tried]
         sides = changes.NATURAL_SIDES | {each.parameter: side for each, side in tried}
         report(0.6)
@@ -211,15 +211,14 @@ def _watch(rig: Rig, progress: Progress) -> tuple[Recording, Regime]:
         enough = max(part * drive.duration, _FEWEST_CYCLES * cycle_of(setting) / setting.velocity)
         if part < 1.0 and drive.duration > enough:
             drive = constant(setting.velocity, enough)
-    left = _FIRST * dearer
-    for attempt in range(_EXTENSIONS + 1):
-        run = record(replace(rig, drive=drive), progress=progress, long=attempt > 0)
+    case, long = replace(rig, drive=drive), False
+    while True:
+        run = record(case, progress=progress, long=long)
         seen = regime_of(run)
-        left -= cost_of(run.rig)
-        if seen.kind != "undecided" or attempt == _EXTENSIONS or left <= 0:
-            break
         drive = drive.then(constant(drive.pieces[-1].end, drive.duration))
-    return run, seen
+        case, long = replace(rig, drive=drive), True
+        if seen.kind != "undecided" or cost_of(case) > _LONGEST:
+            return run, seen
 
 
 def _linear(setting: Rig) -> tuple[int | None, complex | None, str]:

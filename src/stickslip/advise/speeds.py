@@ -18,7 +18,7 @@ RANGE, AGED_RANGE = 100.0, 10.0
 """Speeds are looked at within this factor of those of the drive."""
 _INSIDE = 5
 """Speeds simulated where smooth sliding is unstable, and over the whole range where it is stable everywhere."""
-_DEAREST = 0.5
+_DEAREST = 0.3
 """Seconds that a run at another speed may take: slow drives of light sliders are told by theory alone."""
 
 

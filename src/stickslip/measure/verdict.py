@@ -95,7 +95,7 @@ class Regime(Answer):
         Largest slider velocity in the window, over the drive's velocity.
     stuck : float or None
         Fraction of the time in which the slider is slower than a twentieth of the drive.
-    attached_swing : float or None
+    attached_peak_to_peak : float or None
         Largest less smallest fraction of attached contacts.
     quantity, time_unit, force_unit : str
         What the force is ("force" or "coefficient of friction"), and the units of the times and forces above;
@@ -124,7 +124,7 @@ class Regime(Answer):
     peak_velocity: float | None = None
     largest_velocity: float | None = None
     stuck: float | None = None
-    attached_swing: float | None = None
+    attached_peak_to_peak: float | None = None
     quantity: str = "force"
     time_unit: str = ""
     force_unit: str = ""
@@ -316,7 +316,7 @@ def _judge(trace: Trace, found: Slips | None = None) -> Regime:
         peak_velocity=peak_velocity,
         largest_velocity=largest,
         stuck=stuck,
-        attached_swing=None if trace.attached is None else float(np.ptp(trace.attached)),
+        attached_peak_to_peak=None if trace.attached is None else float(np.ptp(trace.attached)),
         quantity=trace.quantity,
         time_unit=trace.time_unit,
         force_unit=trace.force_unit,
