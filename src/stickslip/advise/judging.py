@@ -54,7 +54,7 @@ def contacts_of(rig: Rig) -> Contacts:
 
 
 def cycle_of(setting: Rig) -> float:
-    """Travel of the drive in the slowest cycle of a rig: a life of its contacts with the loading, or a free oscillation."""
+    """Travel of the drive in the slowest cycle of a rig: a life of a contact and the loading, or a free oscillation."""
     slider = setting.slider
     stretch = setting.interface.threshold_distribution.moment(1)
     period = 2.0 * math.pi / slider.frequency if slider.mass > 0 else 0.0

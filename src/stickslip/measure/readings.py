@@ -234,6 +234,12 @@ def _choose(
         a, b = sorted(twice[0], reverse=True)
         raise InputError(f"{place}: column {given[a] + 1} cannot be both {a} and {b}; there are {table.listed()}")
     if step is None and table.step is None and "time" not in given:
+        timed = [i for i, heading in enumerate(table.headings) if heading.quantity == "time"]
+        if timed and timed[0] not in table.numeric:
+            raise InputError(
+                f"{place}: column {timed[0] + 1} '{table.headings[timed[0]]}' holds times of day or other text, no "
+                "numbers; give the seconds from one row to the next (--step on the command line, step= in Python)"
+            )
         raise InputError(
             f"{place}: has no column of times that is named so; give the seconds from one row to the next (--step on "
             f"the command line, step= in Python) or name the column (--time, time=); there are {table.listed()}"
