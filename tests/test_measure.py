@@ -265,7 +265,7 @@ def test_slow_creep_between_slips_is_stick_slip_not_smooth():
     result = regime(data)
     assert result.kind == "stick-slip"
     assert "periodic" in result.reason
-    assert result.attached_swing == 0.0
+    assert result.attached_peak_to_peak == 0.0
     assert "stick-slip" in str(result)
 
 

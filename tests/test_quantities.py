@@ -157,7 +157,7 @@ JUNK = [
     *("4 N+2 N", "4 N/m + 1", "4 N/m or 5", "4 N/m, 5 N/m", "4 N/m 5 N/m", "1/2 N/m", "4 2/s", "3 1/2 N/m", "4 %"),
     *("4 N per m", "4 'N'/m", '4 "N/m"', "4 [N/m]", "4 {N}/m", "4 <N/m>", "4 N\\m", "4 N|m", "4 N^(1)/m", "4 N^+1/m"),
     *("4 degC", "4 delta_degC", "4 dB", "4 rad/s", "4 percent", "4 NN/m", "4 kkN/m", "4 kmin", "4 mft", "4 dd", "4 u"),
-    *("4 mn/m", "4 n/m", "4 N/M", "4 KN/m", "4 kn/m", "4 Kg", "4 KG", "4 S", "4 Sec", "4 Newton", "4 Ns/m", "4 Nm"),
+    *("4 mPas", "4 das", "4 ma", "4 mn/m", "4 n/m", "4 N/M", "4 KN/m", "4 kn/m", "4 Kg", "4 KG", "4 S", "4 Sec", "4 Newton", "4 Ns/m", "4 Nm"),
     *("4 gallon", "4 gal", "4 cal", "4 Btu", "4 hp", "4 stone", "4 cwt", "4 ounce", "4 month", "4 pint", "4 dozen"),
     *("4 __class__", "4 N.m", "4 import os", "4 lambda", "4 sqrt(N)", "4 N if m else s", "4 x", "True", "None", "1j N"),
     *("4 N/m\u200b", "\ufeff4 N/m", "4\u2009N/m\u2028", "4 N\u0301/m", "4 N/\u043c", "4 \u041d", "4e3\u00b2 N/m"),

@@ -56,6 +56,7 @@ COMMA = str.maketrans(".", ",")
         ("date,t,F_d\n" + rows(lambda t, f: f"2020-01-02,{t},{f}"), {}),
         ("Instrument: X7\nOperator: N. N.\n\nt;F_d\n" + rows(lambda t, f: f"{t};{f}"), {}),
         (rows(lambda t, f: f"{t}|{f}"), {"delimiter": "|", "time": 1, "force": 2}),
+        ('"Time (s)","Force (N)"\n' + rows(lambda t, f: f'"{t:.2f}|{f}"'.translate(COMMA).replace("|", '","')), {}),
         (rows(lambda _, f: f"{f}").replace("\n", "\r\n"), {"step": 0.25}),
         ("\ufeff" + rows(lambda _, f: f"{f}"), {"step": 0.25}),
         (rows(lambda _, f: f"{f}") + "End of file\n", {"step": 0.25}),
@@ -81,6 +82,17 @@ def test_units_are_kept(tmp_path):
     wide = tmp_path / "wide.csv"
     wide.write_bytes(("t;F\n" + rows(lambda t, f: f"{t};{f}")).encode("utf-16"))
     np.testing.assert_array_equal(read_trace(wide)["spring_force"], FORCES)
+
+
+def test_the_comment_that_labview_names_but_does_not_write_is_no_column(tmp_path):
+    """With two numbers to a row below three names, the times were taken for the force."""
+    head = "LabVIEW Measurement\nSeparator\tTab\nX_Columns\tOne\n***End_of_Header***\t\nChannels\t1\n"
+    head += "Y_Unit_Label\tNewtons\nX0\t0.0\nDelta_X\t0.25\n***End_of_Header***\t\n"
+    for names in ("X_Value\tUntitled\tComment\n", "X_Value\tForce\n", ""):
+        trace = read_trace(written(tmp_path, head + names + rows(lambda t, f: f"{t:.6f}\t{f:.6f}"), "bench.lvm"))
+        assert trace["spring_force"].to_numpy() == pytest.approx(FORCES)
+        assert trace["time"].to_numpy() == pytest.approx(0.25 * np.arange(FORCES.size))
+        assert trace["spring_force"].attrs["units"] == "Newtons"
 
 
 @pytest.mark.parametrize("word", ["NaN N1", "inf", "---", "1e999", "overload", "1.2.3"])
@@ -303,6 +315,7 @@ def test_units_in_cells_that_leave_it_open_are_refused_by_line(tmp_path, change,
         ("t,T (°C)\n" + rows(lambda t, f: f"{t},{f}"), "which column is the force"),
         ("t,F,F\n" + rows(lambda t, f: f"{t},{f},{f}"), "which column is the force"),
         ("a,F\n" + rows(lambda t, f: f"{t},{f}"), "--step .* step= .*--time, time="),
+        ("Time,Force (N)\n" + rows(lambda t, f: f"10:00:{t:06.3f},{f}"), "column 1 'Time' holds times of day .*--step"),
         ("t,F\n" + rows(lambda t, f: f'{t},"{f}'), "line"),
         (
             "F\n" + NUMBERS + "4" * 400_000 + "e" * 3 + "\n" + NUMBERS,

@@ -174,7 +174,7 @@ def print_prediction(found: Prediction, picture: Path | None) -> None:
         for row in found.margin_rows():
             table.add_row(*(Text(cell) for cell in row))
         tables.print(table)
-    bullets("Mitigations", ", the smallest change first; simulated", found.mitigation_lines())
+    bullets("Mitigations", f"{found.where}, the smallest change first; simulated", found.mitigation_lines())
     bullets("Tried", ", within the range searched", found.attempt_lines())
     if note := found.search_note():
         console.print()

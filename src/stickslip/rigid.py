@@ -218,12 +218,13 @@ def static_friction(interface: Interface) -> tuple[float, float]:
     """
     instance("static_friction: interface", interface, Interface, "an Interface")
     interface.allow(("sliding_force",), "static_friction")
-    run = rigid_slide(
-        interface.__class__(thresholds=interface.thresholds, initial=interface.initial), _reach(interface)
-    )
-    force = run["friction_force"].to_numpy()
+    bare = Interface(thresholds=interface.thresholds, initial=interface.initial)
+    _check_renewal(bare)
+    distance, points = _reach(interface), Renewal().points
+    X = np.linspace(0.0, distance, points + 1)
+    force = _Solution(bare, distance, 1.0, points).at(X).force
     best = int(np.argmax(force))
-    return float(force[best]), float(run["displacement"].to_numpy()[best])
+    return float(force[best]), float(X[best])
 
 
 def _reach(interface: Interface) -> float:

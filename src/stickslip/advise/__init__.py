@@ -9,9 +9,10 @@ differ:
 - *sustained stick-slip*: does stick-slip go on from a start at rest? Between the last two the rig is bistable.
 """
 
+from stickslip.advise.answer import Margin, Prediction, amount
 from stickslip.advise.chart import chart
 from stickslip.advise.mitigations import Attempt, Mitigation
-from stickslip.advise.prediction import Margin, Prediction, amount, complete, predict
+from stickslip.advise.prediction import complete, predict
 from stickslip.advise.speeds import Band
 
 __all__ = ["Attempt", "Band", "Margin", "Mitigation", "Prediction", "amount", "chart", "complete", "predict"]

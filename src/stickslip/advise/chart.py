@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip import stability
-from stickslip.cycles import bistable_region
 from stickslip.errors import number, whole
 from stickslip.model.parameters import Parameter, parameter_named
 from stickslip.model.rig import Rig
@@ -70,6 +69,8 @@ def chart(
     )
     found = found.merge(edge, combine_attrs="override")
     if bistable:
+        from stickslip.cycles import bistable_region
+
         bands = bistable_region(
             rig.natural,
             over=names,

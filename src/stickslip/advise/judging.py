@@ -7,11 +7,11 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from stickslip.errors import InputError, UndecidedError
-from stickslip.measure import Regime, regime
+from stickslip.measure import Regime, regime_of
 from stickslip.model import Contacts, FromRest, Method, Start
 from stickslip.model.drive import constant
 from stickslip.model.rig import Rig
-from stickslip.simulation import simulate
+from stickslip.simulation import estimate, record
 from stickslip.stability import growth_rate
 
 CYCLES = 12.0
@@ -19,13 +19,12 @@ CYCLES = 12.0
 _SHORTEST = 60.0
 _RINGING = 10.0
 """... at least this far, in ``x_s``, and until the free slider has rung out, in units of ``1/eta``."""
-_FALLS, _LONGEST = 6.0, 4.0
+_DECAYS, _LONGEST = 6.0, 4.0
 """The last test of a change lasts for so many times 1/decay rate, but not for more than so many runs."""
 _LONGER = 2
 """How often a run that cannot be judged is made again, twice as long."""
-_PER_RADIAN, _PER_BREAK, _PER_RUN = 5.5e-6, 2.5e-7, 0.02
-"""Seconds that a run takes: per radian of the slider on its spring, per contact that breaks, and at least."""
-_PER_AGED_BREAK = 4e-5
+_READING = 0.006
+"""Seconds that it takes to set up a run and to read it."""
 PRECISION = 0.05
 """Where motion changes is found to this part of the value."""
 _USUAL, _MOST_AGED = Contacts(10_000, seed=1), 2_000
@@ -55,11 +54,13 @@ def contacts_of(rig: Rig) -> Contacts:
 
 
 def cycle_of(setting: Rig) -> float:
-    """Travel of the drive in the slowest cycle of a rig: loading to the thresholds, or a free oscillation."""
+    """Travel of the drive in the slowest cycle of a rig: a life of a contact and the loading, or a free oscillation."""
     slider = setting.slider
     stretch = setting.interface.threshold_distribution.moment(1)
     period = 2.0 * math.pi / slider.frequency if slider.mass > 0 else 0.0
-    return float(max(stretch * (1.0 + 1.0 / slider.stiffness), setting.velocity * period))
+    delay = setting.interface.delay.moment(1)
+    detached = setting.velocity * delay if math.isfinite(delay) else 0.0
+    return float(max(stretch * (1.0 + 1.0 / slider.stiffness) + detached, setting.velocity * period))
 
 
 def length_of(setting: Rig) -> float:
@@ -69,14 +70,9 @@ def length_of(setting: Rig) -> float:
     return max(_SHORTEST, CYCLES * cycle_of(setting), min(ringing, 5.0 * CYCLES * cycle_of(setting)))
 
 
-def cost_of(setting: Rig, distance: float, method: Method) -> float:
-    """Seconds that a run will take, roughly."""
-    slider, time = setting.slider, distance / setting.velocity
-    count = method.count if isinstance(method, Contacts) else 20_000
-    delay = setting.interface.delay.moment(1)
-    breaks = count * time / (1.0 / setting.velocity + (delay if math.isfinite(delay) else time))
-    each = _PER_BREAK if setting.interface.ageing is None else _PER_AGED_BREAK
-    return float(_PER_RUN + _PER_RADIAN * time * (slider.frequency if slider.mass > 0 else 1.0) + each * breaks)
+def cost_of(rig: Rig) -> float:
+    """Seconds that a run takes, with its reading."""
+    return estimate(rig).seconds + _READING
 
 
 def judge(
@@ -92,14 +88,15 @@ def judge(
     distance = length_of(setting) if distance is None else distance
     seen: Regime | None = None
     for _ in range(_LONGER + 1):
+        drive = constant(setting.velocity, distance / setting.velocity)
+        rig = replace(setting, drive=drive, method=method, start=start)
         try:
-            budget.pay(cost_of(setting, distance, method))
+            budget.pay(cost_of(rig))
         except Spent:
             if seen is None:
                 raise
             break
-        drive = constant(setting.velocity, distance / setting.velocity)
-        seen = regime(simulate(replace(setting, drive=drive), method=method, start=start, long=True))
+        seen = regime_of(record(rig, long=True))
         if seen.kind != "undecided":
             break
         distance *= 2.0
@@ -126,7 +123,7 @@ def _decay_time(setting: Rig) -> float:
         rate = growth_rate(setting).real
     except (InputError, UndecidedError):
         return 0.0
-    return _FALLS / -rate if rate < 0 else 0.0
+    return _DECAYS / -rate if rate < 0 else 0.0
 
 
 def first_smooth(

@@ -122,6 +122,16 @@ class Search:
         self.left_out: list[str] = []
         self.known: dict[tuple[tuple[str, int], ...], list[tuple[float, float]]] = {}
 
+    def know(self, name: str, stable: list[tuple[float, float]]) -> None:
+        """Take ranges of a parameter in which smooth sliding is stable from who has looked for them before."""
+        parameter = parameter_named(name)
+        value = parameter.get(self.setting)
+        for side in (1, -1):
+            factors = [(low / value, high / value) if side > 0 else (value / high, value / low) for low, high in stable]
+            furthest = self._furthest(((parameter, side),))
+            within = [(max(low, 1.0), min(high, furthest)) for low, high in factors if high > 1.0 and low < furthest]
+            self.known[((name, side),)] = sorted(within)
+
     def single(self, parameters: Choices, report: Callable[[float], None]) -> list[Mitigation]:
         """The smallest change of each of some parameters."""
         choices = [(p, sides) for p, sides in parameters if self._has(p)]
@@ -139,10 +149,10 @@ class Search:
         choices = [(p, sides[p.name]) for p, _ in TURNABLE if p.name in sides]
         return [m for pair in combinations(choices, 2) if (m := self._stop(pair)) is not None]
 
-    def attempts(self, before: float, static_friction: float, cured: set[str]) -> Iterator[tuple[Attempt, int]]:
+    def attempts(self, before: float, static_friction: float, mitigated: set[str]) -> Iterator[tuple[Attempt, int]]:
         """The better end of its range, for each parameter that can be turned and gives no smooth sliding there."""
         for parameter, sides in TURNABLE:
-            if parameter.name in cured or not self._has(parameter):
+            if parameter.name in mitigated or not self._has(parameter):
                 continue
             value, ends = parameter.get(self.setting), []
             for side in sides:
@@ -179,24 +189,26 @@ class Search:
 
     def _stable(self, parts: Parts) -> tuple[Parameter, list[tuple[float, float]]]:
         """The path along which parameters are varied together, and the factors at which smooth sliding is stable."""
-        path, furthest = together(parts), self._furthest(parts)
-        key = tuple((parameter.name, side) for parameter, side in parts)
-        if key not in self.known:
-            ranges = stable_ranges(path, self.setting, 1.0, furthest, exact=False) if furthest > 1.0 else []
-            self.known[key] = ranges
-        stable = self.known[key]
+        path, stable = together(parts), self._ranges(parts)
         if stable and stable[0][0] == 1.0 and len(parts) == 1 and not self._leads_away(parts[0], stable[0][1]):
             stable = []
         return path, stable
 
+    def _ranges(self, parts: Parts) -> list[tuple[float, float]]:
+        """Factors at which smooth sliding is stable, from 1 to the largest."""
+        furthest, key = self._furthest(parts), tuple((parameter.name, side) for parameter, side in parts)
+        if key not in self.known:
+            path = together(parts)
+            self.known[key] = stable_ranges(path, self.setting, 1.0, furthest, exact=False) if furthest > 1.0 else []
+        return self.known[key]
+
     def _leads_away(self, part: tuple[Parameter, int], end: float) -> bool:
         """Whether varying a parameter of a stable rig this way leads away from a limit on the other side."""
         parameter, side = part
-        other = together(((parameter, -side),))
         furthest = self._furthest(((parameter, -side),))
         if end < self._furthest((part,)) or furthest <= 1.0:
             return False
-        ranges = stable_ranges(other, self.setting, 1.0, furthest, exact=False)
+        ranges = self._ranges(((parameter, -side),))
         return bool(ranges) and ranges[0][1] < furthest
 
     def _stop(self, parts: Parts) -> Mitigation | None:

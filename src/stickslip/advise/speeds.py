@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from stickslip.advise.judging import PRECISION, Budget, Spent, at_speed, contacts_of, cost_of, judge, length_of
+from stickslip.advise.judging import PRECISION, Budget, Spent, at_speed, contacts_of, cost_of, judge
 from stickslip.advise.linear import stable_ranges
 from stickslip.errors import InputError
 from stickslip.measure import Regime
@@ -18,7 +18,7 @@ RANGE, AGED_RANGE = 100.0, 10.0
 """Speeds are looked at within this factor of those of the drive."""
 _INSIDE = 5
 """Speeds simulated where smooth sliding is unstable, and over the whole range where it is stable everywhere."""
-_DEAREST = 0.5
+_DEAREST = 0.3
 """Seconds that a run at another speed may take: slow drives of light sliders are told by theory alone."""
 
 
@@ -64,7 +64,7 @@ def bands_by_runs(
     def kind(speed: float) -> str:
         if speed not in known:
             there = at_speed(setting, speed)
-            if cost_of(there, length_of(there), method) > _DEAREST:
+            if cost_of(replace(there, method=method)) > _DEAREST:
                 return "unknown"
             try:
                 known[speed] = judge(there, method, budget).kind

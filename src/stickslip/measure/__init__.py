@@ -14,7 +14,7 @@ from stickslip.measure.fronts import events, fronts
 from stickslip.measure.periods import Cycles, find_cycles
 from stickslip.measure.ramps import transitions
 from stickslip.measure.readings import read_trace
-from stickslip.measure.verdict import Regime, regime
+from stickslip.measure.verdict import Regime, regime, regime_of
 
 __all__ = [
     "Cycles",
@@ -25,6 +25,7 @@ __all__ = [
     "fronts",
     "read_trace",
     "regime",
+    "regime_of",
     "statistics",
     "transitions",
 ]

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from stickslip.errors import LARGEST, InputError, instance
 from stickslip.io.datasets import read_provenance
+from stickslip.model import Contacts, Slider
+from stickslip.simulation import Recording
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Array = NDArray[np.float64]
 
@@ -47,10 +52,14 @@ class Trace:
     contacts: int | None = None
     displacement: Array | None = None
     time_unit: str = ""
+    force_unit: str = ""
+    quantity: str = "force"
 
     @classmethod
     def of(cls, data: xr.Dataset) -> Trace:
         """Take them from a Dataset; `InputError` if it holds no force, or values that are not finite."""
+        import xarray as xr
+
         instance("measure: data", data, xr.Dataset, "a Dataset, such as simulate() and read_trace() return")
         if "spring_force" not in data or "time" not in data["spring_force"].dims:
             raise InputError(
@@ -102,11 +111,43 @@ class Trace:
             drive=None if drive is None else sign * drive,
             attached=arrays["attached"],
             sign=sign,
-            largest=top if (top := float(np.max(sign * force))) > 0 else float(np.max(np.abs(force))),
+            largest=_largest(sign * force),
             contacts=_contacts(data),
             displacement=arrays["measured_displacement"],
-            time_unit={"": "", "time": " time units"}.get(unit := str(data["time"].attrs.get("units", "")), f" {unit}"),
+            time_unit=str(data["time"].attrs.get("units", "")),
+            force_unit=str(data["spring_force"].attrs.get("units", "")),
+            quantity="coefficient of friction"
+            if "coefficient" in str(data["spring_force"].attrs.get("long_name", ""))
+            else "force",
         )
+
+    @classmethod
+    def of_recording(cls, run: Recording) -> Trace:
+        """Take them from a run, in the rig's units."""
+        rig, track, slider = run.rig, run.track, run.rig.slider
+        if not isinstance(slider, Slider):
+            return cls.of(run.dataset())
+        length, speed = rig.unit("x_s"), rig.unit("x_s/time")
+        drive, X = track.drive_velocity, track["displacement"]
+        sign = -1.0 if np.mean(drive) < 0 else 1.0
+        force = sign * (slider.stiffness * (track.drive_position - X) * rig.unit("f_s"))
+        return cls(
+            t=rig.unit("time") * track.times,
+            force=force,
+            X=sign * (X * length),
+            velocity=sign * (track["velocity"] * speed),
+            drive=sign * (drive * speed),
+            attached=track["attached"],
+            sign=sign,
+            largest=_largest(force),
+            contacts=rig.method.count if isinstance(rig.method, Contacts) else None,
+            time_unit=rig.unit_name("time"),
+            force_unit=rig.unit_name("f_s"),
+        )
+
+    def time_in_words(self, time: float) -> str:
+        """A time with its unit."""
+        return f"{time:.2g}" + {"": "", "time": " time units"}.get(self.time_unit, f" {self.time_unit}")
 
     def part(self, begin: float, end: float = math.inf) -> Trace:
         """What comes from a time on, up to another."""
@@ -127,6 +168,11 @@ class Trace:
         )
 
 
+def _largest(force: Array) -> float:
+    """Largest force along the drive; of one that never pulls that way, the largest in size."""
+    return top if (top := float(np.max(force))) > 0 else float(np.max(np.abs(force)))
+
+
 def of_the_whole(data: xr.Dataset) -> xr.Dataset:
     """Return a run of an elastic slider with the means over its blocks; other data as they are."""
     if "block" not in data.dims:
@@ -144,6 +190,14 @@ def _contacts(data: xr.Dataset) -> int | None:
     except (InputError, KeyError, TypeError):
         return None
     return count if isinstance(count, int) and count > 0 else None
+
+
+def without_line(values: Array, at: Array) -> Array:
+    """Values less the straight line through them; sums, as products of long vectors would wake the threads of BLAS."""
+    at = at - at.mean()
+    rest = values - values.mean()
+    rest -= at * (float((at * rest).sum()) / float((at * at).sum()))
+    return rest
 
 
 def turns(force: Array, smallest: float, among: NDArray[np.intp] | None = None) -> tuple[list[int], list[int]]:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from stickslip.errors import number
 from stickslip.measure.arrays import Array, Trace
 from stickslip.measure.bench import find_strokes
 from stickslip.measure.slips import Slips, find_slips, mean_and_std
 from stickslip.measure.verdict import over_the_window, since
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float | None = None) -> xr.Dataset:
@@ -62,6 +65,8 @@ def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float |
     >>> found.sizes["event"], round(found["drop"].attrs["mean"], 2)
     (13, 2.98)
     """
+    import xarray as xr
+
     trace = Trace.of(data)
     if minimum_drop is not None:
         minimum_drop = number("minimum_drop", minimum_drop, above=0, hint="in the unit of spring_force")
@@ -88,6 +93,8 @@ def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float |
 
 def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
     """One row per slip; mean and standard deviation of each column among its attributes."""
+    import xarray as xr
+
     start, end = found.start, found.end
     time_unit = str(data["time"].attrs.get("units", ""))
     force_unit = str(data["spring_force"].attrs.get("units", ""))

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import xarray as xr
-from scipy import ndimage
 
 from stickslip.errors import InputError, instance, number
 from stickslip.measure.arrays import Array
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 WAIT = 10.0
 """A front has stopped where the next block breaks only after so many times what blocks before took."""
@@ -60,6 +63,8 @@ def fronts(run: xr.Dataset) -> xr.Dataset:
     >>> int(found.blocks[0])
     100
     """
+    import xarray as xr
+
     _check(run, "fronts", "first_break")
     time, half = (np.asarray(run[name].values, dtype=float) for name in ("first_break", "half_detached"))
     unit = str(run["first_break"].attrs.get("units", ""))
@@ -168,6 +173,9 @@ def events(run: xr.Dataset, *, velocity: float | None = None) -> xr.Dataset:
     >>> ss.events(ss.simulate(rig)).sizes["event"] > 3
     True
     """
+    import xarray as xr
+    from scipy import ndimage
+
     _check(run, "events", "broken")
     time = np.asarray(run["time"].values, dtype=float)
     if time.size < 3:
@@ -236,6 +244,8 @@ def events(run: xr.Dataset, *, velocity: float | None = None) -> xr.Dataset:
 
 
 def _check(run: xr.Dataset, who: str, needed: str) -> None:
+    import xarray as xr
+
     instance(f"{who}: run", run, xr.Dataset, "a Dataset, as simulate() returns it")
     if needed not in run or "block" not in run[needed].dims:
         raise InputError(f"{who}: needs a run of an elastic slider, a Chain or a Sheet")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.measure.arrays import Array
+from stickslip.measure.arrays import Array, without_line
 
 PERIODIC = 0.7  # least autocorrelation at one period of what is called periodic
 FEWEST_CYCLES = 4  # complete cycles needed to speak of a period
@@ -103,9 +103,7 @@ def _autocorrelation_peak(t: Array, force: Array) -> tuple[float, float]:
 
 def _peak(step: float, force: Array) -> tuple[float, float]:
     size = force.size
-    at = np.arange(size) - 0.5 * (size - 1)
-    rest = force - force.mean()
-    rest = rest - at * (at @ rest) / (at @ at)
+    rest = without_line(force, np.arange(size, dtype=float))
     spectrum = np.fft.rfft(rest, 1 << math.ceil(math.log2(2 * size)))
     power = np.fft.irfft(spectrum.real**2 + spectrum.imag**2)[: max(size // 2, 3)]
     if not power[0] > 0:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import itertools
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.measure.arrays import CONSTANT_DRIVE, Trace, turns
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _PARTS = 16  # the window moves in steps of a sixteenth of it
 _LONGEST_TRANSIENT = 25  # windows: 100 x_s, by default
@@ -18,6 +21,8 @@ _SI_UNITS = {"n", "mn", "kn", "un", "µn", "m", "mm", "um", "µm", "nm", "cm"}
 
 def _oscillation(run: xr.Dataset, window: float) -> xr.Dataset:
     """Peak to peak of the spring force over a moving stretch of drive travel."""
+    import xarray as xr
+
     window = number("window", window, above=0, hint="in the unit of X")
     trace = Trace.of(run)
     if trace.drive is None:
@@ -185,6 +190,8 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
 
 def _hysteresis(oscillation: xr.Dataset, top: float) -> xr.Dataset:
     """Peak to peak on the way up and on the way down, against the velocity; nothing where the drive goes one way."""
+    import xarray as xr
+
     middle, speed = np.asarray(oscillation["middle"].values), np.abs(np.asarray(oscillation["drive_velocity"].values))
     force = np.asarray(oscillation["peak_to_peak"].values)
     branches = [(speed[way], force[way]) for way in (middle <= top, middle > top)]

@@ -9,15 +9,17 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-import xarray as xr
 
 from stickslip.errors import InputError, number
 from stickslip.measure.arrays import FEWEST_READINGS, Array
 from stickslip.measure.headings import Heading, Quantity, ratio, simple, unit_named
 from stickslip.measure.tables import Rows, Table, read_cell, short
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 FEW_UNREADABLE = 3  # rows, or ...
 UNREADABLE_FRACTION = 0.01  # ... this fraction of them, may be unreadable
@@ -121,6 +123,8 @@ def _dataset(
     table: Table, read: Rows, chosen: _Columns, *, step: float | None, load: tuple[float, str] | None, flip: bool
 ) -> xr.Dataset:
     """Check the rows, fill the gaps, and label what was read."""
+    import xarray as xr
+
     place, forces = table.place, read.values[chosen.force]
     if chosen.time is None:
         assert step is not None
@@ -230,6 +234,12 @@ def _choose(
         a, b = sorted(twice[0], reverse=True)
         raise InputError(f"{place}: column {given[a] + 1} cannot be both {a} and {b}; there are {table.listed()}")
     if step is None and table.step is None and "time" not in given:
+        timed = [i for i, heading in enumerate(table.headings) if heading.quantity == "time"]
+        if timed and timed[0] not in table.numeric:
+            raise InputError(
+                f"{place}: column {timed[0] + 1} '{table.headings[timed[0]]}' holds times of day or other text, no "
+                "numbers; give the seconds from one row to the next (--step on the command line, step= in Python)"
+            )
         raise InputError(
             f"{place}: has no column of times that is named so; give the seconds from one row to the next (--step on "
             f"the command line, step= in Python) or name the column (--time, time=); there are {table.listed()}"

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.measure.arrays import Array, Trace, extremes, turns
+from stickslip.measure.arrays import Array, Trace, extremes, turns, without_line
 from stickslip.measure.periods import FEWEST_CYCLES, Cycles, find_cycles
 
 # Numbers that decide.
@@ -124,9 +124,7 @@ def contact_noise(trace: Trace) -> float:
     """Fluctuation of the force over that which so many independent contacts make; infinite where that is not known."""
     if not trace.contacts or not trace.largest:
         return math.inf
-    at = trace.t - trace.t.mean()
-    rest = trace.force - trace.force.mean()
-    rest = rest - at * (at @ rest) / (at @ at)
+    rest = without_line(trace.force, trace.t)
     return float(rest.std()) / (CONTACT_NOISE * abs(trace.largest) / math.sqrt(trace.contacts))
 
 

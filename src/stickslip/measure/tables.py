@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError, shortened
 from stickslip.measure.arrays import Array
-from stickslip.measure.headings import Heading, coefficients_without_unit, is_units_row, ratio, unit_named
+from stickslip.measure.headings import Heading, coefficients_without_unit, is_units_row, ratio, simple, unit_named
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,6 +33,8 @@ _LONGEST_NUMBER = 60  # characters of a cell that may hold a number
 
 _COMMENT = re.compile(r"\s*(#|%|//|!)+\s*")
 _NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\W\d_%°][^,;\t]{0,11}|[%°])?")
+_REMARKS = {"", "comment", "comments", "remark", "remarks", "note", "notes", "kommentar", "bemerkung"}
+"""Names of a last column that the rows leave out: LabVIEW's are ``X_Value``, ``Force`` and ``Comment``."""
 _NO_VALUE = {"nan", "inf", "-inf", "+inf", "na", "n/a", "null", "none", "-", "--", "---", ""}
 
 
@@ -375,7 +377,8 @@ def _layout(
                 )
             blanks = consistent(None) and ", " not in joined and "." not in joined and _decimal_commas(sample)
             if not blanks:
-                return ",", False
+                quoted = [cell for cells in split(sample, ",") for cell in cells if '"' in joined]
+                return ",", any(re.match(r"\s*[-+]?\d*,\d", cell) for cell in quoted)  # "0,01" in quotation marks
     return found, decimal == "," or (decimal is None and _decimal_commas(sample))
 
 
@@ -471,7 +474,7 @@ def _as_wide(line: str, parting: str | None, width: int, numeric: list[int]) -> 
     if width == 1 or (parting is None and len(numeric) == 1):
         found.append([line.strip()])
     for cells in found:
-        if len(cells) == width + 1 and not cells[-1].strip():
+        if len(cells) == width + 1 and simple(cells[-1]) in _REMARKS:
             cells = cells[:-1]
         if len(cells) == width or (parting is None and len(cells) == len(numeric)):
             columns = range(width) if len(cells) == width else numeric
@@ -488,7 +491,9 @@ def _labview(
     """Units and time step from the head of a LabVIEW measurement file."""
     step, found = None, list(headings)
     for cells in split(head, parting or "\t"):
-        if cells[0] == "Delta_X" and len(cells) > 1:
+        if cells[0] == "X_Columns" and cells[1:2] == ["One"] and not found[numeric[0]].name:
+            found[numeric[0]] = Heading(name="X_Value")
+        elif cells[0] == "Delta_X" and len(cells) > 1:
             step = read_cell(cells[1], comma)[0] or None
         elif cells[0] == "Y_Unit_Label":
             for i, unit in zip([i for i in numeric if found[i].quantity != "time"], cells[1:], strict=False):

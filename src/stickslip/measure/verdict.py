@@ -7,10 +7,9 @@ import math
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from stickslip.answers import Answer
@@ -29,6 +28,10 @@ from stickslip.measure.slips import (
     mean_and_std,
     speeds,
 )
+from stickslip.simulation import Recording
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Kind = Literal["smooth sliding", "stick-slip", "sustained oscillation", "undecided"]
 
@@ -92,7 +95,7 @@ class Regime(Answer):
         Largest slider velocity in the window, over the drive's velocity.
     stuck : float or None
         Fraction of the time in which the slider is slower than a twentieth of the drive.
-    attached_swing : float or None
+    attached_peak_to_peak : float or None
         Largest less smallest fraction of attached contacts.
     quantity, time_unit, force_unit : str
         What the force is ("force" or "coefficient of friction"), and the units of the times and forces above;
@@ -121,7 +124,7 @@ class Regime(Answer):
     peak_velocity: float | None = None
     largest_velocity: float | None = None
     stuck: float | None = None
-    attached_swing: float | None = None
+    attached_peak_to_peak: float | None = None
     quantity: str = "force"
     time_unit: str = ""
     force_unit: str = ""
@@ -182,13 +185,12 @@ def regime(data: xr.Dataset, *, after: float | None = None) -> Regime:
     InputError
         If the data hold no force, or values that are not finite, or nothing lies after `after`.
     """
-    trace = Trace.of(data)
-    seen = over_the_window(trace, after)
-    unit = {name: str(data[name].attrs.get("units", "")) for name in ("time", "spring_force")}
-    quantity = (
-        "coefficient of friction" if "coefficient" in str(data["spring_force"].attrs.get("long_name", "")) else "force"
-    )
-    return replace(seen, time_unit=unit["time"], force_unit=unit["spring_force"], quantity=quantity)
+    return over_the_window(Trace.of(data), after)
+
+
+def regime_of(run: Recording) -> Regime:
+    """Return the regime of a run that has not become a Dataset; the same as of the Dataset."""
+    return over_the_window(Trace.of_recording(run), None)
 
 
 def over_the_window(trace: Trace, after: float | None) -> Regime:
@@ -206,11 +208,14 @@ def over_the_window(trace: Trace, after: float | None) -> Regime:
         return _judge(trace)
     begin, end = trace.t[steady], trace.t[-1]
     late = trace.part(end - LATE_PART * (end - begin))
-    if late.t.size < FEWEST_READINGS or find_slips(late).size <= FEWEST_CYCLES:
+    found = find_slips(late) if late.t.size >= FEWEST_READINGS else None
+    if found is None or found.size <= FEWEST_CYCLES:
         longer = trace.part(end - 2 * LATE_PART * (end - begin))
-        if late.t.size < FEWEST_READINGS or 0 < find_slips(late).size < find_slips(longer).size:
+        if found is None:
             late = longer
-    return _with_caution(_judge(late), end - begin)
+        elif found.size and (more := find_slips(longer)).size > found.size:
+            late, found = longer, more
+    return _with_caution(_judge(late, found), end - begin)
 
 
 def since(trace: Trace, after: float) -> Trace:
@@ -267,10 +272,10 @@ def _loaded(trace: Trace) -> Trace:
     return loaded if loaded.t.size >= FEWEST_READINGS else trace
 
 
-def _judge(trace: Trace) -> Regime:
-    """Weigh the evidence in a window."""
+def _judge(trace: Trace, found: Slips | None = None) -> Regime:
+    """Weigh the evidence in a window, whose slips may have been found before."""
     t, force = trace.t, trace.force
-    found = find_slips(trace)
+    found = find_slips(trace) if found is None else found
     cycles = found.cycles
     drop, _, drop_variation = mean_and_std(found.drops)
     size, at = found.drops, found.times
@@ -311,7 +316,10 @@ def _judge(trace: Trace) -> Regime:
         peak_velocity=peak_velocity,
         largest_velocity=largest,
         stuck=stuck,
-        attached_swing=None if trace.attached is None else float(np.ptp(trace.attached)),
+        attached_peak_to_peak=None if trace.attached is None else float(np.ptp(trace.attached)),
+        quantity=trace.quantity,
+        time_unit=trace.time_unit,
+        force_unit=trace.force_unit,
     )
     kind, reason = _verdict(trace, found, evidence)
     return replace(evidence, kind=kind, reason=reason)
@@ -380,7 +388,7 @@ def _verdict(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]:
         span = trace.t[-1] - trace.t[0]
         return "undecided", (
             f"the oscillation still grows, by a factor {seen.trend:.2g} between the halves of the window; about "
-            f"{_time(2.0 * span, trace)} more would tell"
+            f"{trace.time_in_words(2.0 * span)} more would tell"
         )
     if seen.peak_to_peak < TINY * seen.static_friction:
         return "smooth sliding", f"the force oscillates by {oscillation}, peak to peak"
@@ -395,7 +403,7 @@ def _verdict(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]:
         return "smooth sliding", f"the force fluctuates by {oscillation}, without a period, as noise does"
     return "undecided", (
         f"irregular oscillation of {oscillation} that is neither slips nor small: {how}; about "
-        f"{_time(4.0 * (trace.t[-1] - trace.t[0]), trace)} more, or the velocity of the slider, would tell"
+        f"{trace.time_in_words(4.0 * (trace.t[-1] - trace.t[0]))} more, or the velocity of the slider, would tell"
     )
 
 
@@ -416,7 +424,7 @@ def _too_few(trace: Trace, found: Slips, seen: Regime, slips: bool, oscillation:
     few = f"{seen.cycles} complete drop{'s' if seen.cycles > 1 else ''} of the force"
     return "undecided", (
         f"too short: {few} in the window; a verdict needs {FEWEST_CYCLES}: about "
-        f"{_time(max((FEWEST_CYCLES + 1) * each - span, each), trace)} more"
+        f"{trace.time_in_words(max((FEWEST_CYCLES + 1) * each - span, each))} more"
     )
 
 
@@ -429,11 +437,7 @@ def _decaying(trace: Trace, seen: Regime, slips: bool) -> tuple[Kind, str]:
         return "smooth sliding", f"{shrinks}, and is down to {100 * part:.3g} % of static friction"
     halves = math.log(SMALL / max(part, 1.1 * SMALL)) / math.log(seen.trend)
     more = 0.5 * max(halves, 1.0) * float(trace.t[-1] - trace.t[0])
-    return "undecided", f"{shrinks}; about {_time(more, trace)} more would tell whether it persists"
-
-
-def _time(value: float, trace: Trace) -> str:
-    return f"{value:.2g}{trace.time_unit}"
+    return "undecided", f"{shrinks}; about {trace.time_in_words(more)} more would tell whether it persists"
 
 
 def _about_the_drive(trace: Trace) -> str:
@@ -468,18 +472,18 @@ def _without_drops(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]
             if seen.trend > 3 or (seen.trend < 1 / 3 and second > SMALL * friction):
                 return "undecided", (
                     f"{relative}, and changes by a factor {seen.trend:.2g} between the halves of the window; about "
-                    f"{_time(2.0 * span, trace)} more would tell"
+                    f"{trace.time_in_words(2.0 * span)} more would tell"
                 )
             return "smooth sliding", f"{relative}, as the noise of {trace.contacts} contacts does"
         if oscillation > MOST_NOISE * friction or not is_normal(trace.force):
             return "undecided", (
-                f"{relative}: too much for noise, and no slips that stand out; about {_time(4.0 * span, trace)} more "
-                "would tell"
+                f"{relative}: too much for noise, and no slips that stand out; "
+                f"about {trace.time_in_words(4.0 * span)} more would tell"
             )
         if seen.trend > 3 or (seen.trend < 1 / 3 and second > SMALL * friction):
             return "undecided", (
                 f"{relative}, and changes by a factor {seen.trend:.2g} between the halves of the window; about "
-                f"{_time(2.0 * span, trace)} more would tell"
+                f"{trace.time_in_words(2.0 * span)} more would tell"
             )
         return "smooth sliding", f"{relative}: noise of the contacts"
     slope = np.polyfit(trace.t - trace.t[0], trace.force, 1)[0]
@@ -487,12 +491,12 @@ def _without_drops(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]
     if abs(drift) > 0.5 * oscillation and abs(drift) > 2.0 * found.smallest:
         return "undecided", (
             f"the force {'rises' if drift > 0 else 'falls'} by {abs(drift):.3g} and shows no complete slip; about "
-            f"{_time(4.0 * span, trace)} more would tell"
+            f"{trace.time_in_words(4.0 * span)} more would tell"
         )
     if oscillation > 2.0 * found.smallest and oscillation > SMALL * friction:
         return "undecided", (
             "too short: the force oscillates, but shows no complete drop in the window; about "
-            f"{_time(4.0 * span, trace)} more would tell"
+            f"{trace.time_in_words(4.0 * span)} more would tell"
         )
     if oscillation > MOST_NOISE * friction:
         return (

@@ -1,6 +1,7 @@
 """Quantities in text: one number and a unit, ``"4 MN/m"``, by one strict grammar.
 
-A unit library sees the names of single units only, never the user's text.
+The units stand here, with exact sizes. A library of units would take a third of a second to load, and reads more than
+is meant: ``mPas`` as millipascals, ``das`` as ten seconds.
 """
 
 from __future__ import annotations
@@ -8,14 +9,12 @@ from __future__ import annotations
 import re
 import sys
 from collections import Counter
+from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, cast
+from itertools import product
 
 from stickslip.errors import InputError
-
-if TYPE_CHECKING:
-    import pint
 
 LONGEST_QUANTITY = 64
 """Characters of a quantity; longer texts are refused unread."""
@@ -33,12 +32,53 @@ _PLAIN_NUMBER = re.compile(f" *({_NUMBER}) *")
 _FACTOR = re.compile(rf"({_NAME})(?:(?:\^|\*\*)(-?[1-9])|(⁻?[¹²³]))?")
 _RAISED = str.maketrans("⁻¹²³", "-123")
 
-_PREFIXED = ("m", "g", "s", "N", "Pa", "J", "bar", "t", "yr", "dyn")
-"""Units that take a prefix, by their symbols; their names and plurals are known as well."""
-_UNPREFIXED = (
-    "K",
-    *("min", "h", "d", "week", "angstrom", "micron", "in", "thou", "ft", "yd", "mi", "mph", "kph"),
-    *("lb", "slug", "gf", "kgf", "lbf", "kip", "erg", "atm", "psi"),
+_STANDARD_GRAVITY, _POUND = Fraction("9.80665"), Fraction("0.45359237")
+_FOOT, _YEAR = Fraction("0.3048"), Fraction("365.25") * 86400
+_LENGTH, _MASS, _TIME = {"m": 1}, {"kg": 1}, {"s": 1}
+_SPEED, _FORCE, _PRESSURE = {"m": 1, "s": -1}, {"kg": 1, "m": 1, "s": -2}, {"kg": 1, "m": -1, "s": -2}
+_ENERGY = {"kg": 1, "m": 2, "s": -2}
+_UNITS: tuple[tuple[str, str, Fraction | int, dict[str, int]], ...] = (
+    ("m", "meter metre", 1, _LENGTH),
+    ("g", "gram gramme", Fraction(1, 1000), _MASS),
+    ("s sec secs", "second", 1, _TIME),
+    ("N", "newton", 1, _FORCE),
+    ("Pa", "pascal", 1, _PRESSURE),
+    ("J", "joule", 1, _ENERGY),
+    ("bar", "", 10**5, _PRESSURE),
+    ("t", "tonne", 1000, _MASS),
+    ("yr yrs", "year", _YEAR, _TIME),
+    ("dyn", "dyne", Fraction(1, 10**5), _FORCE),
+)
+"""Units that take a prefix: symbols, names, which have a plural, sizes in SI units, and the exponents of these."""
+_WITHOUT_PREFIX: tuple[tuple[str, str, Fraction | int, dict[str, int]], ...] = (
+    ("K", "kelvin", 1, {"K": 1}),
+    ("min mins", "minute", 60, _TIME),
+    ("h hr hrs", "hour", 3600, _TIME),
+    ("d", "day", 86400, _TIME),
+    ("", "week", 604800, _TIME),
+    ("Å \u212b", "angstrom", Fraction(1, 10**10), _LENGTH),
+    ("µ μ", "micron", Fraction(1, 10**6), _LENGTH),
+    ("in inches", "inch", _FOOT / 12, _LENGTH),
+    ("thou", "", _FOOT / 12000, _LENGTH),
+    ("ft feet", "foot", _FOOT, _LENGTH),
+    ("yd", "yard", 3 * _FOOT, _LENGTH),
+    ("mi", "mile", 5280 * _FOOT, _LENGTH),
+    ("mph", "", 5280 * _FOOT / 3600, _SPEED),
+    ("kph", "", Fraction(1000, 3600), _SPEED),
+    ("lb lbs", "", _POUND, _MASS),
+    ("", "slug", _POUND * _STANDARD_GRAVITY / _FOOT, _MASS),
+    ("gf", "", _STANDARD_GRAVITY / 1000, _FORCE),
+    ("kgf kp", "kilopond", _STANDARD_GRAVITY, _FORCE),
+    ("lbf", "", _POUND * _STANDARD_GRAVITY, _FORCE),
+    ("", "kip", 1000 * _POUND * _STANDARD_GRAVITY, _FORCE),
+    ("", "erg", Fraction(1, 10**7), _ENERGY),
+    ("atm", "atmosphere", 101325, _PRESSURE),
+    ("psi", "", _POUND * _STANDARD_GRAVITY / (_FOOT / 12) ** 2, _PRESSURE),
+)
+_PREFIXES = (
+    *(("da", "deca", 1), ("h", "hecto", 2), ("k", "kilo", 3), ("M", "mega", 6), ("G", "giga", 9), ("T", "tera", 12)),
+    *(("d", "deci", -1), ("c", "centi", -2), ("m", "milli", -3), ("n", "nano", -9), ("p", "pico", -12)),
+    *(("µ", "micro", -6), ("μ", "micro", -6), ("u", "micro", -6), ("f", "femto", -15)),
 )
 _UNCLEAR = {
     **dict.fromkeys(("ton", "tons"), "differs between countries; write 't' for 1000 kg"),
@@ -129,42 +169,38 @@ def _nearest(value: Fraction) -> float:
 
 @lru_cache(maxsize=256)
 def _size_of(unit: str) -> tuple[Fraction, dict[str, int]]:
-    """Size of a unit in pint's base units, exactly, and the exponents of these."""
+    """Size of a unit in SI base units, exactly, and the exponents of these."""
     size, dimensions = Fraction(1), Counter[str]()
     above, _, below = unit.partition("/")
     for side, sign in ((above, 1), (below, -1)):
         for name, power, raised in _FACTOR.findall(side):
             exponent = sign * int(power or raised.translate(_RAISED) or 1)
-            factor, parts = _named(name)
+            if name in _UNCLEAR:
+                raise InputError(f"the unit {name!r} {_UNCLEAR[name]}")
+            if name not in _known():
+                raise InputError(f"{name!r} is no unit known here; capitals matter, as in MN and mN")
+            factor, parts = _known()[name]
             size *= factor**exponent
             dimensions.update({base: exponent * count for base, count in parts.items()})
     return size, {base: count for base, count in dimensions.items() if count}
 
 
-@lru_cache(maxsize=256)
-def _named(name: str) -> tuple[Fraction, dict[str, int]]:
-    """Size and dimensions of one unit; pint is shown its name and no more."""
-    registry, prefixed, unprefixed = _units()
-    if name in _UNCLEAR:
-        raise InputError(f"the unit {name!r} {_UNCLEAR[name]}")
-    # Several readings: "ft" could be a femtotonne. Without a prefix comes first.
-    prefix, known, _ = min(registry.parse_unit_name(name), key=lambda way: way[0] != "", default=("", "", ""))
-    if known not in (prefixed if prefix else prefixed | unprefixed):
-        raise InputError(f"{name!r} is no unit known here; capitals matter, as in MN and mN")
-    size, base = cast("tuple[Fraction, Any]", registry.get_root_units(prefix + known))
-    return Fraction(size), {str(unit): int(power) for unit, power in base._units.items()}
-
-
 @lru_cache(maxsize=1)
-def _units() -> tuple[pint.UnitRegistry[Any], frozenset[str], frozenset[str]]:
-    """Registry of pint, with exact sizes, and its names of the units that are taken with and without a prefix."""
-    import pint
+def _known() -> dict[str, tuple[Fraction, dict[str, int]]]:
+    """Every way to write one unit, with its size and the exponents of the SI base units."""
+    ways: dict[str, tuple[Fraction, dict[str, int]]] = {}
+    for (symbol, name, power), (symbols, names, size, parts) in product(_PREFIXES, _UNITS):
+        for way in (*(symbol + own for own in symbols.split()), *_with_plurals(name + own for own in names.split())):
+            ways[way] = Fraction(10) ** power * size, parts
+    for symbols, names, size, parts in (*_UNITS, *_WITHOUT_PREFIX):  # "ft" is a foot, and no femtotonne
+        for way in (*symbols.split(), *_with_plurals(names.split())):
+            ways[way] = Fraction(size), parts
+    return ways
 
-    registry: pint.UnitRegistry[Any] = pint.UnitRegistry(non_int_type=Fraction)
-    prefixed, unprefixed = (
-        frozenset(registry.parse_unit_name(symbol)[0][1] for symbol in symbols) for symbols in (_PREFIXED, _UNPREFIXED)
-    )
-    return registry, prefixed, unprefixed
+
+def _with_plurals(names: Iterable[str]) -> Iterator[str]:
+    for name in names:
+        yield from (name, f"{name}s")
 
 
 _SLIPS = (

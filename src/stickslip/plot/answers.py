@@ -61,6 +61,7 @@ def prediction(answer: Prediction) -> Figure:
 
 def _title(answer: Prediction) -> str:
     words = re.sub(r"(?<= )u(?=m|s|N)", "µ", f"{answer.rig.name}: {answer.verdict}")
+    words = re.sub(r"(?<=\d) (?=\S)", "\N{NO-BREAK SPACE}", words)  # a number stays with its unit
     return "\n".join(textwrap.wrap(words, 105)).replace("$", r"\$")
 
 
@@ -83,9 +84,8 @@ def _strip_of_speeds(ax: Axes, answer: Prediction) -> dict[str, Any]:
     size, operation = answer.rig.unit("x_s/time"), answer.rig.operation
     for speed in operation.speeds:
         ax.plot([speed * size] * 2, [0.0, 1.0], color=BLACK, linewidth=0.9, linestyle=(0, (3, 2)))
-    if operation.between is not None:
-        ends = [end * size for end in operation.between]
-        ax.plot(ends, [1.0, 1.0], color=BLACK, linewidth=3.0, solid_capstyle="butt", clip_on=False)
+    if answer.between is not None:
+        ax.plot(answer.between, [1.0, 1.0], color=BLACK, linewidth=3.0, solid_capstyle="butt", clip_on=False)
     speeds = xr.DataArray(
         np.array([low, high]), attrs={"long_name": "speed", "units": answer.rig.unit_name("x_s/time"), "spacing": "log"}
     )
@@ -93,7 +93,7 @@ def _strip_of_speeds(ax: Axes, answer: Prediction) -> dict[str, Any]:
     ax.set(xlim=(low, high), ylim=(0.0, 1.0), yticks=[])
     ax.spines["left"].set_visible(False)
     also = "; dashed, its other speeds" if len(operation.speeds) > 1 else ""
-    also = "; the bar is its range" if operation.between is not None else also
+    also = "; the bar is its range" if answer.between is not None else also
     ax.set_title(f"motion at each speed; the mark is this rig{also}", fontsize=8)
     return handles
 

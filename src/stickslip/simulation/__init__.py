@@ -9,7 +9,7 @@ from stickslip.simulation.engines.beginnings import initial_nodes
 from stickslip.simulation.engines.panels import Panels
 from stickslip.simulation.follow import follow_leg
 from stickslip.simulation.result import LABELS, labelled
-from stickslip.simulation.run import check_method, pull_rigidly, rerun, rig_of, simulate
+from stickslip.simulation.run import Recording, check_method, pull_rigidly, record, rerun, rig_of, simulate
 from stickslip.simulation.steps_and_holds import slide_hold_slide, velocity_step
 from stickslip.simulation.work import Work, estimate
 
@@ -18,6 +18,7 @@ __all__ = [
     "Beginning",
     "Leg",
     "Panels",
+    "Recording",
     "Work",
     "check_method",
     "estimate",
@@ -25,6 +26,7 @@ __all__ = [
     "initial_nodes",
     "labelled",
     "pull_rigidly",
+    "record",
     "rerun",
     "rig_of",
     "simulate",

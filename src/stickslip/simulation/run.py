@@ -16,6 +16,8 @@ of breaking, and for `Langevin` the kinetic equation of Eqs. (13)-(17).
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,7 +30,7 @@ from stickslip.model.drive import Drive, constant
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress, reporting
 from stickslip.simulation.engines import Beginning, engine_of
-from stickslip.simulation.follow import follow
+from stickslip.simulation.follow import Track, follow
 from stickslip.simulation.result import dataset_of, labelled
 from stickslip.simulation.work import estimate
 
@@ -99,6 +101,44 @@ def simulate(
     >>> run.spring_force.units
     'N'
     """
+    return record(rig, method=method, start=start, output=output, progress=progress, long=long).dataset()
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A run as its engine left it, which becomes a Dataset only where one is wanted.
+
+    Attributes
+    ----------
+    rig : Rig
+        With the method, start and output it was run with.
+    track : Track
+        In natural units.
+    marks : mapping of str to ndarray
+        What has happened once to each block of an elastic slider.
+    """
+
+    rig: Rig
+    track: Track
+    marks: Mapping[str, Array]
+
+    def dataset(self) -> xr.Dataset:
+        """The run with names, units and provenance, in the rig's units."""
+        case = self.rig.natural
+        provenance = store.provenance("simulate", {"rig": self.rig})
+        return self.rig.in_its_units(dataset_of(self.track, case.slider, case.output.bins, provenance, self.marks))
+
+
+def record(
+    rig: Rig,
+    *,
+    method: Method | None = None,
+    start: Start | None = None,
+    output: Output | None = None,
+    progress: Progress | bool | None = None,
+    long: bool = False,
+) -> Recording:
+    """Run a rig, as `simulate` does, whose arguments these are."""
     instance("simulate: rig", rig, Rig, "a Rig(interface, slider, drive)")
     changes = {"method": method, "start": start, "output": output}
     told = rig.replace(**{name: value for name, value in changes.items() if value is not None})
@@ -114,8 +154,7 @@ def simulate(
         engine = solver(beginning, case.method)
         origin = beginning.drive_position(engine.contact_force())
         track = follow(engine, case.drive, origin, times, case.output.snapshots, report)
-    provenance = store.provenance("simulate", {"rig": told})
-    return rig.in_its_units(dataset_of(track, case.slider, case.output.bins, provenance, engine.marks()))
+    return Recording(told, track, engine.marks())
 
 
 def pull_rigidly(interface: Interface, distance: float, velocity: float, method: Method, points: int) -> xr.Dataset:

@@ -19,6 +19,7 @@ from stickslip.errors import InputError
 from stickslip.model import (
     Bell,
     Contacts,
+    Delay,
     ElasticBody,
     ExponentialGrowth,
     FromSliding,
@@ -40,26 +41,28 @@ LARGEST = 4e9
 MOST_BLOCK_STEPS = 1e9
 """Steps of a block of an elastic slider that a run may take without telling how far it is."""
 
-_BREAK = 4e-7
+_BREAK = 2.4e-7
 """Seconds a break of a contact takes."""
 _AGE = 2e-7
 """The same for a contact with ageing thresholds in one time of ageing, whether it breaks or not."""
-_AGEING_BREAK = 8e-6
+_AGEING_BREAK = 6e-6
 """The same for a break of a contact whose threshold ages."""
-_PANELS = 30.0
-"""Steps of the master equation over an ``x_s``."""
-_PANEL = 3e-5
-"""Seconds each of them takes."""
+_PANELS = 1e-4, 1.5e-5
+"""Seconds the master equation takes over an ``x_s``, and over a radian in which the slider rings after a slip."""
+_OF_RANDOM_DELAYS, _OF_CORNERS = 5.0, 3.0
+"""So many times that with random delays, and with a distribution of thresholds that has corners."""
 _CLOCKED_BREAK, _CLOCKED_STEP, _THINNED_BREAK = 6e-7, 4e-7, 1e-5
 """The same for a break by thermal activation: on the shared clock, a step of that, and one by one."""
 _THERMAL_COHORT = 6e-8
 """The same for a cohort, or a node of it, in a step of the master equation with thermal activation."""
 _AGEING_COHORT = 6e-8
 """The same for a cohort of the kinetic equation in one time of ageing or ``x_s``, for each of their number."""
-_RADIAN = 8e-7, 2e-5
-"""The same for a radian of the slider's oscillation: between contacts, and with the master equation."""
-_SAMPLE = 1e-6, 200.0
+_RADIAN = 6e-7
+"""The same for a radian of the slider's oscillation."""
+_SAMPLE = 4e-7, 200.0
 """Seconds and bytes a sample takes."""
+_SAMPLES_PER_RADIAN, _FEWEST_SAMPLES, _MOST_SAMPLES = 10.0, 2e3, 5e4
+"""Samples of a run whose output does not say."""
 _CONTACT = 150.0
 """Bytes of a contact."""
 _BLOCK_STEP = 1.5e-8
@@ -182,34 +185,28 @@ def estimate(rig: Rig) -> Work:
     if isinstance(slider, ElasticBody):
         return _of_blocks(rig, slider)
     distance = sum(_way(piece) for piece in rig.drive.pieces)
+    mean, delay = rig.interface.threshold_distribution.moment(1), rig.interface.delay.moment(1)
     parts = []
-    path, turns, ringing, ageing = distance, 0.0, 0.0, rig.interface.ageing
+    turns, ringing, kicked, ageing = 0.0, 0.0, 0.0, rig.interface.ageing
     if isinstance(slider, Slider) and slider.mass > 0:
         frequency = math.sqrt((slider.stiffness + 1.0) / slider.mass)
         turns = frequency * duration
         # A slip leaves the slider ringing, the longer, the less it is damped.
         damping_ratio = slider.damping / (2.0 * frequency)
         rings = 1.0 / damping_ratio if damping_ratio > 0 else math.inf
-        if isinstance(rig.method, MasterEquation) and ageing is None:
-            turns = min(turns, 10.0 * rings * (1.0 + distance))
-        path += 0.1 * min(turns, distance * rings)
-        ringing = 20.0 * (1.0 + distance) * rings if damping_ratio < 1 else 0.0
+        ringing = min(turns, 10.0 * rings * (1.0 + distance)) if damping_ratio < 1 else 0.0
         if isinstance(rig.start, FromSliding):
-            path += (
-                abs(float(np.max(np.abs(rig.start.perturbation))) * rig.drive.pieces[0].start)
-                / frequency
-                * min(turns, rings)
-            )
-        radian = _RADIAN[0] if isinstance(rig.method, Contacts | QuasiStatic) else _RADIAN[1]
+            largest = float(np.max(np.abs(rig.start.perturbation))) * abs(rig.drive.pieces[0].start)
+            kicked = largest / frequency * min(turns, rings)
         words = f"{turns:.2g} rad of the slider's oscillation"
         parts.append(Part(key="slider.mass", value=slider.mass, quantity="mass", power=-0.5, what=words,
-                          seconds=radian * turns))  # fmt: skip
-    mean = rig.interface.threshold_distribution.moment(1)
-    lives = path / mean
+                          seconds=_RADIAN * turns))  # fmt: skip
+    path = distance + kicked + 0.01 * ringing
     if rig.interface.temperature is not None:
-        parts.append(_thermal(rig, path, lives, min(turns, ringing)))
+        parts.append(_thermal(rig, path, path / mean, ringing))
     elif isinstance(rig.method, Contacts | QuasiStatic):
         count = rig.method.count
+        lives = kicked / mean + sum(_lives(piece, mean, delay) for piece in rig.drive.pieces)
         each = _BREAK if ageing is None else _AGEING_BREAK
         parts.append(Part(key="simulation.contacts", value=count, quantity=None, power=1.0,
                           what=f"about {count * lives:.2g} breaks of {count:.2g} contacts",
@@ -217,9 +214,16 @@ def estimate(rig: Rig) -> Work:
     else:
         # The kinetic equation is of second order, panels are of fifth.
         finer = 1e-4 / rig.method.rtol if isinstance(rig.method, MasterEquation) else (rig.method.cells / 400.0) ** 2
-        steps = _PANELS * finer ** (1 / 6) * path
         cohorts = 400.0 * math.sqrt(finer)
-        power, seconds = (-1 / 6, _PANEL * steps) if ageing is None else (-1.0, _AGEING_COHORT * cohorts**2 * path)
+        if ageing is None:
+            oscillating = ringing if delay > 0 else 0.0
+            harder = 1.0 if isinstance(rig.interface.delay, Delay) else _OF_RANDOM_DELAYS
+            corners = any(0.0 < knot < math.inf for knot in rig.interface.threshold_distribution.knots)
+            harder *= _OF_CORNERS if corners else 1.0
+            steps = _PANELS[0] * (distance + kicked) + _PANELS[1] * oscillating
+            power, seconds = -1 / 6, harder * finer ** (1 / 6) * steps
+        else:
+            power, seconds = -1.0, _AGEING_COHORT * cohorts**2 * path
         parts.append(Part(key="simulation.rtol", value=1e-4 / finer, quantity=None, power=power,
                           what=f"a path of {path:.2g} x_s", seconds=seconds))  # fmt: skip
     if isinstance(ageing, Langevin):
@@ -231,12 +235,19 @@ def estimate(rig: Rig) -> Work:
             each = _AGEING_COHORT * cohorts**2
         parts.append(Part(key="interface.ageing.time", value=ageing.rate**-2, quantity="time", power=-1.0,
                           what=f"{ages:.2g} times of ageing", seconds=each * ages))  # fmt: skip
-    if (interval := rig.output.interval) is not None:
-        samples = duration / interval
-        parts.append(Part(key="simulation.interval", value=interval, quantity="time", power=-1.0,
-                          what=f"{samples:.2g} samples", seconds=_SAMPLE[0] * samples,
-                          bytes=_SAMPLE[1] * samples))  # fmt: skip
+    samples = min(max(_SAMPLES_PER_RADIAN * turns, _FEWEST_SAMPLES), _MOST_SAMPLES)
+    interval = duration / samples if rig.output.interval is None else rig.output.interval
+    samples = duration / interval
+    parts.append(Part(key="simulation.interval", value=interval, quantity="time", power=-1.0,
+                      what=f"{samples:.2g} samples", seconds=_SAMPLE[0] * samples,
+                      bytes=_SAMPLE[1] * samples))  # fmt: skip
     return Work(rig=rig, parts=tuple(parts))
+
+
+def _lives(piece: Piece, mean: float, delay: float) -> float:
+    """How often each contact breaks in a piece of the drive: it is stretched, and detached for the delay."""
+    way, speed = _way(piece), 0.5 * (abs(piece.start) + abs(piece.end))
+    return way / (mean + speed * delay) if math.isfinite(delay) else min(way / mean, 1.0)
 
 
 def _of_blocks(rig: Rig, body: ElasticBody) -> Work:

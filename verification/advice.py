@@ -1,0 +1,277 @@
+"""Is what `predict` says true? Rigs drawn at random, each sentence against simulations of its own.
+
+``python -m verification.advice 0 150`` prints each disagreement, and sums up. What an oscillation is, is read here
+without `stickslip.measure`: noise of the contacts halves where there are four times as many, an oscillation stays.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import gamma
+
+import stickslip as ss
+from stickslip.model import Operation, Scales
+from stickslip.model.parameters import parameter_named
+from stickslip.simulation import estimate, record
+from stickslip.stability import count_unstable
+
+SEED = 20261122
+_TINY, _NOISE, _STAYS = 0.02, 0.65, 0.75
+"""Peak to peak over static friction that is nothing; factor with four times the contacts of noise, and of motion."""
+_FAST = 3.5, 1.6
+"""A slip in speeds of the drive, and the factor on either side within which both words are right."""
+_DEAREST = 6.0
+"""Seconds a run may take; what takes longer is not tried."""
+_MOST_AGED = 2_000
+
+
+def draw(number: int) -> ss.Rig:
+    """Return a rig: soft or stiff, light or heavy, natural or SI, with any delay or ageing, few contacts or many."""
+    rng = np.random.default_rng([SEED, number])
+
+    def log(low: float, high: float) -> float:
+        return float(np.exp(rng.uniform(math.log(low), math.log(high))))
+
+    ageing = ss.Langevin(rate=log(0.3, 3.0)) if rng.random() < 0.12 else None
+    thresholds = _thresholds(str(rng.choice(list(_KINDS))) if ageing is None else "gaussian", log(0.03, 0.33))
+    delay: ss.Delay | ss.RandomDelay = ss.Delay(0.0)
+    if ageing is None:
+        mean, std = log(0.02, 1.0), rng.uniform(0.1, 0.5)
+        delay = ss.Delay(mean)
+        if rng.random() < 0.35:
+            negative = str(rng.choice(["fold", "redraw", "clip"]))
+            delay = ss.RandomDelay(mean=mean, std=mean * std, negative=negative)  # type: ignore[arg-type]
+    stiffness, ratio, fastest = log(0.02, 20.0), log(0.01, 2.0), log(3.0, 300.0)
+    mass = (stiffness + 1.0) / fastest**2
+    slider = ss.Slider(stiffness=stiffness, mass=mass, damping=2.0 * ratio * math.sqrt(stiffness / mass))
+    interface = ss.Interface(
+        thresholds=thresholds,
+        initial=ss.Gaussian(mean=0.0, std=float(rng.choice([0.01, 0.05, 0.2]))),
+        delay=delay,
+        ageing=ageing,
+        sliding_force=log(0.05, 0.8) if ageing is None and rng.random() < 0.3 else 0.0,
+    )
+    speed, way = log(0.3, 3.0), float(rng.choice([60.0, 200.0]))
+    drive = ss.constant(speed, way / speed)
+    operation, kind = Operation(), rng.random()
+    if kind < 0.1:
+        operation = Operation(speeds=(speed, 2.0 * speed, 5.0 * speed))
+    elif kind < 0.2:
+        operation = Operation(between=(speed / 2.0, 4.0 * speed))
+    elif kind < 0.27:
+        up = ss.ramp(speed, 6.0 * speed, duration=way / speed)
+        drive = up.then(ss.ramp(6.0 * speed, speed, duration=way / speed))
+    count = int(log(50, 1e6 if rng.random() < 0.15 else 2e4)) if ageing is None else int(log(100, 1500))
+    scales = None
+    if rng.random() < 0.5:
+        scales = Scales(force=log(1.0, 1e5), stretching=log(1e-6, 1e-3), time=log(1e-3, 1.0))
+    return ss.Rig(
+        interface,
+        slider,
+        drive,
+        method=ss.Contacts(count, seed=number),
+        operation=operation,
+        scales=scales,
+        name=f"rig {number}",
+    )
+
+
+_KINDS = ("gaussian", "gamma", "log-normal", "uniform", "weibull")
+
+
+def _thresholds(kind: str, std: float) -> ss.Distribution:
+    if kind == "gamma":
+        return ss.Gamma(mean=1.0, std=std)
+    if kind == "log-normal":
+        return ss.LogNormal(mean=1.0, std=std)
+    if kind == "uniform":
+        half = math.sqrt(3.0) * std
+        return ss.Uniform(low=1.0 - half, high=1.0 + half)
+    if kind == "weibull":
+        shape = std**-1.086  # to a few percent
+        return ss.Weibull(scale=1.0 / float(gamma(1.0 + 1.0 / shape)), shape=shape)
+    return ss.Gaussian(mean=1.0, std=std)
+
+
+Start = ss.FromRest | ss.FromSliding
+
+
+class TooDear(Exception):  # noqa: N818 - not an error: what it would tell stays unknown
+    """A run would take too long."""
+
+
+def _watch(rig: ss.Rig, count: int, seed: int, longer: float, start: Start) -> tuple[float, float]:
+    """Peak-to-peak force over static friction, and the slider's largest velocity in a typical cycle, late in a run."""
+    slider, stretch = rig.slider, rig.interface.threshold_distribution.moment(1)
+    period = 2.0 * math.pi * math.sqrt(slider.mass / slider.stiffness)
+    detached = rig.velocity * rig.interface.delay.moment(1)
+    cycle = max(stretch * (1.0 + 1.0 / slider.stiffness) + detached, rig.velocity * period)
+    ringing = 12.0 * rig.velocity / max(slider.damping, 1e-12)
+    distance = longer * max(100.0, 25.0 * cycle, min(ringing, 100.0 * cycle))
+    drive = ss.constant(rig.velocity, distance / rig.velocity)
+    there = replace(rig, drive=drive, method=ss.Contacts(count, seed=seed), start=start, output=ss.Output())
+    if estimate(there).seconds > _DEAREST:
+        raise TooDear
+    track = record(there, long=True).track
+    late = track.times > 0.6 * track.times[-1]
+    force = slider.stiffness * (track.drive_position - track["displacement"])[late]
+    velocity = track["velocity"][late] / rig.velocity
+    pieces = np.array_split(velocity, 8)
+    bare = ss.Interface(thresholds=rig.interface.thresholds, initial=rig.interface.initial)
+    friction = ss.static_friction(bare)[0]
+    return float(np.ptp(force)) / friction, float(np.median([piece.max() for piece in pieces]))
+
+
+def motion(rig: ss.Rig, start: Start = ss.FromRest(), *, seed: int = 1000) -> set[str]:
+    """Return what may be said of a rig at its first speed: kinds of motion that runs do not contradict."""
+    count = rig.method.count
+    runs = [_watch(rig, count, seed + k, longer, start) for k, longer in enumerate((1.0, 2.0))]
+    swings = [swing for swing, _ in runs]
+    oscillating = {"stick-slip", "sustained oscillation"}
+    fastest = runs[-1][1]
+    if fastest > _FAST[0] * _FAST[1]:
+        oscillating = {"stick-slip"}
+    elif fastest < _FAST[0] / _FAST[1]:
+        oscillating = {"sustained oscillation"}
+    if max(swings) < 0.8 * _TINY:
+        return {"smooth sliding"}
+    more = 4 * count if rig.interface.ageing is None else min(4 * count, 4 * _MOST_AGED)
+    many = float(np.mean([_watch(rig, more, seed + k, 1.5, start)[0] for k in (7, 8)]))
+    usual = float(np.mean(swings))
+    if many > _STAYS * usual and min(swings) > 0.6 * max(swings) and many > 1.25 * _TINY:
+        slow = isinstance(start, ss.FromRest) and _memory(rig) > 25.0 and count_unstable(rig) == 0
+        return oscillating | {"smooth sliding"} if slow else oscillating
+    if many < _NOISE * usual and min(swings) > 0.6 * max(swings):
+        return {"smooth sliding"}
+    return oscillating | {"smooth sliding", "either"}
+
+
+def _memory(rig: ss.Rig) -> float:
+    """Lives of the contacts after which those that began together break at any time: 2 % of the first harmonic left."""
+    interface, v = rig.interface, rig.velocity
+    life = interface.threshold_distribution.moment(1) + v * interface.delay.moment(1)
+    delays = max(interface.delay.moment(2) - interface.delay.moment(1) ** 2, 0.0)
+    scatter = interface.threshold_distribution.standard_deviation() ** 2 + v**2 * delays
+    return 8.0 * (life / (2.0 * math.pi)) ** 2 / scatter
+
+
+def at(rig: ss.Rig, names: tuple[str, ...], values: tuple[float, ...]) -> ss.Rig:
+    """The rig, in natural units, with parameters given in its own units, at the constant speed it begins with."""
+    drive = ss.constant(rig.natural.velocity, 100.0 / rig.natural.velocity)
+    there = replace(rig.natural, drive=drive)
+    for name, value in zip(names, values, strict=True):
+        parameter = parameter_named(name)
+        there = parameter.set(there, value / rig.unit(parameter.unit))
+    return there
+
+
+def disagreements(number: int) -> Iterator[tuple[str, str]]:
+    """Predict a rig, and try each sentence: kinds of sentence, each with what contradicts it, or nothing."""
+    rig = draw(number)
+    begun = time.process_time()
+    found = ss.predict(rig)
+    yield "predicted", f"{time.process_time() - begun:.1f} s"
+    if not found.judged or found.theory_note:
+        yield "not judged", ""
+        return
+    here = at(rig, (), ())
+    yield from _about_here(found, here)
+    for margin in found.margins:
+        for edge in (margin.lower, margin.upper):
+            if edge is not None:
+                sides = [count_unstable(at(rig, (margin.parameter,), (edge * f,))) == 0 for f in (0.99, 1.01)]
+                yield "margin", "" if sides[0] != sides[1] else f"{margin.parameter} at {edge:.4g}: stable {sides}"
+    for band in found.bands:
+        yield from _about_a_band(found, band)
+    for mitigation in found.mitigations:
+        yield from _about_a_mitigation(found, mitigation)
+    for attempt in found.attempts:
+        there = at(rig, (attempt.parameter,), (attempt.reached,))
+        try:
+            kinds = motion(there)
+        except (TooDear, ss.InputError):
+            yield "attempt, too dear", ""
+            continue
+        yield "attempt", f"{attempt.parameter} to {attempt.reached:.4g}: {kinds}" if kinds == {"smooth sliding"} else ""
+
+
+def _about_here(found: ss.Prediction, here: ss.Rig) -> Iterator[tuple[str, str]]:
+    kind = found.regime.kind
+    if kind == "undecided":
+        yield "undecided", f"{found.regime.reason}; growing modes {found.unstable_modes}"
+        return
+    try:
+        kinds = motion(here)
+    except TooDear:
+        yield "regime, too dear", ""
+        return
+    fits = kind in kinds or (kind == "smooth sliding" and found.unstable_modes and "hidden" in found.verdict)
+    if not fits:  # a run may be in one of two basins: another two tell
+        fits = kind in motion(here, seed=2000)
+    yield "regime", "" if fits else f"{found.verdict} | runs: {kinds}, growing modes {found.unstable_modes}"
+
+
+def _about_a_band(found: ss.Prediction, band: ss.advise.Band) -> Iterator[tuple[str, str]]:
+    rig, middle = found.rig, math.sqrt(band.low * band.high)
+    if band.high < 1.15 * band.low:
+        return
+    there = at(rig, ("velocity",), (middle,))
+    modes = count_unstable(there)
+    linear = modes == 0 if band.bistable or band.kind == "smooth sliding" else modes > 0
+    yield "band, linear", "" if linear else f"{band} at {middle:.4g}: growing modes {modes}"
+    if band.kind == "unstable":
+        return
+    try:
+        kinds = motion(there)
+        fits = band.kind in kinds or band.kind in motion(there, seed=3000)
+    except (TooDear, ss.InputError):
+        yield "band, too dear", ""
+        return
+    yield "band", "" if fits else f"{band} at {middle:.4g}: {kinds}"
+
+
+def _about_a_mitigation(found: ss.Prediction, mitigation: ss.advise.Mitigation) -> Iterator[tuple[str, str]]:
+    rig, names = found.rig, mitigation.parameters
+    for kind, values, start in (
+        ("decays", mitigation.stops, ss.FromRest()),
+        ("stays", mitigation.keeps, ss.FromSliding()),
+    ):
+        if values is None:
+            continue
+        there = at(rig, names, values)
+        try:
+            kinds = [motion(there, start, seed=seed) for seed in (5000, 6000)]
+        except (TooDear, ss.InputError):
+            yield f"{kind}, too dear", ""
+            continue
+        bad = [each for each in kinds if "smooth sliding" not in each]
+        yield kind, f"{names} from {mitigation.values} to {values}: {bad}" if bad else ""
+
+
+def main(first: int, last: int) -> int:
+    """Try rigs by number; print disagreements as they come, then how many of each kind of sentence were tried."""
+    tried, false = Counter[str](), Counter[str]()
+    for number in range(first, last):
+        said = []
+        for kind, wrong in disagreements(number):
+            tried[kind] += 1
+            if kind in ("predicted",):
+                said.append(wrong)
+            elif wrong:
+                false[kind] += 1
+                said.append(f"{kind}: {wrong}")
+        print(f"rig {number}:", " | ".join(said), flush=True)
+    for kind in sorted(tried):
+        print(f"{kind:20} {tried[kind]:5} tried, {false[kind]} false")
+    return 1 if set(false) - {"undecided"} else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*map(int, sys.argv[1:3])))
