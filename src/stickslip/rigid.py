@@ -7,7 +7,7 @@ stiffness cannot follow the fall of the force.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +17,7 @@ from stickslip.errors import InputError, instance, number, whole
 from stickslip.model import Contacts, Delay, Interface, MasterEquation
 from stickslip.model.distribution import check_density
 from stickslip.model.distributions import SteadyState, excess
+from stickslip.model.newborn import stretching_nodes
 from stickslip.simulation import LABELS, initial_nodes, pull_rigidly
 
 if TYPE_CHECKING:
@@ -115,7 +116,7 @@ def _check_renewal(interface: Interface) -> None:
     """Raise `InputError` for what the renewal equation cannot take: ageing, and thresholds without a density."""
     if interface.ageing is not None:
         raise InputError(f"Interface.ageing = {interface.ageing}: not available with Renewal; use Contacts")
-    interface.allow(("sliding_force",), "Renewal")
+    interface.allow(("sliding_force", "newborn"), "Renewal")
     check_density(interface.threshold_distribution)
 
 
@@ -176,11 +177,9 @@ def steepest_fall(interface: Interface, *, reattachment: bool = True) -> tuple[f
     instance("critical_stiffness: reattachment", reattachment, bool, "True or False")
     _check_renewal(interface)
     delay = Delay(0.0) if reattachment else Delay(math.inf)
-    bare = Interface(
-        thresholds=interface.thresholds, initial=interface.initial, delay=delay, sliding_force=interface.sliding_force
-    )
+    bare = replace(interface, delay=delay)
     distribution = bare.threshold_distribution
-    if reattachment and bare.initial == SteadyState(thresholds=distribution):
+    if reattachment and bare.newborn is None and bare.initial == SteadyState(thresholds=distribution):
         return 0.0, 0.0  # exactly; a sum over nodes would find the jumps of the distribution in each of them
     # The first fall is the steepest: renewal only smooths. Twice the largest initial travel to break covers it.
     distance = (
@@ -217,8 +216,8 @@ def static_friction(interface: Interface) -> tuple[float, float]:
     Broken contacts re-attach at once, so that a force of detached ones does not enter.
     """
     instance("static_friction: interface", interface, Interface, "an Interface")
-    interface.allow(("sliding_force",), "static_friction")
-    bare = Interface(thresholds=interface.thresholds, initial=interface.initial)
+    interface.allow(("sliding_force", "newborn"), "static_friction")
+    bare = Interface(thresholds=interface.thresholds, initial=interface.initial, newborn=interface.newborn)
     _check_renewal(bare)
     distance, points = _reach(interface), Renewal().points
     X = np.linspace(0.0, distance, points + 1)
@@ -266,6 +265,7 @@ class _Solution:
                 f"{_MOST_WORK:.0e}: give standard deviations that differ less from each other and from the mean"
             )
         delay, share = interface.delay.quadrature()
+        born = interface.newborn
         self._contacts = renewal.Contacts(
             distribution.density,
             lambda x, n: excess(distribution, x, n),
@@ -274,6 +274,7 @@ class _Solution:
             np.maximum(self.initial_stretchings, 0.0),
             velocity * delay,
             share,
+            *((np.zeros(1), np.ones(1)) if born is None else stretching_nodes(born, distribution)),
         )
         self._re_attached = renewal.solve(self._contacts, distance, points)
         self._sliding_force = interface.sliding_force
@@ -284,10 +285,6 @@ class _Solution:
             return found
         # Detached contacts are stretched with the slider until they slide.
         element, detached = np.minimum(X, self._sliding_force), 1.0 - found.attached
-        detaching = found.rate.copy()
-        for shift, fraction in zip(self._contacts.shift, self._contacts.fraction, strict=True):
-            later = shift <= X
-            earlier = self._kernel.observe(self._contacts, self._re_attached, X[later] - shift)
-            detaching[later] -= fraction * earlier.rate
+        detaching = found.rate - self._kernel.re_attaching(self._contacts, self._re_attached, X, found.rate)
         stiffness = found.stiffness + element * detaching + np.where(self._sliding_force > X, detached, 0.0)
         return found._replace(force=found.force + element * detached, stiffness=stiffness)

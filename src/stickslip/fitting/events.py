@@ -131,7 +131,7 @@ class Events(Answer):
     @property
     def rise(self) -> float:
         """Smallest rise between two slips."""
-        return _rise(self.smallest, self.noise)
+        return least_rise(self.smallest, self.noise)
 
     @property
     def drift(self) -> float:
@@ -253,7 +253,7 @@ def pick_events(trace: xr.Dataset, *, smallest: float | None = None, after: floa
         raise InputError(f"fit: nine tenths of the force lie below {height:.3g}: must pull one way, counted from 0")
 
     def picked(drop: float) -> tuple[Any, Any]:
-        peaks, troughs = _without_ringing(read.t, force, *pick(force, drop, _rise(drop, noise)))
+        peaks, troughs = _without_ringing(read.t, force, *pick(force, drop, least_rise(drop, noise)))
         first = 0 if after is not None else 1  # its peak follows the loading from rest
         return peaks[first:], troughs[first:]
 
@@ -389,7 +389,8 @@ def _on_a_plateau(count: Callable[[float], int], least: float, most: float) -> f
     return least
 
 
-def _rise(drop: float, noise: float) -> float:
+def least_rise(drop: float, noise: float) -> float:
+    """The smallest rise that parts two slips, where a drop of at least `drop` is one."""
     return min(drop, max(_NOISES * noise, 0.5 * drop))
 
 

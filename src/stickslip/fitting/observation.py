@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.fitting.events import Events
+from stickslip.fitting.events import LOST, PLATEAU, Events, least_rise
 from stickslip.fitting.summary import NAMES, statistics
 from stickslip.measure.arrays import Array
 
@@ -23,7 +23,8 @@ class Seen:
     Attributes
     ----------
     statistics : (series, 20) array
-        NaN where fewer slips were seen than in the trace.
+        NaN where fewer slips were seen than in the trace, or their number depends on the smallest drop so much that
+        a fit would be refused: what is fitted was not.
     mean_peak : (series,) array
         Mean peak, in the unit of the simulation.
     """
@@ -33,7 +34,7 @@ class Seen:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Which series showed enough slips."""
+        """Which series could have been fitted."""
         return np.isfinite(self.statistics[:, 0])
 
 
@@ -107,18 +108,23 @@ class Observation:
         troughs: NDArray[np.floating],
         seed: list[int],
     ) -> tuple[Array, Array]:
-        from stickslip.kernels.turning_points import Sampling, observe
+        from stickslip.kernels.turning_points import Sampling, larger, observe
 
         rng = np.random.default_rng(seed)
         seen = np.empty((len(count), 2, self.slips))
         size, whole = np.full(len(count), np.nan), np.zeros(len(count), dtype=bool)
+        doubled = PLATEAU * self.drop
+        rise = least_rise(doubled, self.noise)
         for i, many in enumerate(count.tolist()):
             if many <= self.slips:  # the first begins the trace
                 continue
             P, T = peaks[i, :many].astype(float), troughs[i, :many].astype(float)
             size[i] = mean = float(P.mean())
             scaled = (part * mean for part in (self.slope, self.noise, self.resolution, self.drop, self.rise))
-            whole[i] = observe(P, T, Sampling(*scaled), rng, seen[i]) == self.slips
+            whole[i] = (
+                observe(P, T, Sampling(*scaled), rng, seen[i]) == self.slips
+                and larger(*seen[i], doubled * mean, rise * mean) >= (1.0 - LOST) * self.slips
+            )
         found = np.full((len(count), len(NAMES)), np.nan)
         if whole.any():
             found[whole] = statistics(seen[whole, 0], seen[whole, 1])

@@ -1,9 +1,7 @@
 """From a fit to a rig, and from a fitted rig to a verdict with its uncertainty.
 
-The residual force of the contacts does not depend on the speed, so that it takes no part in the motion: contacts that
-slide with a residual ``f_d`` and re-attach with it are, sliding on, contacts without one, whose thresholds are smaller
-by it, and a constant force besides. The rig holds the former, which every solver takes, and says how large the latter
-is.
+The rig holds what was fitted: contacts that slide with a force and re-attach with it. Two things are left out, and the
+rig says so: re-attachment on arrest is a delay within bounds, as theory needs one, and the track has no scatter.
 """
 
 from __future__ import annotations
@@ -40,6 +38,8 @@ UNITS: Mapping[str, str] = {
     "interface.contact_strength": "N",
     "interface.breaking_displacement": "m",
     "interface.thresholds.std": "",
+    "interface.sliding_force": "N",
+    "interface.newborn.mean": "",
     "interface.delay": "s",
     "drive.velocity": "m/s",
 }
@@ -61,23 +61,25 @@ def rig_of(found: Fit, *, name: str, mass: object = None, speed: object = None) 
     at = {path: float(values[middle]) for path, values in draws.items()}
     held = {"slider.stiffness": known.stiffness, "slider.mass": known.mass, "drive.velocity": known.speed}
     fixed = {path for path, value in held.items() if value is not None}
-    sliding = np.quantile(found.draws("sliding_friction"), (0.05, 0.5, 0.95))
+    scatter = found["track_scatter"]
     document: dict[str, Any] = {
         "name": name,
         "source": (
-            f"fitted to {found.events.source or 'a trace'}, {len(found.events)} slips; the force of sliding contacts, "
-            f"{engineering(float(sliding[1]), 'N', 3)} ({engineering(float(sliding[0]), 'N', 2)} to "
-            f"{engineering(float(sliding[2]), 'N', 2)}), which no speed changes, is left out"
+            f"fitted to {found.events.source or 'a trace'}, {len(found.events)} slips; the scatter of the thresholds "
+            f"from slip to slip, {scatter}, is left out"
         ),
         "slider": {},
-        "interface": {"thresholds": {"distribution": "gaussian"}},
+        "interface": {
+            "thresholds": {"distribution": "gaussian"},
+            "newborn": {"distribution": "gaussian", "std": 0.0},
+        },
         "drive": {},
         "simulation": {"contacts": max(round(float(found.values[middle, 0])), 1)},
         "fitted": {},
         "assumed": {},
     }
     for path, value in at.items():
-        _put(document, path, _written(path, value))
+        _put(document, path, _written(path, value, 8))
         if path in fixed:
             continue
         verdict = _said(found, path)
@@ -86,16 +88,21 @@ def rig_of(found: Fit, *, name: str, mass: object = None, speed: object = None) 
         document["fitted"][path] = {
             "interval": _interval(path, draws[path]),
             "how": verdict,
-            "draws": [float(f"{value:.4g}") for value in draws[path][:DRAWS_KEPT]],
+            "draws": [float(f"{value:.8g}") for value in draws[path][:DRAWS_KEPT]],
         }
     return from_document(document, "fitted rig")
+
+
+def _rounded(values: Array) -> Array:
+    """To four digits, so that products of two are written without an error."""
+    return np.array([float(f"{value:.4g}") for value in values])
 
 
 def _draws(found: Fit, known: Known) -> dict[str, Array]:
     """Draws of every key, in SI units."""
     rng = np.random.default_rng(len(found.events))
     values, count = found.values, len(found)
-    left = 1.0 - values[:, 2]
+    strength, residual = _rounded(found.draws("contact_strength")), _rounded(values[:, 2])
     assert known.stiffness is not None
     K = np.full(count, known.stiffness[0])
     scale_time = 1.0 if found.events.time_unit == "" else _seconds(found)
@@ -115,14 +122,16 @@ def _draws(found: Fit, known: Known) -> dict[str, Array]:
         delay = slip * (shortest / slip) ** rng.random(count)
     speed = found.draws("speed") if known.speed is None else np.full(count, known.speed[0])
     return {
-        "slider.mass": np.asarray(mass),
+        "slider.mass": _rounded(mass),
         "slider.stiffness": K,
-        "slider.damping_ratio": values[:, 4],
-        "interface.contact_strength": found.draws("contact_strength") * left,
-        "interface.breaking_displacement": found.draws("breaking_displacement") * left,
-        "interface.thresholds.std": values[:, 1] / left,
-        "interface.delay": np.asarray(delay),
-        "drive.velocity": speed,
+        "slider.damping_ratio": _rounded(values[:, 4]),
+        "interface.contact_strength": strength,
+        "interface.breaking_displacement": _rounded(found.draws("breaking_displacement")),
+        "interface.thresholds.std": _rounded(values[:, 1]),
+        "interface.sliding_force": strength * residual,
+        "interface.newborn.mean": residual,
+        "interface.delay": _rounded(delay),
+        "drive.velocity": _rounded(speed),
     }
 
 
@@ -144,6 +153,8 @@ def _said(found: Fit, path: str) -> str:
         case "interface.thresholds.std":
             return verdicts["threshold_std"]
         case "interface.contact_strength":
+            return "from the mean force before a slip"
+        case "interface.sliding_force" | "interface.newborn.mean":
             return verdicts["sliding_force"]
         case "interface.breaking_displacement" | "drive.velocity":
             return verdicts["stiffness_ratio"]
@@ -167,8 +178,8 @@ def _central(draws: Mapping[str, Array]) -> int:
     return int(np.argmin((((log - np.median(log, axis=0)) / scale) ** 2).sum(axis=1)))
 
 
-def _written(path: str, value: float) -> Any:
-    return engineering(value, UNITS[path], 3) if UNITS[path] else float(f"{value:.3g}")
+def _written(path: str, value: float, digits: int = 3) -> Any:
+    return engineering(value, UNITS[path], digits) if UNITS[path] else float(f"{value:.{digits}g}")
 
 
 def _interval(path: str, draws: Array) -> str:

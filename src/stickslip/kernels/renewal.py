@@ -14,6 +14,10 @@ second differences of its second antiderivative, which for all kernels needed he
 ``excess(x, n)``, the survival function integrated `n` times from above. So jumps of the density cost no order: the
 scheme is second order for every distribution of bounded density, and Richardson extrapolation over three grids makes it
 sixth order for smooth ones.
+
+Contacts that re-attach stretched by ``x_0``, with a threshold beyond ``|x_0|``, break after a path ``x_s - x_0``: the
+distribution of paths, a mean over nodes of ``x_0``, takes the place of that of thresholds, and a contact holds ``x_0``
+besides what it has gone.
 """
 
 from __future__ import annotations
@@ -53,6 +57,8 @@ class Contacts(NamedTuple):
     shift, fraction : ndarray, shape (n_delays,)
         Distances ``v tau_d >= 0`` travelled before a broken contact re-attaches, and their weights, of sum
         1. One shift of 0: no delay. Empty: broken contacts never re-attach.
+    born, born_weight : ndarray, shape (n_births,)
+        Nodes of the distribution of stretchings at re-attachment, and their weights of sum 1.
     """
 
     density: Density
@@ -62,6 +68,8 @@ class Contacts(NamedTuple):
     reach: Array
     shift: Array
     fraction: Array
+    born: Array = np.zeros(1)
+    born_weight: Array = np.ones(1)
 
 
 class ReAttached(NamedTuple):
@@ -92,7 +100,8 @@ class Response(NamedTuple):
     rate : ndarray
         Breaks per contact and unit displacement, ``Gamma(X)`` of Eq. (2).
     stiffness : ndarray
-        ``dF_c/dX`` = attached - Int x P Q dx, in units of ``k``; no numerical derivative.
+        ``dF_c/dX`` = attached - Int x P Q dx, and what is born with a force, in units of ``k``; no numerical
+        derivative.
     """
 
     force: Array
@@ -133,8 +142,15 @@ def solve(contacts: Contacts, distance: float, points: int) -> ReAttached:
             back[later] += fraction * _interpolate(broken, (X[later] - shift) / spacing)
             stretched[later] += fraction * _interpolate(travelled, (X[later] - shift) / spacing)
     # What the initial breaks put back at once is left to `observe`, which knows it without interpolating.
-    attached = back - broken + (1.0 - _at_once(contacts)) * first[::4]
-    return ReAttached(spacing, np.stack([stretched - force, attached, rate, back - stiffness]))
+    once = _at_once(contacts)
+    attached = back - broken + (1.0 - once) * first[::4]
+    force = stretched - force + _carried(contacts) * (back - once * first[::4])
+    return ReAttached(spacing, np.stack([force, attached, rate, back - stiffness]))
+
+
+def _carried(contacts: Contacts) -> float:
+    """Mean stretching at re-attachment."""
+    return float(contacts.born_weight @ contacts.born)
 
 
 def observe(contacts: Contacts, re_attached: ReAttached, X: Array) -> Response:
@@ -155,12 +171,30 @@ def observe(contacts: Contacts, re_attached: ReAttached, X: Array) -> Response:
     """
     initial = _initial(contacts, X)
     force, attached, rate, stiffness = _interpolate(re_attached.values, X / re_attached.spacing)
+    once, carried, breaking = _at_once(contacts), _carried(contacts), initial.rate + rate
+    stiffness += initial.stiffness
+    if carried:
+        stiffness += carried * re_attaching(contacts, re_attached, X, breaking)
     return Response(
-        initial.force + force,
-        1.0 - (1.0 - _at_once(contacts)) * initial.broken + attached,
-        initial.rate + rate,
-        initial.stiffness + stiffness,
+        initial.force + carried * once * initial.broken + force,
+        1.0 - (1.0 - once) * initial.broken + attached,
+        breaking,
+        stiffness,
     )
+
+
+def re_attaching(contacts: Contacts, re_attached: ReAttached, X: Array, breaking: Array) -> Array:
+    """Contacts that re-attach per contact and unit displacement: the breaking rate, each delay earlier."""
+    total = np.zeros_like(breaking)
+    for shift, fraction in zip(contacts.shift, contacts.fraction, strict=True):
+        if shift == 0:
+            total += fraction * breaking
+            continue
+        later = shift <= X
+        earlier = X[later] - shift
+        rate = _interpolate(re_attached.values[2], earlier / re_attached.spacing)
+        total[later] += fraction * (_initial(contacts, earlier).rate + rate)
+    return total
 
 
 class _Initial(NamedTuple):
@@ -232,7 +266,7 @@ def solve_once(contacts: Contacts, first: Array, distance: float) -> Array:
     for shift, fraction in zip(contacts.shift, contacts.fraction, strict=True):
         later = slice(int(shift // h), None)
         x = np.maximum(h * np.arange(n + 1)[later] - shift, 0.0)
-        antiderivatives[:, later] += fraction * _antiderivatives(contacts.excess, x, end)
+        antiderivatives[:, later] += fraction * _antiderivatives(contacts, x, end)
     # Second differences; all antiderivatives vanish up to X = 0.
     weights = np.diff(antiderivatives, n=2, axis=1, prepend=0.0) / h
     # On a circle |z| = r < 1 the division of power series is safe, and what wraps around is damped by
@@ -251,18 +285,32 @@ WRAPPED = 1e-13
 """What wraps around is damped by this; rounding errors grow by its fourth root, at most."""
 
 
-def _antiderivatives(excess: Excess, x: Array, end: float) -> Array:
-    """Second antiderivatives, zero at ``x = 0`` with their slope, of the four kernels that act on ``m``.
+def _antiderivatives(contacts: Contacts, path: Array, end: float) -> Array:
+    """Second antiderivatives, zero where the path begins with their slope, of the four kernels that act on ``m``.
 
-    With ``G = 1 - J_c``: of ``G'`` it is ``Int G`` (breaks of breaks), of ``G''`` it is ``G`` (breaking
-    rate), of ``(x G)'`` it is ``Int x G`` (force lost), of ``(x G)''`` it is ``x G`` (stiffness lost).
+    With `G` the fraction of those born that has broken on a path, and ``x G`` what it held: of ``G'`` it is ``Int G``
+    (breaks of breaks), of ``G''`` it is ``G`` (breaking rate), of ``(x G)'`` it is ``Int x G`` (force lost), of
+    ``(x G)''`` it is ``x G`` (stiffness lost).
     """
-    below = int(np.searchsorted(x, end))
-    survival, first, second = np.zeros((3, x.size))
-    survival[:below], first[:below], second[:below] = (excess(x[:below], order) for order in range(3))
-    mean, half_square = (excess(np.zeros(1), order) for order in (1, 2))
-    G = 1.0 - survival
-    return np.stack([x - (mean - first), G, 0.5 * x * x - (half_square - x * first - second), x * G])
+    total = np.zeros((4, path.size))
+    tail = int(np.searchsorted(path, end - float(contacts.born.min())))  # none survives from there on
+    lost = np.zeros(2)
+    for born, weight in zip(contacts.born.tolist(), contacts.born_weight.tolist(), strict=True):
+        held = abs(born)
+        all_held, mean, half_square = (float(contacts.excess(np.array([held]), order)[0]) for order in range(3))
+        gone, work = held + mean / all_held, 0.5 * held * held + (half_square + held * mean) / all_held
+        begin = int(np.searchsorted(path[:tail], held - born))  # up to there no threshold is met
+        x = path[begin:tail] + born
+        survival, first, second = (contacts.excess(x, order) / all_held for order in range(3))
+        G = 1.0 - survival
+        total[:, begin:tail] += weight * np.stack(
+            [x - gone + first, G, 0.5 * x * x - work + second + x * first, x * G]
+        )
+        lost += weight * np.array([gone - born, work - 0.5 * born * born])
+    x = path[tail:]
+    carried = _carried(contacts)
+    total[:, tail:] = x - lost[0], np.ones_like(x), x * (0.5 * x + carried) - lost[1], x + carried
+    return total
 
 
 def _interpolate(values: Array, where: Array) -> Array:

@@ -115,3 +115,16 @@ def observe(
             i += 1
         begin = end
     return count
+
+
+@jit
+def larger(peaks: NDArray[np.float64], troughs: NDArray[np.float64], drop: float, rise: float) -> int:
+    """How many slips are left of a series, after which the force rises again, where only larger drops count."""
+    count = 0
+    state = START
+    for n in range(peaks.size):
+        for value in (peaks[n], troughs[n]):
+            state = turn(state, n, value, drop, rise)
+            if state.found == TROUGH:
+                count += 1
+    return count + 1 if state.falling else count

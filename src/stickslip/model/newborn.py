@@ -144,11 +144,11 @@ def as_unstretched(interface: Interface) -> tuple[Distribution, float]:
             "Interface.newborn",
         )
     x = newborn.moment(1)
+    # Contacts that re-attach as they slide: what rounding leaves of the difference is no force.
+    force = 0.0 if math.isclose(interface.sliding_force, x, rel_tol=1e-12) else interface.sliding_force - x
     if isinstance(thresholds, Gaussian) and x >= 0 and thresholds.std > 0:
-        return replace(thresholds, mean=thresholds.mean - x, lower=max(thresholds.lower - x, 0.0)), (
-            interface.sliding_force - x
-        )
-    return Margin(thresholds=thresholds, stretching=x), interface.sliding_force - x
+        return replace(thresholds, mean=thresholds.mean - x, lower=max(thresholds.lower - x, 0.0)), force
+    return Margin(thresholds=thresholds, stretching=x), force
 
 
 def thresholds_beyond(
