@@ -25,7 +25,7 @@ _LONGER = 2
 """How often a run that cannot be judged is made again, twice as long."""
 _PER_RADIAN, _PER_BREAK, _PER_RUN = 5.5e-6, 2.5e-7, 0.02
 """Seconds that a run takes: per radian of the slider on its spring, per contact that breaks, and at least."""
-_PER_AGED_BREAK = 4e-5
+_PER_AGED_BREAK = 4e-6
 PRECISION = 0.05
 """Where motion changes is found to this part of the value."""
 _USUAL, _MOST_AGED = Contacts(10_000, seed=1), 2_000
