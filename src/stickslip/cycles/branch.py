@@ -218,7 +218,9 @@ def _fold(points: list[Point], way: float) -> _Fold | None:
     if len(points) < 4:
         return None
     last = points[-4:]
-    size, place = (np.array(column) for column in zip(*((p.look.amplitude, way * math.log(p.value)) for p in last), strict=True))
+    size, place = (
+        np.array(column) for column in zip(*((p.look.amplitude, way * math.log(p.value)) for p in last), strict=True)
+    )
     towards = math.copysign(1.0, size[-1] - size[-2])
     ends = []
     for count in (3, 4):

@@ -100,7 +100,7 @@ def rightmost_from_axis(response: Response, body: Impedance, velocity: float) ->
 
 
 def roots_from_axis(response: Followed, body: Impedance, velocity: float, starts: ComplexArray) -> ComplexArray:
-    """Return the roots not far from the axis, rightmost first: by secants from `starts`, or from dips along the axis."""
+    """Return the roots not far from the axis, rightmost first: by secants from `starts`, or dips along the axis."""
     omega, on_axis, real, on_real = known(response, velocity)
     if starts.size == 0:
         own = natural_frequencies(body)

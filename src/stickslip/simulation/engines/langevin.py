@@ -54,7 +54,7 @@ class LangevinContacts(Steps):
             end = _settling_time(beginning, self._constants.rate)
             self.settle(beginning, end)
             self._contacts.attach[:] -= end
-            self.state[:2] = self.state[6:] = 0.0
+            self.state[:2] = 0.0
         self.state[2] = beginning.slider_velocity
         self.slider = slider_constants(beginning.slider)
 
@@ -169,7 +169,7 @@ class Closure(Steps):
             # One distribution for all settles more slowly.
             self.settle(beginning, 2.0 * _settling_time(beginning, self._constants.rate))
             self._cohorts.place[:] -= self.state[1]
-            self.state[:2] = self.state[6:] = 0.0
+            self.state[:2] = 0.0
         self.state[2] = beginning.slider_velocity
         self.slider = slider_constants(beginning.slider)
 
