@@ -246,14 +246,14 @@ def _at(u: float, delta: float, newborn: float) -> tuple[CubicSpline[Any], float
     place = _place(u, delta)
     first = math.floor(place) - _STENCIL // 2 + 1
     offset = place - first - np.arange(_STENCIL)
-    parts, rest = 0.0, 0.0
+    parts, rest = np.zeros((4, _phases(delta).size), dtype=complex), 0.0
     for k in range(_STENCIL):
         others = np.delete(offset, k)
         weight = float(np.prod(others / (others - offset[k])))
         if weight != 0.0:
             row, held = _row(delta, newborn, first + k)
             # At the same phase of a life neighbouring speeds are alike.
-            parts = parts + weight * row
+            parts += weight * row
             rest += weight * held
     return CubicSpline(np.log(_phases(delta)), parts, axis=1), rest
 

@@ -21,6 +21,8 @@ from stickslip.stability.response import Array, ComplexArray, Response, distinct
 class Followed(Response, Protocol):
     """A response that is known along the imaginary axis, and can be followed from there."""
 
+    def __hash__(self) -> int: ...
+
     def frequencies(self, velocity: float) -> Array:
         """Angular frequencies that follow every turn of kappa, and beyond which its loss is positive."""
         ...
