@@ -1,15 +1,19 @@
-"""The stability map and its boundary, beside a count at each point of the map."""
+"""The stability map and its boundary, beside a count at each point of the map; ageing contacts; the bistable range."""
 
 import numpy as np
 
-from stickslip.model import Rig, constant
-from stickslip.paper.cases import FIG7
-from stickslip.stability import boundary, count_unstable, critical, growth_rate, onset, stability_map
+from stickslip.cycles import bistable_range, sustained
+from stickslip.model import MasterEquation, Rig, constant
+from stickslip.paper.cases import FIG6, FIG7, FIG8
+from stickslip.stability import aged, boundary, count_unstable, critical, growth_rate, onset, stability_map
+from stickslip.stability.from_axis import known
 from stickslip.stability.transforms import axis_table
 
 RIG = Rig(FIG7.interface, FIG7.slider, constant(1.0))
 STIFFNESSES, VELOCITIES = np.geomspace(0.1, 10, 200), np.geomspace(0.1, 10, 200)
 WINDOW = ((0.1, 10.0), (0.1, 10.0))
+AGED = Rig(FIG8.interface, FIG8.slider, constant(1.0))
+ROUGH = MasterEquation(rtol=1e-3)
 
 
 def test_map_of_200_by_200(benchmark):
@@ -57,3 +61,33 @@ def test_growth_rate(benchmark):
 
 def test_unstable_modes(benchmark):
     benchmark(count_unstable, RIG.replace(velocity=1.4))
+
+
+def forget():
+    """Forget every response of ageing contacts; the kernels stay compiled."""
+    critical(AGED, "stiffness", between=(0.9, 1.1))
+    for kept in (aged._row, aged._at, aged._known, known):
+        kept.cache_clear()
+
+
+def test_critical_velocities_of_ageing_contacts_from_nothing(benchmark):
+    benchmark.pedantic(critical, (AGED, "velocity"), {"between": (0.1, 10)}, setup=forget, rounds=3)
+
+
+def test_map_of_ageing_contacts_50_by_50_from_nothing(benchmark):
+    values = (np.geomspace(0.1, 10, 50), np.geomspace(0.1, 10, 50))
+    benchmark.pedantic(stability_map, (AGED,), {"values": values}, setup=forget, rounds=3)
+
+
+def test_growth_rates_of_ageing_contacts_50_by_50_from_nothing(benchmark):
+    values = (np.geomspace(0.1, 10, 50), np.geomspace(0.1, 10, 50))
+    benchmark.pedantic(stability_map, (AGED,), {"values": values, "growth": True}, setup=forget, rounds=1)
+
+
+def test_bistable_range_of_figure_7(benchmark):
+    benchmark.pedantic(bistable_range, (RIG,), {"between": (0.3, 3.0), "method": ROUGH}, rounds=3, warmup_rounds=1)
+
+
+def test_sustained_delays_of_figure_6(benchmark):
+    rig = Rig(FIG6.interface, FIG6.slider, constant(1.0))
+    benchmark.pedantic(sustained, (rig, "delay"), {"between": (0.01, 1.0), "method": ROUGH}, rounds=3, warmup_rounds=1)

@@ -92,7 +92,7 @@ def _numbers() -> dict[str, Callable[[], object]]:
     """Kernels of ageing contacts that give numbers, coarsely."""
     from stickslip.kernels.closure import closure_friction
     from stickslip.kernels.langevin import Langevin, Life
-    from stickslip.kernels.langevin_response import life_transforms
+    from stickslip.kernels.langevin_response import excursions, life_transforms
     from stickslip.kernels.langevin_steady import pull_newborns, steady_moments
 
     tenth = Langevin(rate=1.0, mean=1.0, std=0.1)
@@ -105,9 +105,9 @@ def _numbers() -> dict[str, Callable[[], object]]:
         "dynamic stiffness": lambda: [
             [value.real, value.imag]
             for newborn in (0.0, 0.3)
-            for value in life_transforms(Life(0.5, 0.1, newborn), p, 6).ravel()
+            for value in life_transforms(excursions(Life(3.0, 0.3, newborn)), p).ravel()
         ],
-        "newborns pulled": lambda: pull_newborns(0.3, tenth, 1.0, 20, 12)[0].tolist(),
+        "newborns pulled": lambda: pull_newborns(3.0, tenth, 1.0, 5)[1].tolist(),
         "closure, friction": lambda: closure_friction(np.array([0.1, 0.5]), tenth, 5.0).tolist(),
     }
 

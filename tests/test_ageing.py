@@ -6,6 +6,7 @@ from math import erf, erfc, exp, sqrt
 import numpy as np
 import pytest
 
+from stickslip import model, stability
 from stickslip.kernels import langevin_contacts
 from stickslip.kernels.closure import Cohorts as ClosureCohorts
 from stickslip.kernels.closure import (
@@ -21,8 +22,8 @@ from stickslip.kernels.growth import EXPONENTIAL, LOGARITHMIC, Growing, Growth, 
 from stickslip.kernels.langevin import Langevin, Life
 from stickslip.kernels.langevin_contacts import Contacts, advance_contacts, crossing, reflected
 from stickslip.kernels.langevin_density import Cohorts, advance_density, cell_widths, density_nodes
-from stickslip.kernels.langevin_response import dynamic_stiffness
-from stickslip.kernels.langevin_steady import life_moments, pull_newborns, steady_friction
+from stickslip.kernels.langevin_response import excursions, life_transforms
+from stickslip.kernels.langevin_steady import life_moments, pull_newborns, steady_friction, steady_moments
 from stickslip.kernels.oscillator import RIGID, Load, Motion, Slider, move
 from stickslip.kernels.stepping import Course
 
@@ -38,6 +39,13 @@ def pulling(velocity, start=0.0, position=0.0):
 
 def contacts_at_rest(n, rng):
     return Contacts(np.zeros(n), np.abs(rng.normal(1.0, STD, n)), np.full(n, -np.inf))
+
+
+def dynamic_stiffness(velocity, langevin, s, delay=0.0):
+    ageing = model.Langevin(rate=langevin.rate, newborn=langevin.newborn)
+    thresholds = model.distributions.Gaussian(mean=langevin.mean, std=langevin.std)
+    interface = model.Interface(thresholds=thresholds, ageing=ageing, delay=model.Delay(delay))
+    return stability.dynamic_stiffness(interface, velocity, s)
 
 
 def friction_of_contacts(u, rate=1.0, step=0.04, n=10_000, span=20.0, newborn=0.0, delay=0.0, seed=1):
@@ -281,7 +289,7 @@ def density_at_rest(cells=400):
     place, mass, moment = np.zeros(rows), np.zeros((rows, nodes.size)), np.zeros((rows, nodes.size))
     for row, side in enumerate((points < 0.0, points > 0.0)):
         mass[row], moment[row] = gauss[side].sum(axis=0), -0.01 * points[side] @ gauss[side]
-    return np.array([0.0, 0.0, 0.0, 0.0, 2.0, 0.0]), Cohorts(place, mass, moment), nodes
+    return np.array([0.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0]), Cohorts(place, mass, moment), nodes
 
 
 def advance(density, drive, slider, rate, times, cells=400):
@@ -390,8 +398,7 @@ def test_the_density_can_be_advanced_in_chunks():
     once = advance(whole, pulling(1.0), FIG_8, 1.5, times, 200)
     first = advance(parts, pulling(1.0), FIG_8, 1.5, times[:7], 200)
     second = advance(parts, pulling(1.0), FIG_8, 1.5, times[7:], 200)
-    # A new call has forgotten the free oscillation of the last step, on which the next step depends.
-    assert np.allclose(np.vstack([first, second]), once, atol=1e-3)
+    assert np.allclose(np.vstack([first, second]), once, rtol=0.0, atol=1e-9)
 
 
 # ---------------------------------------------------------------- with a slider
@@ -494,12 +501,25 @@ def test_dynamic_stiffness_depends_on_velocity_and_frequency_over_rate_squared()
     assert np.allclose(dynamic_stiffness(0.4, ONE, np.conj(s)), np.conj(one), rtol=1e-12)
 
 
-def test_dynamic_stiffness_converges():
-    s = np.array([1j, 0.5 + 5j, 30j])
-    for u in (0.1, 0.44, 1.2):
-        coarse = dynamic_stiffness(u, ONE, s)
-        fine = dynamic_stiffness(u, ONE, s, NONE, 160)
-        assert np.all(np.abs(coarse - fine) < np.array([3e-4, 3e-4, 2e-3]))
+@pytest.mark.parametrize("newborn", [0.0, 0.3])
+@pytest.mark.parametrize("u", [0.01, 0.1, 0.44, 1.0, 1.2, 8.0])
+def test_lives_from_the_volterra_equation_are_those_of_the_kinetic_equation(u, newborn):
+    life = Life(u, STD, newborn)
+    parts = life_transforms(excursions(life), np.zeros(1, dtype=complex))[:, 0]
+    length, work = steady_moments(life, 200)
+    assert parts[1].real / parts[0].real == pytest.approx(work / length, rel=1e-4)
+    assert parts[0].real == pytest.approx(length, rel=1e-4)
+    assert np.all(np.abs(parts[2:]) < 1e-9 * length)  # nothing is perturbed that stands still
+
+
+def test_transforms_of_a_life_decay_and_turn_as_they_must():
+    # One transform at s and at its conjugate, and far to the right, where only the beginning of a life counts.
+    known = excursions(Life(0.5, STD, 0.3))
+    p = np.array([0.7 + 3.0j, 0.7 - 3.0j, 1e3 + 0.0j])
+    parts = life_transforms(known, p)
+    np.testing.assert_allclose(parts[:, 0], np.conj(parts[:, 1]), rtol=1e-12)
+    assert parts[0, 2].real == pytest.approx(1e-3, rel=1e-9)
+    assert parts[1, 2].real == pytest.approx(0.5 * 1e-6, rel=1e-9)
 
 
 def test_at_high_frequency_all_contacts_are_springs():
@@ -511,7 +531,7 @@ def test_at_high_frequency_all_contacts_are_springs():
 def test_dynamic_stiffness_with_newborns_and_delay_at_low_frequency():
     u, langevin, delay, s, h = 0.5, ONE._replace(newborn=0.3), 0.2, 1e-4, 1e-4
     low, high = steady_friction(np.array([u - h, u + h]), langevin, delay, 300)
-    kappa = dynamic_stiffness(u, langevin, np.array([s + 0j]), np.array([delay]))
+    kappa = dynamic_stiffness(u, langevin, np.array([s + 0j]), delay)
     assert kappa[0].real / s == pytest.approx((high - low) / (2 * h), abs=2e-3)
 
 

@@ -83,7 +83,7 @@ def bistable_range(
     *,
     between: tuple[float, float],
     start: Start = FromRest(),
-    step: float = 0.05,
+    step: float = 0.15,
     tolerance: float = 2e-3,
     method: MasterEquation = METHOD,
 ) -> BistableRange:

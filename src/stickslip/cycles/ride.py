@@ -26,6 +26,9 @@ Array = NDArray[np.float64]
 METHOD = MasterEquation(rtol=1e-4)
 """The largest error that keeps the settled numbers; see `stickslip.cycles`."""
 
+MOST_TURNS = 1e11
+"""Angle of a free oscillation of the slider in one cycle, above which times are not known to a part of a radian."""
+
 LOOK = 3.0
 """Cycles, by their expected length, between two looks at the amplitude."""
 
@@ -58,13 +61,14 @@ def natural_rig(rig: Rig, start: Start, method: MasterEquation) -> Rig:
 
 
 class Look(NamedTuple):
-    """What a stretch of a few cycles shows."""
+    """What a stretch of a few cycles shows; `cycles` are the amplitudes of those that it completes, one by one."""
 
     amplitude: float
     period: float
     fastest: float
     mean_force: float
     travel: float
+    cycles: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,12 +79,25 @@ class Ride:
     engine: Panels
     drive: Quadratic
     cycle: float  # expected travel of the drive in one
+    begun: Array | None = None  # rows of the cycle that the last look has left unfinished
 
     @classmethod
     def begin(cls, rig: Rig, start: Start, method: MasterEquation) -> Ride:
-        """Return a rig, in natural units, at its start."""
+        """Return a rig, in natural units, at its start.
+
+        Raises
+        ------
+        InputError
+            If a cycle lasts so long against the slider's own oscillation that no run could follow it.
+        """
         from stickslip.kernels.drive import Quadratic
 
+        turns = rig.slider.frequency * _expected_cycle(rig) / rig.velocity
+        if turns > MOST_TURNS:
+            raise InputError(
+                f"velocity = {rig.velocity:.4g} x_s/time: the slider could oscillate {turns:.2g} rad on its spring in "
+                f"one cycle, more than a run resolves; give at least {rig.velocity * turns / MOST_TURNS:.2g} x_s/time"
+            )
         beginning = Beginning(rig.interface, rig.slider, rig.velocity, start)
         engine = Panels(beginning, method)
         drive = Quadratic(0.0, beginning.drive_position(engine.contact_force()), rig.velocity, 0.0)
@@ -106,16 +123,21 @@ class Ride:
         """Go on for a few cycles and say what they show; stretches of the drive too short for that are doubled."""
         travel = LOOK * self.cycle
         ride, rows = self.on(travel)
-        cycles = _cycles(rows, self.rig.slider.stiffness, self.rig.velocity)
+        stiffness, velocity = self.rig.slider.stiffness, self.rig.velocity
+        # One by one cycles go on from look to look; what the look shows is its own.
+        joined = rows if self.begun is None else np.concatenate([self.begun, rows], axis=1)
+        completed, rest = _cycles(joined, stiffness, velocity)
+        ride = replace(ride, begun=joined[:, rest:] if completed.size else None)
+        cycles = completed if self.begun is None else _cycles(rows, stiffness, velocity)[0]
         _, force, speed = rows
-        fastest = float(speed.max()) / self.rig.velocity
+        fastest = float(speed.max()) / velocity
         if cycles.shape[1] == 0:
             oscillation = float(np.ptp(force))
             if oscillation > TINY:  # cycles longer than expected
                 ride = replace(ride, cycle=2.0 * ride.cycle)
-            return ride, Look(oscillation, math.nan, fastest, float(force.mean()), travel)
+            return ride, Look(oscillation, math.nan, fastest, float(force.mean()), travel, completed[0])
         oscillation, period, mean = np.median(cycles[0]), np.mean(cycles[1]), np.average(cycles[2], weights=cycles[1])
-        return ride, Look(float(oscillation), float(period), fastest, float(mean), travel)
+        return ride, Look(float(oscillation), float(period), fastest, float(mean), travel, completed[0])
 
     def turned(self, rig: Rig) -> Ride:
         """Return what goes on as another rig; forces and positions stay, and the drive goes on from where it is."""
@@ -135,17 +157,18 @@ def _expected_cycle(rig: Rig) -> float:
     return max(stretch * (1.0 + 1.0 / slider.stiffness), rig.velocity * 2.0 * math.pi / slider.frequency)
 
 
-def _cycles(rows: Array, stiffness: float, velocity: float) -> Array:
-    """Peak-to-peak of the spring force, period and mean force of each complete cycle: shape (3, n).
+def _cycles(rows: Array, stiffness: float, velocity: float) -> tuple[Array, int]:
+    """Peak-to-peak of the spring force, period and mean force of each complete cycle, shape (3, n); where the next is.
 
     A cycle goes from one rise through three quarters of the range to the next, with a drop below one quarter in
     between. The extremes lie where the slider is as fast as the drive, between the samples.
     """
     t, force, speed = rows
     low, high = float(force.min()), float(force.max())
-    risen, times = rises(t, force, 0.75 * low + 0.25 * high, 0.25 * low + 0.75 * high)
+    quarter = 0.75 * low + 0.25 * high
+    risen, times = rises(t, force, quarter, 0.25 * low + 0.75 * high)
     if risen.size < 2:
-        return np.empty((3, 0))
+        return np.empty((3, 0)), 0
     slope = stiffness * (velocity - speed)
     oscillations, means = [], []
     for a, b in itertools.pairwise(risen.tolist()):
@@ -153,7 +176,8 @@ def _cycles(rows: Array, stiffness: float, velocity: float) -> Array:
         top, bottom = (_extreme(t, force, slope, a + int(i)) for i in (np.argmax(part), np.argmin(part)))
         oscillations.append(top - bottom)
         means.append(float(part[1:].mean()))
-    return np.array([oscillations, np.diff(times), means])
+    below = np.flatnonzero(force[: risen[-1]] < quarter)
+    return np.array([oscillations, np.diff(times), means]), int(below[-1])
 
 
 def _extreme(t: Array, force: Array, slope: Array, i: int) -> float:

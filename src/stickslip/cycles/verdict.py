@@ -26,6 +26,8 @@ STEADY = 1e-3
 """Change of ln(amplitude) from look to look that counts as none if it stays so small three times."""
 REST = 0.01
 """... and that may still lie ahead, if the changes shrink geometrically."""
+_STEADY_CYCLES, _EACH, _AHEAD = 6, 2e-4, 1e-3
+"""So many changes of ln(amplitude) from cycle to cycle that are so small count as none, too; what may lie ahead."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -95,8 +97,9 @@ def is_sustained(
 
     The run is looked at every three cycles, by their expected length: the drive travels ``<x_s> (1 + k/K)`` in one,
     or for one period of the slider on its spring, whichever is longer. It ends as soon as its fate is clear. The
-    oscillation *persists* if its amplitude no longer changes (by less than 1e-3 three times running, or with changes
-    that shrink geometrically and have less than 1 % left to go), or scatters about a constant without a trend. It
+    oscillation *persists* if its amplitude no longer changes (by less than 1e-3 three times running or by less than
+    2e-4 in six cycles, or with changes that shrink geometrically and have less than 1 % left to go), or scatters about
+    a constant without a trend. It
     *decays* if it is below 2 % of the kinetic friction and shrinks while smooth sliding is stable by linear theory.
     Where smooth sliding is unstable some oscillation always persists; the run then tells which.
 
@@ -145,6 +148,9 @@ def settle(ride: Ride, patience: int = PATIENCE) -> tuple[Verdict, Ride, Look]:
         travel += look.travel
         fate = _fate(looks, floor, growing, patience)
     last, (answer, reason) = looks[-1], fate
+    limit = _limit(np.concatenate([look.cycles for look in looks]))
+    if answer and limit is not None:
+        last = last._replace(amplitude=limit)
     fastest = max(look.fastest for look in looks[-2:])
     kind: Kind = "undecided"
     if answer is False:
@@ -187,6 +193,9 @@ def _fate(looks: list[Look], floor: float, growing: bool | None, patience: int) 
     now = f"{size[-1]:.4g} f_s"
     if size[-1] < 1e-9 * floor and growing is not True:
         return False, "there is no oscillation left"
+    limit = _limit(np.concatenate([look.cycles for look in looks]))
+    if limit is not None and size[-1] > floor:
+        return True, f"the oscillation of the force settles at {limit:.3g} f_s"
     if len(looks) < 3:
         return None
     step = np.diff(np.log(np.maximum(size, 1e-300)))
@@ -214,13 +223,23 @@ def _fate(looks: list[Look], floor: float, growing: bool | None, patience: int) 
     return None, f"after {len(looks)} looks the oscillation of the force, {now}, still changes by {step[-1]:.2g} a look"
 
 
-def _left_to_go(step: Array) -> float:
-    """Change of ln(amplitude) still ahead if the last four steps shrink geometrically, all one way; else infinite."""
-    last = step[-4:] * np.sign(step[-1])
-    if last.size < 4 or last.min() <= 0:
+def _limit(cycles: Array) -> float | None:
+    """Amplitude at which the last cycles settle, one by one; None if they do not."""
+    last = cycles[-_STEADY_CYCLES - 1 :]
+    if last.size <= _STEADY_CYCLES or last.min() <= 0:
+        return None
+    step = np.diff(np.log(last))
+    left = 0.0 if np.all(np.abs(step) < _EACH) else _left_to_go(step, 5, 0.9)
+    return float(last[-1] * math.exp(math.copysign(left, step[-1]))) if left < _AHEAD else None
+
+
+def _left_to_go(step: Array, count: int = 4, slowest: float = 0.7) -> float:
+    """Change of ln(amplitude) still ahead if the last steps shrink geometrically, all one way; else infinite."""
+    last = step[-count:] * np.sign(step[-1])
+    if last.size < count or last.min() <= 0:
         return math.inf
     ratio = float(np.max(last[1:] / last[:-1]))
-    return math.inf if ratio > 0.7 else float(last[-1]) * ratio / (1.0 - ratio)
+    return math.inf if ratio > slowest else float(last[-1]) * ratio / (1.0 - ratio)
 
 
 def _has_no_trend(size: Array) -> bool:

@@ -13,16 +13,3 @@ def bernoulli(z: float) -> float:
     if z > 700.0:
         return 0.0
     return z / float(np.expm1(z))
-
-
-@jit
-def bernoulli_slope(z: float) -> float:
-    """Derivative of the Bernoulli function."""
-    if abs(z) < 1e-2:
-        return -0.5 + z / 6.0 - z**3 / 180.0
-    if z > 300.0:
-        return 0.0
-    if z < -300.0:
-        return -1.0
-    e = float(np.expm1(z))
-    return (e - z * (e + 1.0)) / (e * e)

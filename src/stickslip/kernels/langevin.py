@@ -83,20 +83,21 @@ def margin_nodes(life: Life, cells: int) -> Floats:
 
 
 @jit
-def age_nodes(life: Life, steps: int) -> Floats:
-    """Nodes of the age in units of 1/rate^2, from 0 to where survivors are fewer than exp(-30).
+def longest_age(life: Life) -> float:
+    """Age in units of 1/rate^2 beyond which survivors are fewer than exp(-30).
 
     Where the drift ``c(a)`` of the margin is negative, survivors decay at least as exp(-int c^2/4 da).
     """
-    c, r = (1.0 - life.u) / life.delta, life.u / life.delta
-    if c < 0.0:
-        end = ((360.0 * r - c**3) ** (1.0 / 3.0) + c) / r
-    else:
-        end = c / r + (360.0 / r**2) ** (1.0 / 3.0)
-    z = life.newborn / life.delta
-    if z > 0.0:  # the way down to the boundary, were there no noise
-        end += min(np.sqrt(2.0 * z / r), z / max(-c, 1e-9))
-    return graded_nodes(end, steps, 2.0 / steps)
+    c, r, z = (1.0 - life.u) / life.delta, life.u / life.delta, life.newborn / life.delta
+    end = ((360.0 * r - c**3) ** (1.0 / 3.0) + c) / r if c < 0.0 else c / r + (360.0 / r**2) ** (1.0 / 3.0)
+    # the way down to the boundary, were there no noise
+    return float(end + min(np.sqrt(2.0 * z / r), z / max(-c, 1e-9)))
+
+
+@jit
+def age_nodes(life: Life, steps: int) -> Floats:
+    """Nodes of the age in units of 1/rate^2, from 0 to where next to nobody survives."""
+    return graded_nodes(longest_age(life), steps, 2.0 / steps)
 
 
 @jit
@@ -123,62 +124,3 @@ def between_nodes(z: Floats, place: float) -> tuple[int, float]:
     """Node above a place, and its weight in a linear interpolation between the nodes about it."""
     i = int(np.searchsorted(z, place))
     return i, (place - z[i - 1]) / (z[i] - z[i - 1])
-
-
-@jit
-def fine_nodes(life: Life, cells: int) -> tuple[Floats, Floats]:
-    """Nodes of margin and age that also resolve the entrance of excursions: geometric from the first cell upwards."""
-    c = (1.0 - life.u) / life.delta
-    coarse = margin_nodes(life, cells)
-    first = coarse[1] if life.newborn > 0.0 else 1.5 / (cells * max(1.0, abs(c)))
-    z = graded_nodes(coarse[-1], cells, first)
-    smooth = age_nodes(life, 2 * cells)
-    age = np.empty(40 * cells)
-    age[0] = 0.0
-    start, j, k = 0.3 * z[1] * z[1], 0, 0
-    while age[k] < smooth[-1] and k + 1 < age.size:
-        while smooth[j + 1] <= age[k] and j + 2 < smooth.size:
-            j += 1
-        age[k + 1] = min(age[k] + min(8.0 / cells * (age[k] + start), smooth[j + 1] - smooth[j]), smooth[-1])
-        k += 1
-    return z, age[: k + 1].copy()
-
-
-@jit
-def density_by_age(life: Life, z: Floats, age: Floats) -> Floats:
-    """Density (mass per node) of one life, for all ages; shape (ages, nodes).
-
-    An L-stable Runge-Kutta step of second order (SDIRK2) from a unit of mass at the newborn's margin, or at the first
-    node where the newborn is on its boundary.
-    """
-    m = z.size - 1
-    c0, r = (1.0 - life.u) / life.delta, life.u / life.delta
-    gamma = 1.0 - np.sqrt(0.5)
-    up, down = np.zeros(m + 1), np.zeros(m + 1)
-    mass = np.zeros((age.size, m + 1))
-    if life.newborn > 0.0:
-        i, w = between_nodes(z, life.newborn / life.delta)
-        mass[0, i - 1], mass[0, i] = 1.0 - w, w
-        mass[0, 0] = 0.0
-    else:
-        mass[0, 1] = 1.0
-    upper, slope, stage = np.zeros(m + 2), np.zeros((2, m + 1)), np.zeros(m + 2)
-    for j in range(age.size - 1):
-        h = age[j + 1] - age[j]
-        for k in range(2):
-            margin_rates(z, c0 - r * (age[j] + h * (gamma if k == 0 else 1.0)), up, down)
-            # (1 - gamma h L) stage = known; slope = L stage
-            for i in range(1, m + 1):
-                known = mass[j, i] + (h * (1.0 - gamma) * slope[0, i] if k == 1 else 0.0)
-                below = gamma * h * up[i - 1]
-                pivot = 1.0 / (1.0 + gamma * h * (up[i] + down[i]) - below * upper[i - 1])
-                stage[i] = (known + below * stage[i - 1]) * pivot
-                upper[i] = gamma * h * (down[i + 1] if i < m else 0.0) * pivot
-                slope[k, i] = -known
-            for i in range(m - 1, 0, -1):
-                stage[i] += upper[i] * stage[i + 1]
-            for i in range(1, m + 1):
-                slope[k, i] = (slope[k, i] + stage[i]) / (gamma * h)
-        for i in range(1, m + 1):
-            mass[j + 1, i] = stage[i]
-    return mass

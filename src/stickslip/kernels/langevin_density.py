@@ -22,8 +22,9 @@ from .stepping import COLUMNS, LOSS, Course, Stroke, begin, fill, goes_on, keep,
 
 Floats = NDArray[np.float64]
 
-# Further entries of the state: number of closed cohorts, and how far the contacts lag behind the slider.
-COHORTS, LAG = 4, 5
+# Further entries of the state: number of closed cohorts, how far the contacts lag behind the slider, slope of the loss
+# and length of the last step.
+COHORTS, LAG, RAMP, LAST = 4, 5, 6, 7
 
 # Largest step of a free oscillation of the slider, in radians.
 _ANGLE = 0.35
@@ -351,9 +352,9 @@ def advance_density(state: Floats, cohorts: Cohorts, nodes: Floats, course: Cour
 
     Parameters
     ----------
-    state : ndarray, shape (6,)
-        Time, X, V, loss per time (see `stepping`), number of closed cohorts, how far the contacts lag behind X.
-        Changed in place.
+    state : ndarray, shape (8,)
+        Time, X, V, loss per time (see `stepping`), number of closed cohorts, how far the contacts lag behind X, slope
+        of the loss, last step (0: none). Changed in place.
     cohorts : Cohorts
         Changed in place.
     nodes : ndarray
@@ -373,7 +374,7 @@ def advance_density(state: Floats, cohorts: Cohorts, nodes: Floats, course: Cour
     work = _Work(line[0], line[1], line[2], line[3], line[4], line[5], np.zeros((2, 2, size)), tops)
     here = begin(course, state)
     F, total = _force(cohorts, count, here.X)
-    samples, loss, ramp, last = np.empty((course.times.size, COLUMNS)), state[LOSS], 0.0, 0.0
+    samples, loss, ramp, last = np.empty((course.times.size, COLUMNS)), state[LOSS], state[RAMP], state[LAST]
     filled = fill(course, samples, 0, here, Load(F, 1.0, 0.0, 0.0), here.time, total)
     while goes_on(course, samples, filled):
         guess, stroke = plan(course, filled, here, Load(F, 1.0, loss + 0.5 * ramp * last, ramp), _ANGLE)
@@ -396,5 +397,5 @@ def advance_density(state: Floats, cohorts: Cohorts, nodes: Floats, course: Cour
         filled = fill(course, samples, filled, here, load, there.time, total)
         here = there
     keep(state, here, loss)
-    state[COHORTS], state[LAG] = float(count), lag
+    state[COHORTS], state[LAG], state[RAMP], state[LAST] = float(count), lag, ramp, last
     return samples[:filled]

@@ -1,9 +1,13 @@
 """Linear response of ageing contacts about steady sliding, from Eqs. (11) and (13)-(17); see `langevin`.
 
-The density of the margin over the age is perturbed by the extra drift ``-d xi/dt - (xi(t) - xi(attachment)) rate^2``;
-the births, counted by the local time of the margin at its boundary, follow from the conservation of contacts. The
-response of survivors is the density times the slope of the adjoint solution, which is smooth at any s: large imaginary
-s costs no finer grid.
+While the slider moves by ``e^{pt}`` more, the level of a contact that attached at age 0 is perturbed by
+``e^{pa} - 1``. A level that is higher at one age only takes away those who are about to break then and would have
+lived on as excursions from there: with ``w(s, a)`` the survival of an excursion that begins at age s,
+
+    dS(a) = int_0^a w(s, a - s) (e^{ps} - 1) dS(s)/delta.
+
+Survival and excursions do not depend on p; what one life contributes to the dynamic stiffness are their transforms,
+which polynomials have in closed form at any p.
 """
 
 from typing import NamedTuple
@@ -12,230 +16,181 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import jit
-from .drift_diffusion import bernoulli_slope
-from .langevin import Langevin, Life, density_by_age, fine_nodes, life_at, margin_rates
+from .langevin import Life, longest_age
+from .langevin_survival import NODE, P, gauss, panel_ages, panel_edges, survive
 
 Floats = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-NO_DELAY = np.zeros(1)
+_LEGENDRE = np.ascontiguousarray(np.linalg.inv(np.polynomial.legendre.legvander(2.0 * NODE - 1.0, P)))
+"""Coefficients of Legendre polynomials from values at the nodes."""
+_FINE, _FINE_WEIGHT = gauss(32)
+_ON_FINE = np.polynomial.legendre.legvander(2.0 * _FINE - 1.0, P) @ _LEGENDRE
 
 
-class _Future(NamedTuple):
-    """What is still to come at an age, for all margins and all Laplace variables, and room to solve for it.
+class Excursions(NamedTuple):
+    """Survival at one velocity, on panels of the age: of a contact, and of excursions that begin at some ages.
 
-    `value`, shape (4, margins, n): real and imaginary parts of the life, then of the work. They lie apart and all
-    variables side by side, so that the inner loops run on vectors. `known` is the right-hand side, `upper` the
-    elimination.
-    """
-
-    value: Floats
-    known: Floats
-    upper: Floats
-
-
-class _Variables(NamedTuple):
-    """Laplace variables, real and imaginary parts."""
-
-    re: Floats
-    im: Floats
-
-
-@jit
-def _step_back(
-    future: _Future, p: _Variables, up: Floats, down: Floats, da: float, implicit: float, gain: float
-) -> None:
-    """From one age to the one before: `da` of life and `gain` of work are added, and contacts wander by the rates."""
-    value, known, upper = future
-    m, count, explicit = value.shape[1] - 1, p.re.size, da - implicit
-    for i in range(1, m + 1):
-        off, on, below, above = explicit * down[i], explicit * up[i], implicit * down[i], implicit * up[i]
-        stay = 1.0 - off - on
-        k = min(i + 1, m)
-        for part in range(2):
-            x, y = value[2 * part], value[2 * part + 1]
-            bx, by = known[2 * part], known[2 * part + 1]
-            more = da if part == 0 else gain
-            for q in range(count):
-                still, turn = stay - explicit * p.re[q], -explicit * p.im[q]
-                bx[i, q] = still * x[i, q] - turn * y[i, q] + off * x[i - 1, q] + on * x[k, q] + more
-                by[i, q] = still * y[i, q] + turn * x[i, q] + off * y[i - 1, q] + on * y[k, q]
-        for q in range(count):
-            dx = 1.0 + implicit * p.re[q] + above + below - below * upper[0, i - 1, q]
-            dy = implicit * p.im[q] - below * upper[1, i - 1, q]
-            size = 1.0 / (dx * dx + dy * dy)
-            px, py = dx * size, -dy * size
-            fx, fy = known[0, i, q] + below * known[0, i - 1, q], known[1, i, q] + below * known[1, i - 1, q]
-            gx, gy = known[2, i, q] + below * known[2, i - 1, q], known[3, i, q] + below * known[3, i - 1, q]
-            known[0, i, q], known[1, i, q] = fx * px - fy * py, fx * py + fy * px
-            known[2, i, q], known[3, i, q] = gx * px - gy * py, gx * py + gy * px
-            upper[0, i, q], upper[1, i, q] = above * px, above * py
-    value[:, m] = known[:, m]
-    for i in range(m - 1, 0, -1):
-        for part in range(2):
-            x, y = value[2 * part], value[2 * part + 1]
-            for q in range(count):
-                cx, cy = upper[0, i, q], upper[1, i, q]
-                x[i, q] = known[2 * part, i, q] + cx * x[i + 1, q] - cy * y[i + 1, q]
-                y[i, q] = known[2 * part + 1, i, q] + cx * y[i + 1, q] + cy * x[i + 1, q]
-
-
-@jit
-def _weights(z: Floats, c: float, mass: Floats, ahead: Floats, back: Floats) -> None:
-    """What a unit of extra drift does to the density at an age, as weights of differences of what is to come.
-
-    `ahead` weighs the difference to the node above, `back` that to the node below.
-    """
-    m = z.size - 1
-    for i in range(1, m + 1):
-        h = z[i] - z[i - 1]
-        slope = bernoulli_slope((c - 0.5 * (z[i - 1] + z[i])) * h)
-        back[i] = -slope * mass[i] / (0.5 * (z[i + 1] - z[i - 1]) if i < m else 0.5 * h)
-        if i > 1:
-            ahead[i - 1] = (1.0 + slope) * mass[i - 1] / (0.5 * (z[i] - z[i - 2]))
-
-
-@jit
-def _weigh(value: Floats, ahead: Floats, back: Floats, total: Floats) -> None:
-    """What a unit of extra drift at an age would add in all: density times slope of what is to come."""
-    m = value.shape[1] - 1
-    total[:] = 0.0
-    for part in range(4):
-        x, sum_ = value[part], total[part]
-        for i in range(1, m + 1):
-            k = min(i + 1, m)
-            for q in range(sum_.size):
-                sum_[q] += ahead[i] * (x[k, q] - x[i, q]) + back[i] * (x[i, q] - x[i - 1, q])
-
-
-@jit
-def _extra_drift(p: complex, age: float, da: float) -> tuple[complex, complex]:
-    """Integrals of the extra drift ``e^{-pa} - 1 - p`` over an interval of ages, times the two hat functions there.
-
-    What it multiplies is linear between the nodes; the exponential is integrated exactly. In units of `da`.
-    """
-    turn = p * da
-    if abs(turn) < 1e-2:
-        whole = 1.0 - turn / 2.0 + turn * turn / 6.0 - turn**3 / 24.0
-        ramp = 0.5 - turn / 3.0 + turn * turn / 8.0 - turn**3 / 30.0
-    else:
-        e = np.exp(-turn)
-        whole = (1.0 - e) / turn
-        ramp = (1.0 - e * (1.0 + turn)) / (turn * turn)
-    wave, half = np.exp(-p * age), 0.5 * (1.0 + p)
-    return wave * (whole - ramp) - half, wave * ramp - half
-
-
-@jit
-def _transforms(life: Life, s: Complex, z: Floats, age: Floats, mass: Floats) -> Complex:
-    """Transforms of one life at Laplace variables `s`, and of its response to a perturbed slider; shape (4, n).
-
-    ``int S e^{-sa}``, ``int u a S e^{-sa}``, and the same two of the perturbation of S.
-    """
-    u, delta = life.u, life.delta
-    m, n, count = z.size - 1, age.size - 1, s.size
-    c0, r = (1.0 - u) / delta, u / delta
-    p = _Variables(s.real.copy(), s.imag.copy())
-    up, down, ahead, back = np.zeros(m + 1), np.zeros(m + 1), np.zeros(m + 1), np.zeros(m + 1)
-    future = _Future(np.zeros((4, m + 1, count)), np.zeros((4, m + 1, count)), np.zeros((2, m + 1, count)))
-    slope = np.zeros((4, count))
-    response, later = np.zeros((count, 2), dtype=np.complex128), np.zeros((count, 2), dtype=np.complex128)
-    for j in range(n - 1, -1, -1):
-        da = age[j + 1] - age[j]
-        middle = 0.5 * (age[j + 1] + age[j])
-        margin_rates(z, c0 - r * middle, up, down)
-        # Crank-Nicolson, but for the oldest ages, which damp its ringing.
-        _step_back(future, p, up, down, da, (0.5 if j < n - 8 else 1.0) * da, da * u * middle)
-        _weights(z, c0 - r * age[j], mass[j], ahead, back)
-        _weigh(future.value, ahead, back, slope)
-        for q in range(count):
-            here, there = _extra_drift(s[q], age[j], da)
-            first, second = complex(slope[0, q], slope[1, q]), complex(slope[2, q], slope[3, q])
-            response[q, 0] += da * (first * here + later[q, 0] * there)
-            response[q, 1] += da * (second * here + later[q, 1] * there)
-            later[q, 0], later[q, 1] = first, second
-    answer = np.empty((4, count), dtype=np.complex128)
-    i = int(np.searchsorted(z, life.newborn / delta)) if life.newborn > 0.0 else 1
-    w = mass[0, i] if life.newborn > 0.0 else 1.0
-    # The half cell at the boundary belongs to the life of a contact that attaches on it, too.
-    edge = 0.5 * z[1] * z[1] if life.newborn <= 0.0 else 0.0
-    for q in range(count):
-        lower, higher = future.value[:, i - 1, q], future.value[:, i, q]
-        answer[0, q] = (1.0 - w) * complex(lower[0], lower[1]) + w * complex(higher[0], higher[1]) + edge
-        answer[1, q] = (1.0 - w) * complex(lower[2], lower[3]) + w * complex(higher[2], higher[3])
-        answer[2, q], answer[3, q] = response[q, 0] / delta, response[q, 1] / delta
-    return answer
-
-
-@jit
-def life_transforms(life: Life, p: Complex, cells: int) -> Complex:
-    """What one life contributes to the dynamic stiffness, at one resolution; see `dynamic_stiffness`.
-
-    Parameters
+    Attributes
     ----------
     life : Life
-    p : ndarray of complex, shape (n,)
-        Laplace variable in units of rate^2.
-    cells : int
-        Cells of the margin.
-
-    Returns
-    -------
-    ndarray of complex, shape (4, n + 1)
-        For each `p`, and last for 0: ``int S e^{-pa}``, ``int u a S e^{-pa}``, and the same two of the perturbation of
-        the survivors S by a slider that is perturbed by ``e^{pa}``.
+    edges : ndarray
+        Of the panels.
+    age : ndarray, shape (nodes,)
+    start : ndarray, shape (n,)
+        Ages at which the excursions begin.
+    slope : ndarray, shape (n, n)
+        Slopes of a polynomial in the start from its values.
+    survivors : ndarray, shape (nodes,)
+    lives : ndarray, shape (nodes, 3 n)
+        Survivors times the polynomials of the start; then for each start the survival of its excursion, and the same
+        times the age since.
+    alive : ndarray of int, shape (nodes,)
+        How many of the columns of `lives` to regard: later there is nobody.
     """
-    z, age = fine_nodes(life, cells)
-    mass = density_by_age(life, z, age)
-    return _transforms(life, np.append(p, np.zeros(1, dtype=np.complex128)), z, age, mass)
+
+    life: Life
+    edges: Floats
+    age: Floats
+    start: Floats
+    slope: Floats
+    survivors: Floats
+    lives: Floats
+    alive: NDArray[np.int64]
 
 
 @jit
-def _dynamic_stiffness(velocity: float, langevin: Langevin, s: Complex, delays: Floats, cells: int) -> Complex:
-    """`dynamic_stiffness` at one resolution."""
-    square = langevin.rate * langevin.rate
-    parts = life_transforms(life_at(velocity, langevin), s / square, cells)
-    rest = parts[0, s.size].real
-    held = rest + np.mean(delays) * square
-    kappa = np.empty(s.size, dtype=np.complex128)
-    for k in range(s.size):
-        p = s[k] / square
-        away = 0j  # detached contacts, per birth
-        if np.max(delays) > 0.0 and p != 0.0:
-            e = np.mean(np.exp(-s[k] * delays))
-            away = (1.0 - e) / (p * e)
-        life, work, less, lost = parts[0, k], parts[1, k], parts[2, k], parts[3, k]
-        kappa[k] = (rest - life + lost - less * work / (life + away)) / held
-    return kappa
+def _starts(life: Life) -> int:
+    """Number of ages at which excursions begin: the slower the slide, the sharper is the end of a life."""
+    return int(14.0 + longest_age(life) * life.u / life.delta * (0.7 + 0.4 * max(-np.log(life.u), 0.0)))
 
 
 @jit
-def dynamic_stiffness(
-    velocity: float, langevin: Langevin, s: Complex, delays: Floats = NO_DELAY, cells: int = 80
-) -> Complex:
-    """Dynamic stiffness of ageing contacts about steady sliding.
+def excursions(life: Life) -> Excursions:
+    """Survival at one velocity of a contact and of excursions, for `life_transforms`."""
+    edges, rise, count = panel_edges(life), life.u / life.delta, _starts(life)
+    angle = np.pi * (np.arange(count) + 0.5) / count
+    start = 0.5 * edges[-1] * (1.0 - np.cos(angle))  # nodes of Chebyshev
+    barycentric = np.sin(angle)
+    barycentric[1::2] *= -1.0
+    slope = np.zeros((count, count))
+    for b in range(count):
+        for c in range(count):
+            if b != c:
+                slope[b, c] = barycentric[c] / barycentric[b] / (start[b] - start[c])
+        slope[b, b] = -np.sum(slope[b])
+    margin = np.zeros(count + 1)
+    margin[0] = life.newborn / life.delta
+    levels = np.append(np.zeros(1), start) * rise - 1.0 / life.delta
+    survival = survive(edges, rise, levels, margin).reshape(-1, count + 1)
+    age = panel_ages(edges).ravel()
+    lives, alive = np.empty((age.size, 3 * count)), np.full(age.size, count)
+    for i in range(age.size):
+        off = age[i] - start
+        row = barycentric / np.where(off == 0.0, 1e-300, off)
+        lives[i, :count] = survival[i, 0] * row / np.sum(row)
+        lives[i, count::2] = survival[i, 1:]
+        lives[i, count + 1 :: 2] = age[i] * survival[i, 1:]
+        while alive[i] < 3 * count and survival[i, 1 + (alive[i] - count) // 2] != 0.0:
+            alive[i] += 2
+    return Excursions(life, edges, age, start, slope, survival[:, 0].copy(), lives, alive)
 
-    A slider at ``X = velocity t + xi e^{st}`` feels the force ``F + kappa(s) xi e^{st}``; with a mass on a spring,
-    the roots of ``M s^2 + M eta s + K + kappa(s) = 0`` are the modes of smooth sliding. kappa depends on
-    ``velocity/(rate^2 mean)`` and ``s/rate^2`` only, tends to ``s dF/dv`` for small s and to 1 for large s.
+
+@jit
+def _legendre_transforms(z: complex, out: Complex) -> None:
+    """``int P_n(x) exp(-z (1 + x)) dx`` from -1 to 1 for all orders, by their recursion upwards or downwards."""
+    size, far = abs(z), np.exp(-2.0 * z)
+    if size < 1e-8:
+        out[:] = 0.0
+        out[0], out[1] = 2.0 - 2.0 * z, -2.0 * z / 3.0
+        return
+    first = (1.0 - far) / z if size > 1e-3 else 2.0 * (1.0 - z * (1.0 - z * (2.0 - z) / 3.0))
+    if size > P:
+        out[0], out[1] = first, (first - 1.0 - far) / z
+        for n in range(1, P):
+            out[n + 1] = out[n - 1] + (2 * n + 1) / z * out[n]
+        return
+    above, here = 0j, 1e-250 + 0j
+    for n in range(P + 24, 0, -1):
+        above, here = here, above - (2 * n + 1) / z * here
+        if n <= P + 1:
+            out[n - 1] = here
+        if abs(here) > 1e100:
+            above, here = above * 1e-150, here * 1e-150
+            for m in range(n - 1, P + 1):
+                out[m] *= 1e-150
+    factor = first / out[0]
+    for n in range(P + 1):
+        out[n] *= factor
+
+
+@jit
+def _transform_weights(edges: Floats, p: complex, weight: Complex) -> None:
+    """Weights of the nodes of all panels in the Laplace transform of what is given at them."""
+    weight[0] = 0.0
+    for i in range(_FINE.size):
+        part = 2.0 * edges[1] * _FINE_WEIGHT[i] * np.exp(-p * edges[1] * _FINE[i] ** 2)
+        for j in range(P + 1):
+            weight[0, j] += part * _ON_FINE[i, j]
+    legendre = np.empty(P + 1, dtype=np.complex128)
+    for k in range(1, edges.size - 1):
+        half = 0.5 * (edges[k + 1] - edges[k])
+        _legendre_transforms(p * half, legendre)
+        size = half * np.exp(-p * edges[k])
+        for j in range(P + 1):
+            total = 0j
+            for n in range(P + 1):
+                total += legendre[n] * _LEGENDRE[n, j]
+            weight[k, j] = size * total
+
+
+@jit
+def _transform(known: Excursions, p: complex, real: Floats, imaginary: Floats) -> tuple[complex, complex]:
+    """Transforms of the survivors and of their age; those of all that excursions have, in real and imaginary parts."""
+    edges, age, lives = known.edges, known.age, known.lives
+    weight = np.empty((edges.size - 1, P + 1), dtype=np.complex128)
+    _transform_weights(edges, p, weight)
+    real[:], imaginary[:] = 0.0, 0.0
+    whole, moment = 0j, 0j
+    for i, w in enumerate(weight.ravel()):
+        whole += w * known.survivors[i]
+        moment += w * known.survivors[i] * age[i]
+        for b in range(known.alive[i]):
+            real[b] += w.real * lives[i, b]
+            imaginary[b] += w.imag * lives[i, b]
+    return whole, moment
+
+
+@jit
+def life_transforms(known: Excursions, p: Complex) -> Complex:
+    """What one life contributes to the dynamic stiffness.
 
     Parameters
     ----------
-    velocity : float
-        Sliding velocity, above 0.
-    langevin : Langevin
-    s : ndarray of complex, shape (n,)
-        Laplace variable, per time.
-    delays : ndarray, shape (d,)
-        Delays after breaking, equally likely; they need a newborn threshold above 0.
-    cells : int
-        Cells of the margin on the coarser of two grids, which one Richardson extrapolation joins; 80 gives some 2e-4
-        for ``|s|`` below ten times rate^2, 2e-3 at a hundred times.
+    known : Excursions
+    p : ndarray of complex, shape (n,)
+        Laplace variable in units of rate^2.
 
     Returns
     -------
-    ndarray of complex, shape (n,)
-        kappa, per contact, in units of the contact stiffness.
+    ndarray of complex, shape (4, n)
+        ``int S e^{-pa}``, ``int u a S e^{-pa}``, and the same two of the perturbation of the survivors S by a slider
+        that is perturbed by ``e^{pa}``.
     """
-    coarse = _dynamic_stiffness(velocity, langevin, s, delays, cells)
-    return (4.0 * _dynamic_stiffness(velocity, langevin, s, delays, 2 * cells) - coarse) / 3.0
+    count, u = known.start.size, known.life.u
+    real, imaginary = np.empty(3 * count), np.empty(3 * count)
+    _transform(known, 0j, real, imaginary)
+    still = real[:count].copy()
+    answer = np.empty((4, p.size), dtype=np.complex128)
+    for q in range(p.size):
+        answer[0, q], moment = _transform(known, p[q], real, imaginary)
+        answer[1, q] = u * moment
+        both = real + 1j * imaginary
+        by, life, age = both[:count], both[count::2], both[count + 1 :: 2]
+        # By parts: the survivors may change infinitely fast, what becomes of excursions does not.
+        shift = -p[q] * by
+        for c in range(count):
+            shift += known.slope[c] * (by[c] - still[c])
+        answer[2, q] = np.sum(shift * life) / known.life.delta
+        answer[3, q] = np.sum(shift * u * (known.start * life + age)) / known.life.delta
+    return answer

@@ -4,19 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import jit
-from .langevin import (
-    Langevin,
-    Life,
-    age_nodes,
-    between_nodes,
-    density_by_age,
-    fine_nodes,
-    life_at,
-    margin_nodes,
-    margin_rates,
-)
+from .langevin import Langevin, Life, age_nodes, between_nodes, life_at, margin_nodes, margin_rates
+from .langevin_survival import P, gauss, interpolate, panel_edges, survive
 
 Floats = NDArray[np.float64]
+
+_GAUSS, _WEIGHT = gauss(8)
 
 
 @jit
@@ -141,9 +134,7 @@ def steady_friction(velocity: Floats, langevin: Langevin, delay: float = 0.0, ce
 
 
 @jit
-def pull_newborns(
-    velocity: float, langevin: Langevin, distance: float, points: int, cells: int = 160
-) -> tuple[Floats, Floats]:
+def pull_newborns(velocity: float, langevin: Langevin, distance: float, points: int) -> tuple[Floats, Floats]:
     """Force while contacts that were all newborn at the start are dragged at constant velocity, Eqs. (7), (13)-(17).
 
     Lives at constant velocity are alike, so births (counted by local time) are a renewal process: ``births * S = 1``
@@ -159,8 +150,6 @@ def pull_newborns(
         How far the slider goes.
     points : int
         Number of equal steps of the distance.
-    cells : int
-        Cells of the margin.
 
     Returns
     -------
@@ -169,10 +158,8 @@ def pull_newborns(
     """
     life = life_at(velocity, Langevin(langevin.rate, langevin.mean, langevin.std, 0.0))
     u, mean = life.u, langevin.mean
-    z, age = fine_nodes(life, cells)
-    mass = density_by_age(life, z, age)
     ages = np.linspace(0.0, distance / mean / u, points + 1)
-    lives, works = _integrals_by_age(age, mass, ages)
+    lives, works = _integrals_by_age(life, ages)
     births, force = np.zeros(points), np.zeros(points)
     for i in range(points):
         known = 0.0
@@ -185,22 +172,24 @@ def pull_newborns(
 
 
 @jit
-def _integrals_by_age(age: Floats, mass: Floats, ages: Floats) -> tuple[Floats, Floats]:
-    """Integrals of the survivors ``S`` and of ``a S`` up to each of the `ages`, from their density by age."""
-    life, work = np.zeros(ages.size), np.zeros(ages.size)
-    i, lives, works, s0 = 1, 0.0, 0.0, 1.0
-    for j in range(age.size - 1):
-        h, a0, s1 = age[j + 1] - age[j], age[j], np.sum(mass[j + 1])
-        while i < ages.size and ages[i] <= age[j + 1]:
-            # Cubic between the nodes: the derivatives are known.
-            t = (ages[i] - a0) / h
-            rise = (0.5 * h * (s0 + s1), 0.5 * h * (s0 * a0 + s1 * age[j + 1]))
-            smooth, early, late = t * t * (3.0 - 2.0 * t), t * (1.0 - t) ** 2, t * t * (t - 1.0)
-            life[i] = lives + smooth * rise[0] + h * (early * s0 + late * s1)
-            work[i] = works + smooth * rise[1] + h * (early * s0 * a0 + late * s1 * age[j + 1])
-            i += 1
-        lives += 0.5 * h * (s0 + s1)
-        works += 0.5 * h * (s0 * a0 + s1 * age[j + 1])
-        s0 = s1
-    life[i:], work[i:] = lives, works
-    return life, work
+def _integrals_by_age(life: Life, ages: Floats) -> tuple[Floats, Floats]:
+    """Integrals of the survivors ``S`` and of ``a S`` up to each of the `ages`, which begin with 0."""
+    edges = panel_edges(life)
+    survivors = survive(edges, life.u / life.delta, np.array([-1.0 / life.delta]), np.zeros(1))
+    lives, works, row, k = np.zeros(ages.size), np.zeros(ages.size), np.empty(P + 1), 0
+    for i in range(1, ages.size):
+        lives[i], works[i] = lives[i - 1], works[i - 1]
+        here, end = ages[i - 1], min(ages[i], edges[-1])
+        while here < end:
+            while edges[k + 1] <= here:
+                k += 1
+            there = min(end, edges[k + 1])
+            low, high = np.sqrt(here), np.sqrt(there)
+            for q in range(_GAUSS.size):
+                root = low + (high - low) * _GAUSS[q]
+                interpolate(edges, k, root * root, row)
+                left = 2.0 * root * (high - low) * _WEIGHT[q] * np.sum(row * survivors[k, :, 0])
+                lives[i] += left
+                works[i] += left * root * root
+            here = there
+    return lives, works

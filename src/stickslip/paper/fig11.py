@@ -48,7 +48,7 @@ _LEVEL = 0.6
 def _pulled(velocity: float) -> tuple[Array, Array]:
     """Force of contacts that are all newborn at ``X = 0``, on positions of a slider of constant velocity."""
     points = round(_DISTANCE / _SPACING)
-    return pull_newborns(velocity, ageing_constants(FIG11.interface), _DISTANCE, points, 320)
+    return pull_newborns(velocity, ageing_constants(FIG11.interface), _DISTANCE, points)
 
 
 def _pulled_contacts(velocity: float, count: int, positions: Array) -> Array:

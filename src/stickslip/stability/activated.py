@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 from stickslip.errors import InputError
 from stickslip.lives import held, lives_of
 from stickslip.model import Bell, Interface
-from stickslip.stability.from_axis import count_from_axis, rightmost_from_axis, roots_from_axis
+from stickslip.stability.from_axis import count_from_axis, known, rightmost_from_axis, roots_from_axis
 from stickslip.stability.impedances import Impedance, is_plain, natural_frequencies
 from stickslip.stability.neutral import features
 from stickslip.stability.response import Array, ComplexArray, Precision, Scan
@@ -120,7 +120,7 @@ class ActivatedResponse:
     def scan(self, body: Impedance, velocity: float, softest: float | None) -> Scan:
         """`loss` at all frequencies at which the response turns, and those of the rig."""
         del softest
-        omega, kappa = _on_axis(self, velocity)
+        omega, kappa, *_ = known(self, velocity)
         value = np.asarray((body(1j * omega) + kappa).imag)
         more = np.empty(0)
         fastest = float(np.max(np.abs(natural_frequencies(body)), initial=0.0))
@@ -143,22 +143,17 @@ class ActivatedResponse:
         return rightmost_from_axis(self, body, velocity)
 
     def roots(self, body: Impedance, velocity: float, starts: ComplexArray) -> ComplexArray:
-        """Return the roots not far from the axis, rightmost first: by secants from the dips along the axis."""
-        del starts  # those along the axis cost as much to correct as to find
+        """Return the roots not far from the axis, rightmost first: by secants from `starts`, or dips along the axis."""
+        return roots_from_axis(self, body, velocity, starts)
+
+    def beside_axis(self, velocity: float, s: ComplexArray) -> ComplexArray:
+        """``kappa(s)``, the same as `stiffness`."""
+        return self.stiffness(velocity, s)
+
+    def quickest(self, velocity: float) -> float:
+        """Decay rate beyond which no mode is looked for."""
         length = held(lives_of(self.interface, velocity))[0] + velocity * self.interface.delay.moment(1)
-        omega = self.frequencies(velocity)
-
-        def kappa(points: ComplexArray) -> ComplexArray:
-            return self.stiffness(velocity, points)
-
-        return roots_from_axis(self, body, velocity, omega, kappa, _LIVES * velocity / length)
-
-
-@lru_cache(maxsize=64)
-def _on_axis(response: ActivatedResponse, velocity: float) -> tuple[Array, ComplexArray]:
-    """Kappa along the axis, whatever the rig."""
-    omega = response.frequencies(velocity)
-    return omega, response.stiffness(velocity, 1j * omega)
+        return _LIVES * velocity / length
 
 
 @lru_cache(maxsize=256)

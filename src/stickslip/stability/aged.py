@@ -4,8 +4,8 @@ The dynamic stiffness comes from the linearised kinetic equation of Eqs. (13)-(1
 `stickslip.kernels.langevin_response`; it has no closed form. In units of ``rate**2`` it depends on the
 reduced speed ``u = v/(rate**2 f_0)`` and on ``s/rate**2`` alone, so one table serves all rates, speeds and rigs: what a
 life contributes is computed on the imaginary axis at fixed values of u, when they are first needed, and interpolated
-between them. Delays enter in closed form.
-Off the axis, for growth rates, each point is computed.
+between them. Delays enter in closed form. At a speed for which it is asked for, the response is computed without the
+table: some ten milliseconds, and then some ten microseconds for each point on the axis or off it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from numpy.typing import ArrayLike
 from stickslip.errors import InputError
 from stickslip.model import DelayModel, Interface, Langevin
 from stickslip.model.distributions import Gaussian
-from stickslip.stability.from_axis import count_from_axis, rightmost_from_axis, roots_from_axis
+from stickslip.model.quadrature import hashable
+from stickslip.stability.from_axis import count_from_axis, known, rightmost_from_axis, roots_from_axis
 from stickslip.stability.impedances import Impedance, is_plain
 from stickslip.stability.neutral import features
 from stickslip.stability.response import Array, ComplexArray, Precision, Scan
@@ -30,21 +31,21 @@ from stickslip.theory import gaussian_ageing
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
+    from stickslip.kernels.langevin_response import Excursions
+
 ACCURACY = 1e-3
 """Of a tabulated kappa, per contact; about sharp resonances at low speed it is some times less."""
 
-_PER_DECADE = 48
-"""Reduced speeds in the table."""
+_PER_DECADE, _ABOUT_ONE = 12.0, 5.0
+"""Reduced speeds in the table, and how many more where newborns just leave their boundary (`_place`)."""
+_STENCIL = 8
+"""Rows of the table from which kappa is interpolated."""
 _SLOWEST, _FASTEST = 1e-3, 50.0
 """Reduced speeds for which the response is computed."""
-_POINT = 80
-"""Cells of the margin where one point is asked for; one extrapolation to half their width."""
-_ROUGH = 30
-"""Cells of the margin for roots that are looked for, not polished."""
 _LIVES = 4.0
 """How quickly a mode may decay to be looked for, per mean life."""
-_LOWEST = 0.01
-"""Phase of a life down to which the table goes; below it kappa is in proportion to the frequency."""
+_LOWEST, _HIGHEST = 0.01, 1e6
+"""Phases of a life down to which the table goes, and up to which; below, kappa is in proportion to the frequency."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,8 +57,8 @@ class AgedResponse:
     delay: DelayModel
 
     inert: ClassVar[bool] = False
-    # The response is computed on grids that vary with the rig; counts come from a table, crossings do not.
-    precision: ClassVar[Precision] = Precision(step=1e-3, settled=1e-5, slack=1e-3)
+    # Counts come from a table, crossings do not.
+    precision: ClassVar[Precision] = Precision(step=1e-4, settled=1e-5, slack=1e-3)
 
     def stiffness(self, velocity: ArrayLike, s: ArrayLike) -> ComplexArray:
         """``kappa(s)`` on the imaginary axis, from the table; `velocity` and `s` broadcast."""
@@ -68,14 +69,14 @@ class AgedResponse:
             kappa[here] = self._on_axis(self._reduced(float(v)), s[here].imag / self._square)
         return kappa
 
-    def exact(self, velocity: ArrayLike, s: ArrayLike, *, cells: int = _POINT) -> ComplexArray:
-        """``kappa(s)`` at any s not far left of the axis, a millisecond a point; `velocity` and `s` broadcast."""
+    def exact(self, velocity: ArrayLike, s: ArrayLike) -> ComplexArray:
+        """``kappa(s)`` at any s not far left of the axis; `velocity` and `s` broadcast."""
         speed, s = np.broadcast_arrays(np.asarray(velocity, dtype=float), np.asarray(s, dtype=complex))
         kappa = np.empty(s.shape, dtype=complex)
         for v in np.unique(speed):
             here = speed == v
             p = s[here] / self._square
-            parts, rest = _life(self._reduced(float(v)), *self._shape, p, cells)
+            parts, rest = _life(self._reduced(float(v)), *self._shape, p)
             kappa[here] = self._join(p, parts, rest)
         return kappa
 
@@ -96,10 +97,14 @@ class AgedResponse:
     def scan(self, body: Impedance, velocity: float, softest: float | None) -> Scan:
         """`loss` at all frequencies at which the response turns, whatever the rig."""
         del softest
-        omega = self.frequencies(velocity)
+        omega, kappa, *_ = known(self, velocity)
+        value = np.asarray((body(1j * omega) + kappa).imag)
         if not is_plain(body):
-            omega = np.union1d(omega, features(body, omega, body(1j * omega)))
-        return Scan(omega, self.loss(body, velocity, omega))
+            more = features(body, omega, body(1j * omega))
+            order = np.argsort(np.concatenate([omega, more]), kind="stable")
+            value = np.concatenate([value, self.loss(body, velocity, more)])[order]
+            omega = np.concatenate([omega, more])[order]
+        return Scan(omega, value)
 
     def count(self, body: Impedance, velocity: float) -> int:
         """Count the roots of ``Z + kappa`` with ``Re s > 0``, from the neutral frequencies."""
@@ -110,13 +115,16 @@ class AgedResponse:
         return rightmost_from_axis(self, body, velocity)
 
     def roots(self, body: Impedance, velocity: float, starts: ComplexArray) -> ComplexArray:
-        """Return the roots not far from the axis, rightmost first: by secants from the dips along the axis."""
-        del starts  # those along the axis cost as much to correct as to find
+        """Return the roots not far from the axis, rightmost first: by secants from `starts`, or dips along the axis."""
+        return roots_from_axis(self, body, velocity, starts)
 
-        def rough(points: ComplexArray) -> ComplexArray:
-            return self.exact(velocity, points, cells=_ROUGH)
+    def beside_axis(self, velocity: float, s: ComplexArray) -> ComplexArray:
+        """``kappa(s)``, the same as `exact`."""
+        return self.exact(velocity, s)
 
-        return roots_from_axis(self, body, velocity, self.frequencies(velocity), rough, _LIVES / self.life(velocity))
+    def quickest(self, velocity: float) -> float:
+        """Decay rate beyond which no mode is looked for."""
+        return _LIVES / self.life(velocity)
 
     def life(self, velocity: float) -> float:
         """About how long a contact lives."""
@@ -149,27 +157,12 @@ class AgedResponse:
         return u
 
     def _on_axis(self, u: float, w: Array) -> ComplexArray:
-        """Kappa at a reduced speed and reduced frequencies, by cubic interpolation between four rows of the table."""
-        place = math.log10(u) * _PER_DECADE
-        first = math.floor(place) - 1
-        t = place - first - 1
-        weights = (
-            -t * (t - 1) * (t - 2) / 6,
-            (t + 1) * (t - 1) * (t - 2) / 2,
-            -(t + 1) * t * (t - 2) / 2,
-            (t + 1) * t * (t - 1) / 6,
-        )
+        """Kappa at a reduced speed and reduced frequencies, from the table."""
         unit = u + u * u
         top = _top(u, self._shape[0])
         size = np.clip(np.abs(w), _LOWEST * unit, top)
-        parts, rest = np.zeros((4, size.size), dtype=complex), 0.0
-        for k, weight in enumerate(weights):
-            if weight != 0.0:
-                row, held = _row(*self._shape, first + k)
-                # At the same phase of a life neighbouring speeds are alike.
-                parts += weight * row(np.log(size / unit))
-                rest += weight * held
-        kappa = self._join(1j * size, parts, rest)
+        parts, rest = _at(u, *self._shape)
+        kappa = self._join(1j * size, parts(np.log(size / unit)), rest)
         slow, fast = np.abs(w) / size, top / np.maximum(np.abs(w), top)
         kappa = np.where(slow < 1, slow * slow * kappa.real + 1j * slow * kappa.imag, kappa)
         kappa = 1.0 - (1.0 - kappa) * fast ** (0.5 if self.ageing.newborn == 0 else 1.0)
@@ -206,19 +199,26 @@ def aged_response(interface: Interface) -> AgedResponse:
             "Interface.delay: contacts never re-attach, so there is no smooth sliding to be stable or not; "
             "give a finite delay"
         )
-    return AgedResponse(ageing=ageing, distribution=distribution, delay=interface.delay)
+    return AgedResponse(ageing=ageing, distribution=distribution, delay=hashable(interface.delay))
 
 
-def _life(u: float, delta: float, newborn: float, p: ComplexArray, cells: int) -> tuple[ComplexArray, float]:
-    """Transforms of one life, shape (4, n), and its mean length (1 for newborns without strength), from two grids."""
+@lru_cache(maxsize=64)
+def _known(u: float, delta: float, newborn: float) -> Excursions:
+    """What is the same at all Laplace variables: some milliseconds."""
     from stickslip.kernels.langevin import Life
+    from stickslip.kernels.langevin_response import excursions
+
+    return excursions(Life(u, delta, newborn))
+
+
+def _life(u: float, delta: float, newborn: float, p: ComplexArray) -> tuple[ComplexArray, float]:
+    """Transforms of one life, shape (4, n), and its mean length (1 for newborns without strength)."""
     from stickslip.kernels.langevin_response import life_transforms
 
-    points = np.asarray(p, dtype=np.complex128).ravel()
-    coarse, fine = (life_transforms(Life(u, delta, newborn), points, n) for n in (cells, 2 * cells))
-    if newborn == 0:  # lives from the boundary are known up to a factor that depends on the grid
-        coarse, fine = coarse / coarse[0, -1], fine / fine[0, -1]
-    parts = (4.0 * fine - coarse) / 3.0
+    points = np.append(np.asarray(p, dtype=np.complex128).ravel(), 0.0)
+    parts = life_transforms(_known(u, delta, newborn), points)
+    if newborn == 0:  # lives from the boundary are known up to a factor
+        parts /= parts[0, -1].real
     return parts[:, :-1].reshape(4, *p.shape), float(parts[0, -1].real)
 
 
@@ -230,20 +230,46 @@ def _top(u: float, delta: float) -> float:
     return max(100.0, 100.0 * (max(u - 1.0, 0.0) / delta) ** 2)
 
 
-@lru_cache(maxsize=2048)
-def _row(delta: float, newborn: float, number: int) -> tuple[CubicSpline[Any], float]:
-    """One row of the table: transforms of a life over the logarithm of its phase, and its mean length."""
+def _place(u: float, delta: float) -> float:
+    """Place of a reduced speed in the table: as its logarithm, and closer where newborns come to leave their boundary.
+
+    From excursions that live long to ones that are pressed down it takes a change of u by `delta` about 1.
+    """
+    return _PER_DECADE * math.log10(u) + _ABOUT_ONE * math.asinh((u - 1.0) / (2.0 * delta))
+
+
+@lru_cache(maxsize=256)
+def _at(u: float, delta: float, newborn: float) -> tuple[CubicSpline[Any], float]:
+    """Transforms of a life over the logarithm of its phase, and its mean length, between the rows of the table."""
     from scipy.interpolate import CubicSpline
 
-    u = 10.0 ** (number / _PER_DECADE)
-    unit = u + u * u
-    # Lives are in step for as many turns as their scatter allows.
-    turning = np.arange(0.3, max(30.0, min(3.0 / delta, 100.0)), 0.3 if u > 0.15 else 0.2)
-    top = 2.0 * _top(u, delta) / unit
-    beyond = np.geomspace(turning[-1], max(top, 2.0 * turning[-1]), 70)[1:]
-    phase = np.concatenate([np.geomspace(_LOWEST, 0.3, 20, endpoint=False), turning, beyond])
-    phase = phase[: int(np.searchsorted(phase, top)) + 4]
-    # The slower the slide, the thinner is the layer of gaps that are about to close.
-    cells = 40 if u > 0.15 else 60 if u > 0.04 else 80
-    parts, rest = _life(u, delta, newborn, 1j * unit * phase, cells)
-    return CubicSpline(np.log(phase), parts, axis=1), rest
+    place = _place(u, delta)
+    first = math.floor(place) - _STENCIL // 2 + 1
+    offset = place - first - np.arange(_STENCIL)
+    parts, rest = np.zeros((4, _phases(delta).size), dtype=complex), 0.0
+    for k in range(_STENCIL):
+        others = np.delete(offset, k)
+        weight = float(np.prod(others / (others - offset[k])))
+        if weight != 0.0:
+            row, held = _row(delta, newborn, first + k)
+            # At the same phase of a life neighbouring speeds are alike.
+            parts += weight * row
+            rest += weight * held
+    return CubicSpline(np.log(_phases(delta)), parts, axis=1), rest
+
+
+@lru_cache(maxsize=2048)
+def _row(delta: float, newborn: float, number: int) -> tuple[ComplexArray, float]:
+    """One row of the table: transforms of a life at its phases, and its mean length."""
+    from scipy.optimize import brentq
+
+    u = math.exp(brentq(lambda x: _place(math.exp(x), delta) - number, -60.0, 60.0))
+    return _life(u, delta, newborn, 1j * (u + u * u) * _phases(delta))
+
+
+@lru_cache(maxsize=64)
+def _phases(delta: float) -> Array:
+    """Phases of a life in the table: lives are in step for as many turns as their scatter allows."""
+    turning = np.arange(0.3, max(30.0, min(3.0 / delta, 100.0)), 0.3)
+    low, high = np.geomspace(_LOWEST, 0.3, 14, endpoint=False), np.geomspace(turning[-1], _HIGHEST, 70)[1:]
+    return np.concatenate([low, turning, high])

@@ -22,6 +22,7 @@ from stickslip.model.rig import Ends, Rig
 from stickslip.stability.impedances import impedance
 from stickslip.stability.modes import respond
 from stickslip.stability.neutral import Neutral, neutral_frequencies
+from stickslip.stability.response import ComplexArray
 
 Array = NDArray[np.float64]
 
@@ -374,28 +375,22 @@ def _hidden(parameter: Parameter, rig: Rig, before: Point, here: Point, after: P
     return []
 
 
-def residual_and_slopes(
-    parameters: Sequence[Parameter], rig: Rig, logs: Sequence[float], log_omega: float
-) -> tuple[complex, list[complex]]:
-    """Return ``Z + kappa`` at ``s = i omega`` and its slopes in the logarithm of each parameter and of omega."""
-    d, here = respond(rig.interface).precision.step, rig
-    for parameter, log in zip(parameters, logs, strict=True):
-        here = parameter.set(here, math.exp(log))
-    # The point itself, omega turned both ways, then each parameter varied both ways.
-    there = [here, here, here]
-    for parameter, log in zip(parameters, logs, strict=True):
-        there += [parameter.set(here, math.exp(log + d)), parameter.set(here, math.exp(log - d))]
-    s = 1j * math.exp(log_omega) * np.array([1.0, math.exp(d), math.exp(-d), *[1.0] * (2 * len(parameters))])
-    speed = np.array([each.velocity for each in there])
-    values = np.empty(s.shape, dtype=complex)
-    for body in dict.fromkeys(each.slider for each in there):
-        own = np.array([each.slider == body for each in there])
-        values[own] = impedance(body)(s[own])
-    for interface in dict.fromkeys(each.interface for each in there):
-        own = np.array([each.interface == interface for each in there])
-        values[own] += respond(interface).exact(speed[own], s[own])
-    slopes = ((values[1::2] - values[2::2]) / (2 * d)).tolist()
-    return complex(values[0]), [*slopes[1:], slopes[0]]
+def _residual_and_slopes(
+    parameter: Parameter, rig: Rig, log_value: float, log_omega: float
+) -> tuple[complex, complex, complex]:
+    """``Z + kappa`` at ``s = i omega``, and about its slopes in the logarithms of the parameter and of omega."""
+    here, response = parameter.set(rig, math.exp(log_value)), respond(rig.interface)
+    d, s = response.precision.step, 1j * math.exp(log_omega)
+    turned = s * np.exp(np.array([d, -d]))
+    along = _total(here, turned)
+    varied = [_total(parameter.set(rig, math.exp(log_value + e)), np.array([s]))[0] for e in (d, -d)]
+    exact = respond(here.interface).exact(here.velocity, s) + impedance(here.slider)(np.array([s]))[0]
+    return complex(exact), complex(varied[0] - varied[1]) / (2 * d), complex(along[0] - along[1]) / (2 * d)
+
+
+def _total(rig: Rig, s: ComplexArray) -> ComplexArray:
+    """``Z + kappa`` on the axis."""
+    return np.asarray(impedance(rig.slider)(s) + respond(rig.interface).stiffness(rig.velocity, s))
 
 
 def polish(
@@ -405,7 +400,7 @@ def polish(
     x, y, last = log_value, log_omega, math.inf
     settled = max(1e-14, respond(rig.interface).precision.settled)
     for _ in range(12):
-        f, (fx, fy) = residual_and_slopes([parameter], rig, [x], y)
+        f, fx, fy = _residual_and_slopes(parameter, rig, x, y)
         det = (fx.conjugate() * fy).imag
         if det == 0 or not math.isfinite(det):
             return None

@@ -7,6 +7,8 @@ along the axis.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -14,6 +16,41 @@ from stickslip.errors import UndecidedError
 from stickslip.stability.impedances import Impedance, natural_frequencies
 from stickslip.stability.neutral import neutral_frequencies
 from stickslip.stability.response import Array, ComplexArray, Response, distinct_roots
+
+
+class Followed(Response, Protocol):
+    """A response that is known along the imaginary axis, and can be followed from there."""
+
+    def __hash__(self) -> int: ...
+
+    def frequencies(self, velocity: float) -> Array:
+        """Angular frequencies that follow every turn of kappa, and beyond which its loss is positive."""
+        ...
+
+    def quickest(self, velocity: float) -> float:
+        """Decay rate beyond which no mode is looked for: what many lives have left behind grows beyond all bounds."""
+        ...
+
+    def beside_axis(self, velocity: float, s: ComplexArray) -> ComplexArray:
+        """``kappa(s)`` to the right of the axis and not far left of it; not finite where it overflows."""
+        ...
+
+
+class Known(NamedTuple):
+    """Kappa at one velocity, whatever the rig: along the imaginary axis and at some points of the real one."""
+
+    omega: Array
+    on_axis: ComplexArray
+    real: Array
+    on_real: ComplexArray
+
+
+@lru_cache(maxsize=64)
+def known(response: Followed, velocity: float) -> Known:
+    """Return kappa at one velocity, whatever the rig."""
+    omega = response.frequencies(velocity)
+    real = np.geomspace(omega[0], omega[-1], 40)
+    return Known(omega, response.stiffness(velocity, 1j * omega), real, response.beside_axis(velocity, real + 0j))
 
 
 def count_from_axis(response: Response, body: Impedance, velocity: float, accuracy: float) -> int:
@@ -64,37 +101,21 @@ def rightmost_from_axis(response: Response, body: Impedance, velocity: float) ->
     )
 
 
-def roots_from_axis(
-    response: Response,
-    body: Impedance,
-    velocity: float,
-    omega: Array,
-    rough: Callable[[ComplexArray], ComplexArray],
-    quickest: float,
-) -> ComplexArray:
-    """Return the roots not far from the axis, rightmost first: by secants from the dips along the axis.
-
-    Parameters
-    ----------
-    response, body, velocity
-    omega : ndarray
-        Frequencies that follow every turn of kappa.
-    rough : callable
-        Kappa where it need not be better than a root that is looked for.
-    quickest : float
-        Decay rate beyond which no mode is looked for: what many lives have left behind grows beyond all bounds.
-    """
-    own = natural_frequencies(body)
-    size = np.abs(body(1j * omega) + response.stiffness(velocity, 1j * omega))
-    dip = np.flatnonzero((size[1:-1] < size[:-2]) & (size[1:-1] <= size[2:])) + 1
-    dip = dip[np.argsort(size[dip])][:5]
+def roots_from_axis(response: Followed, body: Impedance, velocity: float, starts: ComplexArray) -> ComplexArray:
+    """Return the roots not far from the axis, rightmost first: by secants from `starts`, or dips along the axis."""
+    omega, on_axis, real, on_real = known(response, velocity)
+    if starts.size == 0:
+        own = natural_frequencies(body)
+        size = np.abs(body(1j * omega) + on_axis)
+        dip = np.flatnonzero((size[1:-1] < size[:-2]) & (size[1:-1] <= size[2:])) + 1
+        dip = dip[np.argsort(size[dip])][:5]
+        turned = np.flatnonzero(np.diff(np.sign((body(real + 0j) + on_real).real)))
+        starts = np.concatenate([1j * omega[dip], own[own.imag > 0], np.sqrt(real[turned] * real[turned + 1])])
 
     def value(points: ComplexArray) -> ComplexArray:
-        return np.asarray(body(points) + rough(points))
+        return np.asarray(body(points) + response.beside_axis(velocity, points))
 
-    real = np.geomspace(omega[0], omega[-1], 40)
-    turned = np.flatnonzero(np.diff(np.sign(value(real + 0j).real)))
-    starts = np.concatenate([1j * omega[dip], own[own.imag > 0], np.sqrt(real[turned] * real[turned + 1])])
+    quickest = response.quickest(velocity)
     before, s = starts * (1 + 0.02j * (starts.imag != 0) - 0.05 * (starts.imag == 0)), starts.copy()
     f_before, f = value(before), value(s)
     settled = np.zeros(s.shape, dtype=bool)

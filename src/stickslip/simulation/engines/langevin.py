@@ -94,11 +94,11 @@ class LangevinDensity(Steps):
         cohorts = _first_cohorts(beginning, self._nodes, 4.0 * step * self._constants.mean)
         count, room = cohorts[0].size, math.ceil(self._nodes[-1] / self.reach) + 3
         self._cohorts = Cohorts(*(np.append(part, np.zeros((room, *part.shape[1:])), 0) for part in cohorts))
-        self.state = np.array([0.0, 0.0, 0.0, 0.0, count, 0.0])
+        self.state = np.array([0.0, 0.0, 0.0, 0.0, count, 0.0, 0.0, 0.0])
         if beginning.sliding:
             self.settle(beginning, _settling_time(beginning, self._constants.rate))
             self._cohorts.place[:] -= self.state[1]
-            self.state[:2] = 0.0
+            self.state[:2] = self.state[6:] = 0.0
         self.state[2] = beginning.slider_velocity
         self.slider = slider_constants(beginning.slider)
 
