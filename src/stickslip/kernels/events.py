@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from ._jit import bare, inlined
 from .drive import NOWHERE, Quadratic, Stop, holds
-from .event_queue import BIN, FIRST, LAST, Queue, clear, first_slot, is_full, make_queue, peek, pop, push
+from .event_queue import ENTRY, MOVED, Queue, clear, drop, first_place, first_slot, make_queue, peek, pop, push, used
 from .flight import NEAR, Flight, at, energies, first_crossing, first_turn, heading, soon, take_off
 from .oscillator import Slider
 
@@ -35,10 +35,8 @@ Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
 Records = NDArray[np.void]
 
-# Fields used together lie together: four contacts a cache line.
-CONTACT = np.dtype([("birth", np.float64), ("threshold", np.float64)])
-
-_NEAR_CACHE = 65_536  # contacts, at 16 bytes each, that the near caches of a core hold
+# Fields used together lie together: two contacts a cache line.
+CONTACT = np.dtype([*ENTRY.descr, ("birth", np.float64), ("threshold", np.float64)])
 
 # Why `advance` returned.
 REACHED_END = 0
@@ -97,14 +95,14 @@ class Draws(NamedTuple):
 class State(NamedTuple):
     """All that the next step needs: contacts, queues, motion.
 
-    ``contacts`` holds birth position and threshold, shape (N,); a threshold of 0 marks a detached contact. ``ahead`` is
-    keyed by ``birth + threshold``, ``behind`` by ``threshold - birth``, ``waiting``, of detached contacts, by time.
-    Entries of ``ahead`` and ``behind`` outlive their contact and are recognised as stale when they come up. A slider
-    that moves on, or back by less than a threshold, breaks none behind: until one comes near, a bound stands for the
-    queue ``behind``, which is then filled and kept for a while.
+    ``ahead``, keyed by ``birth + threshold``, is where attached contacts live: what breaks next lies together. Its
+    slots are the contacts' numbers, and `other` is its place in ``behind``, whose slots are places in ``ahead``, keyed by
+    ``threshold - birth``. ``waiting``, of detached contacts, is keyed by time. A slider that moves on, or back by less
+    than a threshold, breaks none behind: until one comes near, a bound stands for the queue ``behind``, which is then
+    filled and kept for a while.
     """
 
-    contacts: Records
+    size: int
     ahead: Queue
     behind: Queue
     waiting: Queue
@@ -175,21 +173,17 @@ def make_state(
         1 or -1 if it yields already, ahead or behind.
     """
     N = birth.size
-    contacts = np.empty(N, CONTACT)
-    contacts["birth"], contacts["threshold"] = birth, threshold
-    attached = threshold > 0
-    typical = threshold[attached][:4096] if attached.any() else np.ones(1)
-    low, high = np.quantile(typical, [0.05, 0.95])
-    # A dozen contacts in a bin where breaking positions are densest; at most some four empty bins per contact.
-    reach = 2.0 * float(typical.max())
-    width = max(40.0 * float(high - low) / N, reach / (2.0 * N), 1e-9 * reach)
-    bins = _power_of_two(reach / width, 4 * N)
+    attached = np.flatnonzero(threshold > 0)
+    typical = threshold[attached][:4096] if attached.size else np.ones(1)
+    # A dozen contacts break on the width of a bin in smooth sliding.
+    reach, width = 2.0 * float(typical.max()), 12.0 * float(typical.mean()) / N
+    bins = _power_of_two(reach / width, N / 4)
     time_width = 16.0 * scale_time / N if 0 < scale_time < math.inf else 1.0
     state = State(
-        contacts=contacts,
-        ahead=make_queue(2 * N + 64, bins, width),
-        behind=make_queue(3 * N + 64, bins, width),
-        waiting=make_queue(N + 64, _power_of_two(N / 8, N), time_width),
+        size=N,
+        ahead=make_queue(N, bins, width, CONTACT),
+        behind=make_queue(N, bins, width),
+        waiting=make_queue(N, _power_of_two(N / 8, N), time_width),
         motion=np.zeros(14),
         counts=np.zeros(12, np.int64),
         cuts=np.zeros(16),
@@ -200,13 +194,23 @@ def make_state(
     state.counts[_DIRECTION] = -1 if velocity < 0 else 1
     state.motion[VELOCITY] = velocity
     state.motion[_HALF] = 0.5 / N
-    state.counts[ATTACHED] = int(attached.sum())
+    state.counts[ATTACHED] = attached.size
     first_detached = N - pending.size
     for i in np.flatnonzero(np.isfinite(pending)):
         push(state.waiting, float(pending[i]), first_detached + int(i))
-    _rebuild(state, state.ahead, 1.0)
+    clear(state.ahead, X)
+    _fill(state, attached, birth, threshold)
     _sum_again(state)
     return state
+
+
+@bare
+def _fill(state: State, slots: Counts, birth: Floats, threshold: Floats) -> None:
+    """Put contacts where attached ones live."""
+    for slot in slots:
+        place = push(state.ahead, threshold[slot] + birth[slot], slot)
+        state.ahead.entries[place]["birth"] = birth[slot]
+        state.ahead.entries[place]["threshold"] = threshold[slot]
 
 
 def contact_force(state: State) -> float:
@@ -214,17 +218,22 @@ def contact_force(state: State) -> float:
     x, n = state.motion[POSITION] - state.motion[_REFERENCE], state.counts[ATTACHED]
     total = n * x - state.motion[_SUM]
     if state.motion[_YIELD] > 0.0:
-        total += (state.contacts.size - n) * _element(state, state.motion[POSITION])
-    return float(total / state.contacts.size)
+        total += (state.size - n) * _element(state, state.motion[POSITION])
+    return float(total / state.size)
+
+
+def attached_contacts(state: State) -> Records:
+    """Return the attached contacts: number (`slot`), birth position and threshold of each."""
+    entries = state.ahead.entries[: used(state.ahead)]
+    return entries[entries["key"] < np.inf]
 
 
 def stretchings(state: State, X: float) -> Floats:
     """Stretchings of the attached contacts with the slider at `X`: its own place, or that of a look, `LOOKED`."""
-    contacts = state.contacts[state.contacts["threshold"] > 0]
-    return np.asarray(X - contacts["birth"])
+    return np.asarray(X - attached_contacts(state)["birth"])
 
 
-def _power_of_two(wanted: float, most: int) -> int:
+def _power_of_two(wanted: float, most: float) -> int:
     return 1 << max(4, min(math.ceil(math.log2(max(wanted, 1.0))), math.ceil(math.log2(most + 1))))
 
 
@@ -236,12 +245,16 @@ def _element(state: State, X: float) -> float:
 
 
 @bare
-def _rebuild(state: State, queue: Queue, side: float) -> None:
-    """Fill a queue of breaking positions anew from the attached contacts, leaving stale entries out."""
-    clear(queue, side * state.motion[POSITION])
-    for i in range(state.contacts.size):
-        if state.contacts[i]["threshold"] > 0:
-            push(queue, state.contacts[i]["threshold"] + side * state.contacts[i]["birth"], i)
+def _keep_behind(state: State) -> None:
+    """Fill the queue of those behind, and keep it from now on."""
+    contacts = state.ahead.entries
+    clear(state.behind, -state.motion[POSITION])
+    for place in range(used(state.ahead)):
+        if contacts[place]["key"] < np.inf:
+            key = contacts[place]["threshold"] - contacts[place]["birth"]
+            contacts[place]["other"] = push(state.behind, key, place)
+    state.ahead.counts[MOVED] = 0
+    state.counts[_KEPT] = 1
 
 
 @bare
@@ -249,12 +262,13 @@ def _sum_again(state: State) -> None:
     """Sum the birth positions afresh, about the present position: rounding cannot pile up; and the bound behind."""
     reference = state.motion[POSITION]
     total, squares, least = 0.0, 0.0, np.inf
-    for i in range(state.contacts.size):
-        if state.contacts[i]["threshold"] > 0:
-            y = state.contacts[i]["birth"] - reference
+    contacts = state.ahead.entries
+    for place in range(used(state.ahead)):
+        if contacts[place]["key"] < np.inf:
+            y = contacts[place]["birth"] - reference
             total += y
             squares += y * y
-            least = min(least, state.contacts[i]["threshold"] - state.contacts[i]["birth"])
+            least = min(least, contacts[place]["threshold"] - contacts[place]["birth"])
     state.motion[_LEAST] = least
     state.counts[_SUMMED] = 0
     state.motion[_SUM] = total
@@ -271,67 +285,38 @@ def _attach(state: State, slot: int, threshold: float, stretching: float) -> Non
     if stretching != 0.0:
         state.motion[BROKEN] -= stretching**2 * state.motion[_HALF]
         X -= state.counts[_DIRECTION] * stretching
-    state.contacts[slot]["birth"] = X
-    state.contacts[slot]["threshold"] = threshold
     y = X - state.motion[_REFERENCE]
     state.motion[_SUM] += y
     state.motion[_SQUARES] += y * y
     state.counts[ATTACHED] += 1
-    if is_full(state.ahead):
-        _rebuild(state, state.ahead, 1.0)
-    else:
-        push(state.ahead, threshold + X, slot)
+    contacts = state.ahead.entries
+    place = push(state.ahead, threshold + X, slot)
+    contacts[place]["birth"] = X
+    contacts[place]["threshold"] = threshold
     state.motion[_LEAST] = min(state.motion[_LEAST], threshold - X)
+    if state.counts[_KEPT]:
+        contacts[place]["other"] = push(state.behind, threshold - X, place)
     state.counts[_SUMMED] += 1
-    if state.counts[_KEPT] and not is_full(state.behind):
-        push(state.behind, threshold - X, slot)
-    elif state.counts[_KEPT] or state.counts[_SUMMED] > 2 * state.contacts.size + 64:
+    if state.counts[_SUMMED] > 2 * state.size + 64 or state.ahead.counts[MOVED] or state.behind.counts[MOVED]:
         _sum_again(state)
-        state.counts[_KEPT] = 0
+        state.counts[_KEPT] = state.ahead.counts[MOVED] = state.behind.counts[MOVED] = 0
 
 
 @inlined
-def _detach(state: State, slot: int) -> None:
-    """A contact breaks, stretched to its threshold, and slides on; its entry in the other queue goes stale."""
+def _detach(state: State, place: int) -> None:
+    """The contact at a place breaks, stretched to its threshold, and slides on."""
+    contact = state.ahead.entries[place]
     if state.motion[_YIELD] > 0.0:
         state.motion[BROKEN] -= _element(state, state.motion[POSITION]) ** 2 * state.motion[_HALF]
-    y = state.contacts[slot]["birth"] - state.motion[_REFERENCE]
+    y = contact["birth"] - state.motion[_REFERENCE]
     state.motion[_SUM] -= y
     state.motion[_SQUARES] -= y * y
-    state.motion[BROKEN] += state.contacts[slot]["threshold"] ** 2 * state.motion[_HALF]
-    state.contacts[slot]["threshold"] = 0.0
+    state.motion[BROKEN] += contact["threshold"] ** 2 * state.motion[_HALF]
+    if state.counts[_KEPT]:
+        drop(state.behind, contact["other"])
+    drop(state.ahead, place)
     state.counts[ATTACHED] -= 1
     state.counts[BREAKS] += 1
-
-
-@inlined
-def _fetch(state: State, queue: Queue, bin_: int) -> None:
-    """Read the contacts of a bin just put in use, all at once: one by one, each would be waited for.
-
-    Only where they lie outside the near caches.
-    """
-    counts = queue.counts
-    if state.contacts.size > _NEAR_CACHE and counts[BIN] != bin_:
-        total = 0.0
-        for i in range(counts[FIRST], counts[LAST]):
-            total += state.contacts[queue.front_slot[i]]["birth"]
-        state.cuts[0] = total  # so that the reads are not dropped
-
-
-@inlined
-def _next_break(state: State, queue: Queue, side: float) -> float:
-    """Smallest key of a contact that is still attached; stale entries are dropped on the way."""
-    while True:
-        bin_ = queue.counts[BIN]
-        key = peek(queue)
-        if key == np.inf:
-            return key
-        _fetch(state, queue, bin_)
-        slot = first_slot(queue)
-        threshold = state.contacts[slot]["threshold"]
-        if threshold > 0 and threshold + side * state.contacts[slot]["birth"] == key:
-            return key
-        pop(queue)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -458,7 +443,7 @@ def _next_event(state: State, leg: _Leg, ahead: float, most: float) -> tuple[flo
         h, y, u, side, applies = soon(leg.flight, to_ahead, most)
     if not applies:
         # Only now those behind are looked at: while the slider moves on, none of them can break.
-        behind = _next_break(state, state.behind, -1.0) if state.counts[_KEPT] else state.motion[_LEAST]
+        behind = peek(state.behind) if state.counts[_KEPT] else state.motion[_LEAST]
         to_behind = max(min(behind, -leg.behind) + leg.X, 0.0)
         h, y, u, side, applies = 0.0, 0.0, v, 1, to_behind == 0.0
         if not applies and v < 0.0:
@@ -574,18 +559,20 @@ def _turn(state: State, arrests: bool) -> bool:
 
 def re_attach_all(state: State) -> None:
     """Make all detached contacts re-attach now."""
-    for slot in np.flatnonzero(state.contacts["threshold"] == 0.0):
+    detached = np.ones(state.size, dtype=bool)
+    detached[attached_contacts(state)["slot"]] = False
+    for slot in np.flatnonzero(detached):
         push(state.waiting, float(state.motion[TIME]), int(slot))
 
 
 @inlined
 def _break(state: State, side: int, draws: Draws) -> bool:
     """Break the first contact ahead or behind; whether it waits for its re-attachment."""
-    queue = state.ahead if side == 1 else state.behind
-    slot = first_slot(queue)
-    state.motion[POSITION] = state.contacts[slot]["birth"] + side * state.contacts[slot]["threshold"]
-    pop(queue)
-    _detach(state, slot)
+    place = first_place(state.ahead) if side == 1 else first_slot(state.behind)
+    contact = state.ahead.entries[place]
+    slot = contact["slot"]
+    state.motion[POSITION] = contact["birth"] + side * contact["threshold"]
+    _detach(state, place)
     delay = draws.fixed_delay
     if math.isnan(delay):
         delay = draws.delays[state.counts[DELAY]]
@@ -605,10 +592,7 @@ def _re_attach(state: State, draws: Draws) -> float:
     slot = first_slot(state.waiting)
     pop(state.waiting)
     _attach_next(state, slot, draws)
-    bin_ = state.waiting.counts[BIN]
-    following = peek(state.waiting)
-    _fetch(state, state.waiting, bin_)
-    return following
+    return peek(state.waiting)
 
 
 @bare
@@ -635,10 +619,10 @@ def advance(state: State, slider: Slider, piece: Piece, sampling: Sampling, draw
         `REACHED_END`, `CONDITION_HELD`, `THRESHOLDS_USED_UP`, `DELAYS_USED_UP`, `BUDGET_SPENT`, `LOOK` or `ARRESTED`.
     """
     counts, acceleration = state.counts, piece.drive.acceleration
-    c = _constants(slider, float(state.contacts.size))
+    c = _constants(slider, float(state.size))
     random_delay = math.isnan(draws.fixed_delay)
     to_go = budget
-    ahead = _next_break(state, state.ahead, 1.0)
+    ahead = peek(state.ahead)
     attachment = peek(state.waiting)
     while True:
         if counts[THRESHOLD] >= draws.thresholds.size:
@@ -654,8 +638,7 @@ def advance(state: State, slider: Slider, piece: Piece, sampling: Sampling, draw
         most = max(limit - leg.t, 0.0)
         h, y, u, side = _next_event(state, leg, ahead, most)
         if side == -1 and not counts[_KEPT]:
-            _rebuild(state, state.behind, -1.0)
-            counts[_KEPT] = 1
+            _keep_behind(state)
             continue
         ends_at = limit if side == 0 and h == most else leg.t + h
 
@@ -675,4 +658,4 @@ def advance(state: State, slider: Slider, piece: Piece, sampling: Sampling, draw
             attachment = _re_attach(state, draws)
         elif ends_at >= piece.end:
             return REACHED_END
-        ahead = _next_break(state, state.ahead, 1.0)
+        ahead = peek(state.ahead)

@@ -84,7 +84,7 @@ class Events(Engine):
 
     def _with_thresholds(self, draws: kernel.Draws) -> kernel.Draws:
         """Return the draws with new thresholds of contacts that attach; fewer where they are soon out of date."""
-        count = min(_BLOCK, 2 * self._state.contacts.size) if self._interface.track_scatter else _BLOCK
+        count = min(_BLOCK, 2 * self._state.size) if self._interface.track_scatter else _BLOCK
         x, threshold = newborns(self._interface, count, self._factor, self._births_rng, self._threshold_rng)
         return draws._replace(thresholds=threshold, stretchings=x)
 
@@ -106,14 +106,19 @@ class Events(Engine):
 
     def individuals(self) -> Individuals:
         """Every contact by itself, now."""
-        contacts = self._state.contacts
-        return Individuals(self.here()[1] - contacts["birth"], contacts["threshold"] > 0)
+        from stickslip.kernels import events as kernel
+
+        stretching, attached = np.zeros(self._state.size), np.zeros(self._state.size, dtype=bool)
+        contacts = kernel.attached_contacts(self._state)
+        stretching[contacts["slot"]] = self.here()[1] - contacts["birth"]
+        attached[contacts["slot"]] = True
+        return Individuals(stretching, attached)
 
     def _stretchings(self, X: float) -> Stretchings:
         from stickslip.kernels import events as kernel
 
         x = kernel.stretchings(self._state, X)
-        return Stretchings(x, np.full(x.size, 1.0 / self._state.contacts.size), cells=False)
+        return Stretchings(x, np.full(x.size, 1.0 / self._state.size), cells=False)
 
     def advance(self, leg: Leg) -> Advance:
         """Go on by some events."""
