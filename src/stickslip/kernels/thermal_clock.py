@@ -183,7 +183,7 @@ def make_state(
 
 def with_caps(state: State) -> State:
     """Return the state with queues of thresholds: the slider may move so fast that contacts meet them."""
-    room, bins, width = state.clock.entries.size, state.clock.head.size, 1.0 / state.clock.per_bin
+    room, bins, width = state.clock.capacity, state.clock.newest.size, 1.0 / state.clock.per_bin
     state = state._replace(cap=make_queue(room, bins, width), cap_back=make_queue(room, bins, width))
     state.counts[CAPPED] = 1
     _cap_again(state, state.cap, 1.0)
