@@ -21,10 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import bare, inlined
-from .event_queue import Queue, clear, first_slot, is_full, make_queue, peek, pop, push
-from .flight import NEAR, at
-from .oscillator import Slider
-from .thermal_motion import (
+from .between_events import (
     BUDGET_SPENT,
     CONDITION_HELD,
     COUNTS,
@@ -58,6 +55,9 @@ from .thermal_motion import (
     turned,
     until_turning,
 )
+from .event_queue import Queue, clear, first_slot, is_full, make_queue, peek, pop, push
+from .flight import NEAR, at
+from .oscillator import Slider
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int32]
@@ -67,7 +67,7 @@ Records = NDArray[np.void]
 CONTACT = np.dtype([("birth", np.float64), ("threshold", np.float64), ("key", np.float64)])
 PLACE = np.dtype([("birth", np.float64), ("slot", np.int64)])
 
-# Further floats and counts, behind those of `thermal_motion`.
+# Further floats and counts, behind those of `between_events`.
 CLOCK, CLOCK_BACK = MOTION, MOTION + 1
 FLOATS = MOTION + 2
 AHEAD, BEHIND, DRAWN, VARIED, DELAYED, CAPPED = range(COUNTS, COUNTS + 6)
@@ -652,7 +652,7 @@ def advance(
     Returns
     -------
     int
-        A reason, of `thermal_motion`.
+        A reason, of `between_events`.
     """
     motion, counts, acceleration = state.motion, state.counts, piece.drive.acceleration
     c = constants(slider, f_d, float(state.contacts.size))

@@ -40,10 +40,10 @@ from stickslip.simulation.engines.beginnings import first_contacts, pending_time
 from stickslip.theory import growth_model
 
 if TYPE_CHECKING:
+    from stickslip.kernels.between_events import Piece, Sampling
     from stickslip.kernels.growth import Growth
     from stickslip.kernels.hazard import Hazard
     from stickslip.kernels.oscillator import Slider as SliderConstants
-    from stickslip.kernels.thermal_motion import Piece, Sampling
 
 Array = NDArray[np.float64]
 
@@ -175,14 +175,14 @@ class Thermal(Engine, Protocol):
 
     def here(self) -> tuple[float, float]:
         """Time, and position of the slider."""
-        from stickslip.kernels import thermal_motion as shared
+        from stickslip.kernels import between_events as shared
 
         motion = self._state.motion
         return float(motion[shared.TIME]), float(motion[shared.POSITION])
 
     def contact_force(self) -> float:
         """Friction force now, per contact."""
-        from stickslip.kernels.thermal_motion import friction
+        from stickslip.kernels.between_events import friction
 
         return float(friction(self._state.motion, self._state.counts, self._sliding_force, self._state.contacts.size))
 
@@ -197,7 +197,7 @@ class Thermal(Engine, Protocol):
 
     def advance(self, leg: Leg) -> Advance:
         """Go on by some events."""
-        from stickslip.kernels import thermal_motion as shared
+        from stickslip.kernels import between_events as shared
 
         counts, motion = self._state.counts, self._state.motion
         sampling = shared.Sampling(leg.times, np.empty((leg.times.size, len(COLUMNS))))
@@ -232,7 +232,7 @@ class Clocked(Thermal):
         return thermal_clock
 
     def __init__(self, beginning: Beginning, method: Contacts) -> None:
-        from stickslip.kernels import thermal_motion as shared
+        from stickslip.kernels import between_events as shared
 
         self._begin(beginning, method)
         kernel = self._kernel
@@ -284,7 +284,7 @@ class Clocked(Thermal):
 
     def _mend(self, why: int) -> bool:
         """Wind a clock that is too far ahead; whether it was that."""
-        from stickslip.kernels import thermal_motion as shared
+        from stickslip.kernels import between_events as shared
 
         kernel = self._kernel
         if why not in (shared.WIND, shared.WIND_BACK):
@@ -307,7 +307,7 @@ class Thinned(Thermal):
         return thermal_boxes
 
     def __init__(self, beginning: Beginning, method: Contacts) -> None:
-        from stickslip.kernels import thermal_motion as shared
+        from stickslip.kernels import between_events as shared
 
         self._begin(beginning, method)
         kernel = self._kernel
