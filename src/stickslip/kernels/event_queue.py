@@ -171,11 +171,14 @@ def _insert(queue: Queue, key: float, place: int) -> None:
     """Put an entry of the bin in use in its order."""
     counts = queue.counts
     first, last = counts[FIRST], counts[LAST]
-    if last == queue.front_key.size:
-        for i in range(first, last):
-            queue.front_key[i - first] = queue.front_key[i]
-            queue.front_place[i - first] = queue.front_place[i]
-        first, last = 0, last - first
+    if last == queue.front_key.size:  # there is room where entries were taken or dropped
+        last = 0
+        for i in range(first, queue.front_key.size):
+            if queue.entries[queue.front_place[i]]["key"] < np.inf:
+                queue.front_key[last] = queue.front_key[i]
+                queue.front_place[last] = queue.front_place[i]
+                last += 1
+        first = 0
     i = last
     while i > first and queue.front_key[i - 1] > key:
         queue.front_key[i] = queue.front_key[i - 1]
