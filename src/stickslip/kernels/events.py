@@ -99,8 +99,8 @@ class State(NamedTuple):
 
     ``ahead``, keyed by ``birth + threshold``, is where attached contacts live: what breaks next lies together. Its
     slots are the contacts' numbers, `other` the places in ``behind``, keyed by ``threshold - birth``, whose slots are
-    the places in ``ahead``. ``waiting``, of detached contacts, is keyed by time. A slider that moves on, or back by less
-    than a threshold, breaks none behind: until one comes near, a bound stands for the queue ``behind``, which is then
+    the places in ``ahead``. ``waiting``, of detached contacts, is keyed by time. A slider that moves on, or back by
+    less than a threshold, breaks none behind: until one comes near, a bound stands for the queue ``behind``, which is then
     filled and kept for a while.
     """
 
@@ -123,6 +123,7 @@ _DIRECTION = COUNTS + 3  # in which the slider moved last: 1 or -1
 _AT_ARREST = COUNTS + 4  # breaks up to the last arrest
 _KEPT = COUNTS + 5  # whether ``behind`` is kept
 _SUMMED = COUNTS + 6  # attachments since the last summing up
+
 
 def make_state(
     birth: Floats,

@@ -126,7 +126,6 @@ def make_state(
     threshold: Floats,
     pending: Floats,
     scale_time: float,
-    width: float,
     velocity: float,
 ) -> State:
     """Return the state of an interface at time 0, the slider at 0; the clocks are wound by `wind`.
@@ -139,8 +138,6 @@ def make_state(
         Times of re-attachment of the last contacts, which are detached.
     scale_time : float
         Typical delay.
-    width : float
-        Width of the activation.
     velocity : float
         Of the slider.
     """

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
+from stickslip.lives import hazard_of
 from stickslip.model import (
     Barrier,
     Bell,
@@ -42,7 +43,6 @@ from stickslip.theory import growth_model
 if TYPE_CHECKING:
     from stickslip.kernels.between_events import Piece, Sampling
     from stickslip.kernels.growth import Growth
-    from stickslip.kernels.hazard import Hazard
     from stickslip.kernels.oscillator import Slider as SliderConstants
 
 Array = NDArray[np.float64]
@@ -53,20 +53,6 @@ _EVENTS = 200_000
 """Events in an advance."""
 _POOL = 65_536
 """Lives to choose from, at least, for a start in steady sliding."""
-
-
-def hazard_of(interface: Interface) -> Hazard:
-    """Return thermal activation as the kernels take it."""
-    from stickslip.kernels.hazard import BARRIER, BELL, PARABOLIC, Hazard
-
-    match interface.temperature:
-        case Bell(width=width, attempts=attempts):
-            return Hazard(BELL, attempts, width, 1.0, 0.0)
-        case Parabolic(temperature=temperature, attempts=attempts):
-            return Hazard(PARABOLIC, attempts, temperature, 1.0, 0.0)
-        case Barrier(height=height, attempts=attempts, power=power, kramers=kramers):
-            return Hazard(BARRIER, attempts, height, power, float(kramers))
-    raise InputError(f"Interface.temperature = {interface.temperature}: must be Bell, Parabolic or Barrier")
 
 
 def growth_of(interface: Interface) -> Growth:
@@ -236,12 +222,10 @@ class Clocked(Thermal):
 
         self._begin(beginning, method)
         kernel = self._kernel
-        hazard = hazard_of(beginning.interface)
+        hazard = hazard_of(beginning.interface.temperature)
         self._bell = kernel.Bell(hazard.scale, hazard.attempts)
         x, threshold, pending = self._contacts(beginning, method.count)
-        self._state = kernel.make_state(
-            -x, threshold, pending, self._delay.moment(1), self._bell.width, beginning.slider_velocity
-        )
+        self._state = kernel.make_state(-x, threshold, pending, self._delay.moment(1), beginning.slider_velocity)
         self._state.counts[shared.SLIDE] = int(beginning.sliding and self._sliding_force > 0)
         for side in (1.0, -1.0):
             kernel.wind(self._state, self._bell, side, self._variates(method.count))
@@ -312,7 +296,7 @@ class Thinned(Thermal):
         self._begin(beginning, method)
         kernel = self._kernel
         interface = beginning.interface
-        self._model = kernel.Model(hazard_of(interface), growth_of(interface))
+        self._model = kernel.Model(hazard_of(interface.temperature), growth_of(interface))
         x, threshold, pending = self._contacts(beginning, method.count)
         if beginning.sliding:
             since = -x / beginning.velocity
