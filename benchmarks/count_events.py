@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from test_contacts_bench import FIG4, plain
 
 import stickslip as ss
-from stickslip.kernels import events as kernel
+from stickslip.kernels.between_events import EVENTS
 from stickslip.kernels._jit import jit
 from stickslip.kernels.drive import Quadratic, Stop
 from stickslip.kernels.flight import NEAR, energies, soon, take_off
@@ -43,7 +43,7 @@ def seconds_and_events(count: int, duration: float) -> tuple[float, int]:
     begin = time.process_time()
     while not engine.advance(leg).over:
         pass
-    return time.process_time() - begin, int(engine._state.counts[kernel.EVENTS])
+    return time.process_time() - begin, int(engine._state.counts[EVENTS])
 
 
 def main() -> None:

@@ -14,6 +14,7 @@ from scipy.linalg import expm
 
 import stickslip as ss
 from stickslip.kernels import events as kernel
+from stickslip.kernels.between_events import COLUMNS
 from stickslip.kernels.drive import Quadratic
 from stickslip.kernels.oscillator import Slider
 
@@ -180,7 +181,7 @@ def test_contacts_move_as_in_a_plain_loop(seed):
     slider = case.slider
     state = kernel.make_state(birth, threshold, np.zeros(0), 0.1)
     slider = Slider(slider.stiffness, slider.mass, slider.damping)
-    samples = np.full((times.size, len(kernel.COLUMNS)), np.nan)
+    samples = np.full((times.size, len(COLUMNS)), np.nan)
     sampling, draws = kernel.Sampling(times, samples), kernel.Draws(newborn, np.empty(0), delay)
     begin, place = 0.0, 0.0
     for piece in case.drive.pieces:

@@ -23,7 +23,7 @@ from stickslip.model.quadrature import hashable
 
 if TYPE_CHECKING:
     from stickslip.kernels.growth import Growth
-    from stickslip.kernels.lives import Barrier as Constants
+    from stickslip.kernels.hazard import Hazard
     from stickslip.kernels.lives import Lives
 
 Array = NDArray[np.float64]
@@ -114,15 +114,15 @@ def _lives(
 
     low, high = distribution.support
     inner = [knot for knot in distribution.knots if low + 1e-9 < knot < high - 1e-9]
-    growth, barrier = growth_of(ageing), barrier_of(temperature)
+    growth, hazard = growth_of(ageing), hazard_of(temperature)
     one_variable = temperature is None or (
         (isinstance(temperature, Bell) and not isinstance(ageing, ExponentialGrowth))
         and distribution.standard_deviation() > 2.0 * temperature.width
     )
     if distribution.single:
-        return kernel.march(barrier, growth, np.array([distribution.moment(1)]), np.ones(1), velocity, longest)
+        return kernel.march(hazard, growth, np.array([distribution.moment(1)]), np.ones(1), velocity, longest)
     if one_variable and not inner:
-        return _in_one(distribution, barrier, growth, velocity, longest)
+        return _in_one(distribution, hazard, growth, velocity, longest)
     if distribution.support[1] > 1e3 * distribution.moment(1) and temperature is not None:
         longest = math.inf if longest == 1.0 else longest
     places = [(0.0, 0.01), *((knot, 0.05) for knot in distribution.knots)]
@@ -131,22 +131,21 @@ def _lives(
         places.append((bend, temperature.width))
     edges = _edges(distribution, max(low, 0.0), high, places, math.inf)
     x, weight = _gauss(edges)
-    return kernel.march(barrier, growth, x, weight * distribution.density(x), velocity, longest)
+    return kernel.march(hazard, growth, x, weight * distribution.density(x), velocity, longest)
 
 
-def barrier_of(temperature: Bell | Parabolic | Barrier | None) -> Constants:
+def hazard_of(temperature: Bell | Parabolic | Barrier | None) -> Hazard:
     """Return thermal activation as the kernels take it; without it, one that is never tried."""
-    from stickslip.kernels.lives import BELL, PARABOLIC, POWER
-    from stickslip.kernels.lives import Barrier as Constants
+    from stickslip.kernels.hazard import BARRIER, BELL, PARABOLIC, Hazard
 
     match temperature:
         case Bell(width=width, attempts=attempts):
-            return Constants(BELL, width, 1.0, False, attempts)
+            return Hazard(BELL, attempts, width, 1.0, 0.0)
         case Parabolic(temperature=scale, attempts=attempts):
-            return Constants(PARABOLIC, scale, 1.0, False, attempts)
-        case Barrier(height=height, power=power, kramers=kramers, attempts=attempts):
-            return Constants(POWER, height, power, kramers, attempts)
-    return Constants(BELL, 1.0, 1.0, False, 0.0)
+            return Hazard(PARABOLIC, attempts, scale, 1.0, 0.0)
+        case Barrier(height=height, attempts=attempts, power=power, kramers=kramers):
+            return Hazard(BARRIER, attempts, height, power, float(kramers))
+    return Hazard(BELL, 0.0, 1.0, 1.0, 0.0)
 
 
 def growth_of(ageing: ExponentialGrowth | LogarithmicGrowth | None) -> Growth:
@@ -222,7 +221,7 @@ _FOLLOWED = 60.0
 # ---------------------------------------------------------------- all thresholds in one variable
 
 
-def _in_one(distribution: Distribution, barrier: Constants, growth: Growth, v: float, longest: float) -> Lives:
+def _in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float, longest: float) -> Lives:
     """Lives of all contacts at once: of a barrier that falls linearly, or without temperature.
 
     The hazard up to ``x`` is ``G(x) exp(-xi/A)``: the survival of all thresholds ``xi`` depends on ``G`` alone.
@@ -232,30 +231,30 @@ def _in_one(distribution: Distribution, barrier: Constants, growth: Growth, v: f
 
     low, high = distribution.support
     end = kernel.reach(growth, high, v)
-    places = [(0.0, _shortest(distribution, barrier, growth, v))]
+    places = [(0.0, _shortest(distribution, hazard, growth, v))]
     knots = [knot for knot in distribution.knots if low - 1e-9 <= knot <= high + 1e-9]
-    thermal = barrier.attempts > 0
+    thermal = hazard.attempts > 0
 
     def followed(x: float) -> float:
         """Longest panel where the rate at birth is not yet forgotten: what decays has to be followed."""
         least = float(_least(growth, np.array([x]), v)[0][0])
         slope = growth.first / (growth.second * v + x) if growth.kind == LOGARITHMIC else 0.0
-        if least > 40.0 * barrier.scale or (least < 0.0 and growth.first > _FOLLOWED * barrier.scale):
+        if least > 40.0 * hazard.scale or (least < 0.0 and growth.first > _FOLLOWED * hazard.scale):
             return math.inf
-        return 2.5 * barrier.scale / max(abs(1.0 - slope), 0.4)
+        return 2.5 * hazard.scale / max(abs(1.0 - slope), 0.4)
 
     follow = followed if thermal else _unlimited
     if thermal and knots:
         # The stretching at which contacts of the threshold at the knot break, from a first set of panels.
         width, x, _ = _radau(_edges(distribution, 0.0, end, places, longest, follow))
-        reached = _reached(barrier, growth, v, width, x)[0]
-        places += [(float(np.interp(knot, reached, x)), barrier.scale) for knot in knots if knot < reached[-1]]
-    edge = barrier.scale if thermal else 1.0
+        reached = _reached(hazard, growth, v, width, x)[0]
+        places += [(float(np.interp(knot, reached, x)), hazard.scale) for knot in knots if knot < reached[-1]]
+    edge = hazard.scale if thermal else 1.0
     places += [(kernel.reach(growth, knot, v), edge) for knot in knots if knot > 0 or growth.kind == LOGARITHMIC]
     edges = _edges(distribution, 0.0, end, [place for place in places if place[0] <= end], longest, follow)
     if thermal:  # all have broken long before the strongest meet their thresholds
         width, x, _ = _radau(edges)
-        broken = np.searchsorted(_reached(barrier, growth, v, width, x)[0], high + 4.0 * barrier.scale)
+        broken = np.searchsorted(_reached(hazard, growth, v, width, x)[0], high + 4.0 * hazard.scale)
         edges = edges[: min(int(broken) // kernel.NODES + 3, edges.size)]
     width, x, weight = _radau(edges)
     least, later = _least(growth, x, v)
@@ -268,8 +267,8 @@ def _in_one(distribution: Distribution, barrier: Constants, growth: Growth, v: f
         slope, push, drop, decay = -density * np.where(least > 0, later, 0.0), zero, zero, zero
         cap = weight * density * met
     else:
-        A = barrier.scale
-        reached, shape, aged, decay = _reached(barrier, growth, v, width, x)
+        A = hazard.scale
+        reached, shape, aged, decay = _reached(hazard, growth, v, width, x)
         top = (reached - capped) / A
         z, part = under_gumbel(np.maximum((reached - high) / A, -38.0), np.minimum(top, 4.0))
         xi = reached[:, None] - A * z
@@ -287,15 +286,15 @@ def _in_one(distribution: Distribution, barrier: Constants, growth: Growth, v: f
     )  # fmt: skip
 
 
-def _shortest(distribution: Distribution, barrier: Constants, growth: Growth, v: float) -> float:
+def _shortest(distribution: Distribution, hazard: Hazard, growth: Growth, v: float) -> float:
     """Length over which the survival or the threshold of a newborn may change."""
     from stickslip.kernels.growth import EXPONENTIAL, LOGARITHMIC
 
     lengths = [0.05 * distribution.standard_deviation()]
-    if barrier.attempts > 0:
-        lengths.append(max(barrier.scale, 1e-6))
-        if float(distribution.density(1e-9)) * barrier.scale > 1e-4:  # weak contacts break at the rate of attempts
-            lengths.append(max(v / barrier.attempts, 1e-9))
+    if hazard.attempts > 0:
+        lengths.append(max(hazard.scale, 1e-6))
+        if float(distribution.density(1e-9)) * hazard.scale > 1e-4:  # weak contacts break at the rate of attempts
+            lengths.append(max(v / hazard.attempts, 1e-9))
     if growth.kind == LOGARITHMIC:
         lengths.append(max(v * growth.second, 1e-6))
     if growth.kind == EXPONENTIAL:
@@ -326,12 +325,12 @@ def _met(growth: Growth, x: Array, v: float) -> Array:
     return np.asarray(-1.0 / np.expm1(-growth.first * x / v)) if growth.kind == EXPONENTIAL else np.ones_like(x)
 
 
-def _reached(barrier: Constants, growth: Growth, v: float, width: Array, x: Array) -> tuple[Array, Array, Array, Array]:
+def _reached(hazard: Hazard, growth: Growth, v: float, width: Array, x: Array) -> tuple[Array, Array, Array, Array]:
     """``u = A ln G``; with ``rho = G'`` also ``G/rho``, the same for the slope by age, and ``rho'/rho``."""
     from stickslip.kernels.growth import LOGARITHMIC
     from stickslip.kernels.lives import relax
 
-    A = barrier.scale
+    A = hazard.scale
     age = x / v
     slope, grown = np.zeros_like(x), np.zeros_like(x)
     if growth.kind == LOGARITHMIC:
@@ -341,7 +340,7 @@ def _reached(barrier: Constants, growth: Growth, v: float, width: Array, x: Arra
     decay = np.maximum((1.0 - slope / v) / A, -np.inf if growth.first < _FOLLOWED * A else 0.0)
     shape = relax(width, decay, np.ones_like(x))
     aged = relax(width, decay, slope * age / A) if growth.kind == LOGARITHMIC else np.zeros_like(x)
-    reached = x - grown + A * np.log(barrier.attempts / v * np.maximum(shape, 1e-300))
+    reached = x - grown + A * np.log(hazard.attempts / v * np.maximum(shape, 1e-300))
     return reached, shape, aged, decay
 
 
@@ -358,7 +357,7 @@ def reached_on(interface: Interface, velocity: float, x: Array) -> Array:
     """
     ageing = interface.ageing
     growth = growth_of(None if isinstance(ageing, Langevin) else ageing)
-    barrier = barrier_of(interface.temperature)
+    hazard = hazard_of(interface.temperature)
     order = np.sort(x)
     first = np.geomspace(1e-9, 1.0, 60, endpoint=False) * order[0]
     between = order[:-1, None] + np.diff(order)[:, None] * np.array([0.0, 0.25, 0.5, 0.75])
@@ -366,7 +365,7 @@ def reached_on(interface: Interface, velocity: float, x: Array) -> Array:
     width, nodes, _ = _radau(edges)
     from stickslip.kernels.lives import NODES
 
-    reached = _reached(barrier, growth, velocity, width, nodes)[0]
+    reached = _reached(hazard, growth, velocity, width, nodes)[0]
     return np.asarray(np.interp(x, edges[1:], reached[NODES - 1 :: NODES]))
 
 

@@ -1,7 +1,9 @@
 """A bucket queue: entries (key, slot) in bins of equal width; only the bin in use is kept sorted.
 
 What it costs to add an entry and to take the smallest does not grow with their number, as long as keys come from a
-range that moves on slowly.
+range that moves on slowly. A bin is a list of short pieces of consecutive memory: taking a bin into use waits for the
+memory once, not once an entry, and adding an entry does not wait at all. An entry stays at its place until it is taken
+or dropped, so that it may hold more than key and slot, and be found again.
 """
 
 import math
@@ -17,34 +19,41 @@ Indices = NDArray[np.int32]
 Counts = NDArray[np.int64]
 Records = NDArray[np.void]
 
-# Fields used together lie together: one cache line an entry.
-ENTRY = np.dtype([("key", np.float64), ("slot", np.int32), ("link", np.int32)])
+ENTRY = np.dtype([("key", np.float64), ("slot", np.int32), ("other", np.int32)])
+"""The least that an entry holds; `other` is the user's."""
+
+_CHUNK = 4  # entries in a piece of memory; a power of two
+_SHIFT = 2  # its logarithm
 
 
 class Queue(NamedTuple):
     """Entries waiting in order of their key.
 
-    ``head[b]`` starts the chain of bin number ``b`` modulo their count. The bin in use lies sorted in ``front_key``
-    and ``front_slot``, between ``counts[FIRST]`` and ``counts[LAST]``.
+    ``entries`` is cut into chunks; a key of infinity marks a place without an entry. ``newest[b]`` is the place filled
+    last of bin number ``b`` modulo their count, and ``before[c]`` the chunk of the same bin filled before chunk ``c``.
+    The bin in use lies sorted in ``front_key`` and ``front_place``, between ``counts[FIRST]`` and ``counts[LAST]``.
     """
 
-    head: Indices
+    newest: Indices
+    before: Indices
     entries: Records
     front_key: Floats
-    front_slot: Indices
+    front_place: Indices
     counts: Counts
     per_bin: float  # bins per unit of key
+    capacity: int
 
 
-_FREE = 0  # first entry of the chain of freed ones
-_UNUSED = 1  # entries beyond this one were never used
-_CHAINED = 2  # how many entries lie in bins
+_FREE = 0  # first of the chunks that were freed
+_UNUSED = 1  # chunks from this one on were never used
+_SIZE = 2
 BIN = 3  # number of the bin in use
 FIRST = 4
 LAST = 5
+MOVED = 6  # whether entries were moved to other places
 
 
-def make_queue(capacity: int, bins: int, width: float) -> Queue:
+def make_queue(capacity: int, bins: int, width: float, entry: np.dtype[np.void] = ENTRY) -> Queue:
     """Return an empty queue.
 
     Parameters
@@ -55,14 +64,19 @@ def make_queue(capacity: int, bins: int, width: float) -> Queue:
         Number of bins; a power of two.
     width : float
         Width of a bin, in the unit of the key. Any width is right; the best holds a dozen entries.
+    entry : dtype
+        What an entry holds: the fields of `ENTRY`, and more.
     """
+    chunks = capacity // _CHUNK + min(bins, capacity) + capacity // (4 * _CHUNK) + 2  # one of them to move entries
     queue = Queue(
-        head=np.empty(bins, np.int32),
-        entries=np.empty(capacity, ENTRY),
+        newest=np.empty(bins, np.int32),
+        before=np.empty(chunks, np.int32),
+        entries=np.empty(chunks * _CHUNK, entry),
         front_key=np.empty(capacity),
-        front_slot=np.empty(capacity, np.int32),
-        counts=np.zeros(6, np.int64),
+        front_place=np.empty(capacity, np.int32),
+        counts=np.zeros(7, np.int64),
         per_bin=1.0 / width,
+        capacity=capacity,
     )
     clear(queue, 0.0)
     return queue
@@ -71,173 +85,265 @@ def make_queue(capacity: int, bins: int, width: float) -> Queue:
 @bare
 def clear(queue: Queue, key: float) -> None:
     """Empty the queue and put the bin of `key` in use."""
-    queue.head[:] = -1
+    queue.newest[:] = -1
     counts = queue.counts
     counts[_FREE] = -1
     counts[_UNUSED] = 0
-    counts[_CHAINED] = 0
+    counts[_SIZE] = 0
     counts[BIN] = math.floor(key * queue.per_bin)
     counts[FIRST] = 0
     counts[LAST] = 0
+    counts[MOVED] = 0
 
 
 @inlined
 def size(queue: Queue) -> int:
     """How many entries wait."""
-    counts = queue.counts
-    return int(counts[_CHAINED] + counts[LAST] - counts[FIRST])
+    return int(queue.counts[_SIZE])
 
 
 @inlined
 def is_full(queue: Queue) -> bool:
     """Whether there is no room for another entry."""
-    return size(queue) >= queue.entries.size
+    return size(queue) >= queue.capacity
 
 
 @inlined
-def _chain(queue: Queue, key: float, slot: int) -> None:
-    """Put an entry into its bin."""
+def used(queue: Queue) -> int:
+    """All entries lie in places before this one."""
+    return int(queue.counts[_UNUSED]) * _CHUNK
+
+
+@inlined
+def _put(queue: Queue, chain: int) -> int:
+    """Return a place for another entry of a bin."""
+    place = queue.newest[chain] + 1
+    if place & (_CHUNK - 1) == 0:  # the chunk is full, or there is none: an end of -1
+        place = _new_chunk(queue, (place >> _SHIFT) - 1)
+    queue.newest[chain] = place
+    return int(place)
+
+
+@inlined
+def _new_chunk(queue: Queue, before: int) -> int:
+    """Return the first place of an empty chunk."""
     counts = queue.counts
-    entry = counts[_FREE]
-    if entry >= 0:
-        counts[_FREE] = queue.entries[entry]["link"]
+    chunk = counts[_FREE]
+    if chunk >= 0:
+        counts[_FREE] = queue.before[chunk]
     else:
-        entry = counts[_UNUSED]
-        counts[_UNUSED] += 1
-    bin_ = math.floor(key * queue.per_bin) & (queue.head.size - 1)
-    queue.entries[entry]["key"] = key
-    queue.entries[entry]["slot"] = slot
-    queue.entries[entry]["link"] = queue.head[bin_]
-    queue.head[bin_] = entry
-    counts[_CHAINED] += 1
+        chunk = counts[_UNUSED]
+        counts[_UNUSED] = chunk + 1
+        for place in range(chunk * _CHUNK, (chunk + 1) * _CHUNK):
+            queue.entries[place]["key"] = np.inf
+    queue.before[chunk] = before
+    return int(chunk) * _CHUNK
 
 
 @inlined
-def push(queue: Queue, key: float, slot: int) -> None:
-    """Add an entry; the queue must not be full."""
+def _is_short(queue: Queue) -> bool:
+    """Whether there is no empty chunk but that kept for moving entries."""
+    return bool(queue.counts[_FREE] < 0 and queue.counts[_UNUSED] >= queue.before.size - 1)
+
+
+@inlined
+def push(queue: Queue, key: float, slot: int) -> int:
+    """Add an entry, of which the caller may fill the rest, and return its place; the queue must not be full."""
     counts = queue.counts
+    if _is_short(queue):
+        _pack(queue)
     bin_ = math.floor(key * queue.per_bin)
     if bin_ < counts[BIN] or counts[FIRST] == counts[LAST]:
-        _return_front(queue)
+        # Something smaller has come, as when the slider turns back: the front is only a view of its bin.
+        counts[FIRST] = counts[LAST] = 0
         counts[BIN] = min(counts[BIN], bin_ - 1)
-    if bin_ > counts[BIN]:
-        _chain(queue, key, slot)
-        return
-    first, last = counts[FIRST], counts[LAST]
-    if last == queue.front_key.size:
-        for i in range(first, last):
-            queue.front_key[i - first] = queue.front_key[i]
-            queue.front_slot[i - first] = queue.front_slot[i]
-        first, last = 0, last - first
-    place = last
-    while place > first and queue.front_key[place - 1] > key:
-        queue.front_key[place] = queue.front_key[place - 1]
-        queue.front_slot[place] = queue.front_slot[place - 1]
-        place -= 1
-    queue.front_key[place] = key
-    queue.front_slot[place] = slot
-    counts[FIRST] = first
-    counts[LAST] = last + 1
+    place = _put(queue, bin_ & (queue.newest.size - 1))
+    queue.entries[place]["key"] = key
+    queue.entries[place]["slot"] = slot
+    counts[_SIZE] += 1
+    if bin_ == counts[BIN]:
+        _insert(queue, key, place)
+    return place
 
 
 @inlined
-def _return_front(queue: Queue) -> None:
-    """Send the front back to its bin: something smaller has come, as when the slider turns back."""
+def _insert(queue: Queue, key: float, place: int) -> None:
+    """Put an entry of the bin in use in its order."""
     counts = queue.counts
     first, last = counts[FIRST], counts[LAST]
-    counts[FIRST] = counts[LAST] = 0
-    for i in range(first, last):
-        _chain(queue, queue.front_key[i], queue.front_slot[i])
+    if last == queue.front_key.size:  # there is room where entries were taken or dropped
+        last = 0
+        for i in range(first, queue.front_key.size):
+            if queue.entries[queue.front_place[i]]["key"] < np.inf:
+                queue.front_key[last] = queue.front_key[i]
+                queue.front_place[last] = queue.front_place[i]
+                last += 1
+        first = 0
+    i = last
+    while i > first and queue.front_key[i - 1] > key:
+        queue.front_key[i] = queue.front_key[i - 1]
+        queue.front_place[i] = queue.front_place[i - 1]
+        i -= 1
+    queue.front_key[i] = key
+    queue.front_place[i] = place
+    counts[FIRST] = first
+    counts[LAST] = last + 1
 
 
 @inlined
 def peek(queue: Queue) -> float:
     """Smallest key; infinite if the queue is empty."""
     counts = queue.counts
-    if counts[FIRST] == counts[LAST]:
-        if counts[_CHAINED] == 0:
-            return np.inf
-        counts[FIRST] = counts[LAST] = 0
-        empty_bins = 0
-        while counts[LAST] == 0:
-            if empty_bins > queue.head.size:
-                counts[BIN] = _lowest_bin(queue) - 1
-            counts[BIN] += 1
-            empty_bins += 1
-            if queue.head[counts[BIN] & (queue.head.size - 1)] >= 0:
-                _load(queue)
+    while counts[FIRST] < counts[LAST]:
+        key = queue.entries[queue.front_place[counts[FIRST]]]["key"]
+        if key < np.inf:
+            return float(key)
+        counts[FIRST] += 1  # it was dropped
+    if counts[_SIZE] == 0:
+        return np.inf
+    _next_bin(queue)
     return float(queue.front_key[counts[FIRST]])
+
+
+@inlined
+def _next_bin(queue: Queue) -> None:
+    """Put the next bin with entries in use."""
+    counts, last = queue.counts, queue.newest.size - 1
+    if queue.newest[counts[BIN] & last] >= 0:
+        _free_chunks(queue, counts[BIN] & last)
+    counts[FIRST] = counts[LAST] = 0
+    empty_bins = 0
+    while counts[LAST] == 0:
+        if empty_bins > queue.newest.size:
+            counts[BIN] = _lowest_bin(queue) - 1
+        counts[BIN] += 1
+        empty_bins += 1
+        if queue.newest[counts[BIN] & last] >= 0:
+            _load(queue)
+
+
+@inlined
+def first_place(queue: Queue) -> int:
+    """Place of the entry with the smallest key; the queue must have been peeked at."""
+    return int(queue.front_place[queue.counts[FIRST]])
 
 
 @inlined
 def first_slot(queue: Queue) -> int:
     """Slot of the entry with the smallest key; the queue must have been peeked at."""
-    return int(queue.front_slot[queue.counts[FIRST]])
+    return int(queue.entries[first_place(queue)]["slot"])
 
 
 @inlined
 def pop(queue: Queue) -> None:
     """Drop the entry with the smallest key; the queue must have been peeked at."""
+    drop(queue, first_place(queue))
     queue.counts[FIRST] += 1
+
+
+@inlined
+def drop(queue: Queue, place: int) -> None:
+    """Drop the entry at a place."""
+    queue.entries[place]["key"] = np.inf
+    queue.counts[_SIZE] -= 1
 
 
 @bare
 def _lowest_bin(queue: Queue) -> int:
     lowest = np.inf
-    for chain in range(queue.head.size):
-        entry = queue.head[chain]
-        while entry >= 0:
-            lowest = min(lowest, queue.entries[entry]["key"])
-            entry = queue.entries[entry]["link"]
+    for place in range(used(queue)):
+        lowest = min(lowest, queue.entries[place]["key"])
     return math.floor(lowest * queue.per_bin)
 
 
 @inlined
 def _load(queue: Queue) -> None:
-    """Move the entries of the bin in use from its chain to the front, and sort them."""
+    """Put the entries of the bin in use in order."""
     counts = queue.counts
     bin_ = counts[BIN]
-    chain = bin_ & (queue.head.size - 1)
-    entry = queue.head[chain]
-    kept = -1
+    place = queue.newest[bin_ & (queue.newest.size - 1)]
     count = 0
-    while entry >= 0:
-        following = queue.entries[entry]["link"]
-        if math.floor(queue.entries[entry]["key"] * queue.per_bin) == bin_:
-            queue.front_key[count] = queue.entries[entry]["key"]
-            queue.front_slot[count] = queue.entries[entry]["slot"]
-            count += 1
-            queue.entries[entry]["link"] = counts[_FREE]
-            counts[_FREE] = entry
-        else:  # an entry of a later turn of the wheel
-            queue.entries[entry]["link"] = kept
-            kept = entry
-        entry = following
-    queue.head[chain] = kept
-    counts[_CHAINED] -= count
+    while place >= 0:
+        chunk = place >> _SHIFT
+        for here in range(place, chunk * _CHUNK - 1, -1):
+            key = queue.entries[here]["key"]
+            if key < np.inf and math.floor(key * queue.per_bin) == bin_:  # else one of a later turn of the wheel
+                queue.front_key[count] = key
+                queue.front_place[count] = here
+                count += 1
+        place = (queue.before[chunk] << _SHIFT) + _CHUNK - 1
     counts[LAST] = count
     _sort_front(queue, count)
 
 
 @inlined
+def _free_chunks(queue: Queue, chain: int) -> None:
+    """Free the chunks of a bin in which no entry is left."""
+    place, after = queue.newest[chain], -1
+    while place >= 0:
+        chunk = place >> _SHIFT
+        before = queue.before[chunk]
+        least = np.inf
+        for here in range(chunk * _CHUNK, place + 1):
+            least = min(least, queue.entries[here]["key"])
+        place = (before << _SHIFT) + _CHUNK - 1
+        if least < np.inf:
+            after = chunk
+            continue
+        if after < 0:
+            queue.newest[chain] = place
+        else:
+            queue.before[after] = before
+        queue.before[chunk] = queue.counts[_FREE]
+        queue.counts[_FREE] = chunk
+
+
+@bare
+def _pack(queue: Queue) -> None:
+    """Move entries together: places of dropped ones may lie anywhere."""
+    counts, entries = queue.counts, queue.entries
+    aside = entries[entries.size - _CHUNK :]
+    if counts[FIRST] < counts[LAST]:
+        counts[FIRST] = counts[LAST] = 0
+        counts[BIN] -= 1
+    counts[MOVED] = 1
+    for chain in range(queue.newest.size):
+        place = queue.newest[chain]
+        queue.newest[chain] = -1
+        while place >= 0:
+            chunk = place >> _SHIFT
+            count = 0
+            for here in range(chunk * _CHUNK, place + 1):
+                if entries[here]["key"] < np.inf:
+                    aside[count] = entries[here]
+                    entries[here]["key"] = np.inf
+                    count += 1
+            place = (queue.before[chunk] << _SHIFT) + _CHUNK - 1
+            queue.before[chunk] = counts[_FREE]
+            counts[_FREE] = chunk
+            for i in range(count):
+                entries[_put(queue, chain)] = aside[i]
+
+
+@inlined
 def _sort_front(queue: Queue, count: int) -> None:
-    # A chain holds its newest entry first; times of re-attachment come in order, so reversed they are sorted already.
-    keys, slots = queue.front_key, queue.front_slot
+    # A bin is read from its newest entry; times of re-attachment come in order, so reversed they are sorted already.
+    keys, places = queue.front_key, queue.front_place
     for i in range(count // 2):
         j = count - 1 - i
         keys[i], keys[j] = keys[j], keys[i]
-        slots[i], slots[j] = slots[j], slots[i]
+        places[i], places[j] = places[j], places[i]
     stride = 1
     while stride < count // 9:
         stride = 3 * stride + 1
     while stride > 0:  # Shell's sort: bins are short, and it needs no memory
         for i in range(stride, count):
-            key, slot = keys[i], slots[i]
+            key, place = keys[i], places[i]
             j = i
             while j >= stride and keys[j - stride] > key:
                 keys[j] = keys[j - stride]
-                slots[j] = slots[j - stride]
+                places[j] = places[j - stride]
                 j -= stride
             keys[j] = key
-            slots[j] = slot
+            places[j] = place
         stride //= 3

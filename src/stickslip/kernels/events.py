@@ -26,57 +26,57 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import bare, inlined
-from .drive import NOWHERE, Quadratic, Stop, holds
-from .event_queue import BIN, FIRST, LAST, Queue, clear, first_slot, is_full, make_queue, peek, pop, push
-from .flight import NEAR, Flight, at, energies, first_crossing, first_turn, heading, soon, take_off
+from .between_events import (
+    ANCHOR,
+    ATTACHED,
+    BREAKS,
+    BROKEN,
+    BUDGET_SPENT,
+    CONDITION_HELD,
+    COUNTS,
+    LOOK,
+    LOOKED,
+    MOTION,
+    POSITION,
+    REACHED_END,
+    REFERENCE,
+    SLIDE,
+    SQUARES,
+    SUM,
+    TIME,
+    VELOCITY,
+    Constants,
+    Leg,
+    Piece,
+    Sampling,
+    constants,
+    detached_stretching,
+    fly,
+    friction,
+    sample_until,
+    set_out,
+)
+from .drive import Quadratic
+from .event_queue import ENTRY, MOVED, Queue, clear, drop, first_place, first_slot, make_queue, peek, pop, push, used
+from .flight import Flight, at, first_crossing, first_turn, heading, soon
 from .oscillator import Slider
 
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
 Records = NDArray[np.void]
 
-# Fields used together lie together: four contacts a cache line.
-CONTACT = np.dtype([("birth", np.float64), ("threshold", np.float64)])
+# Fields used together lie together: two contacts a cache line.
+CONTACT = np.dtype([*ENTRY.descr, ("birth", np.float64), ("threshold", np.float64)])
 
-_NEAR_CACHE = 65_536  # contacts, at 16 bytes each, that the near caches of a core hold
-
-# Why `advance` returned.
-REACHED_END = 0
-CONDITION_HELD = 1
-THRESHOLDS_USED_UP = 2
-DELAYS_USED_UP = 3
-BUDGET_SPENT = 4
-LOOK = 5
-ARRESTED = 6
+# Why `advance` returned, besides the reasons of `between_events`.
+THRESHOLDS_USED_UP = 10
+DELAYS_USED_UP = 11
+ARRESTED = 12
 
 
 # ---------------------------------------------------------------------------------------------------------------------
 # The state and what changes it
 # ---------------------------------------------------------------------------------------------------------------------
-
-
-class Piece(NamedTuple):
-    """A piece of the drive up to `end`, or to a condition seen at a sample.
-
-    `look` is a time at which the caller wants to look at the contacts: `advance` then returns before the flight that
-    passes it, so that looking changes nothing.
-    """
-
-    drive: Quadratic
-    end: float
-    stop: Stop = Stop()
-    look: float = math.inf
-
-
-class Sampling(NamedTuple):
-    """Rising times at which to sample, shape (n,), and the samples, shape (n, 8), filled with `COLUMNS`.
-
-    Position, velocity, friction force, attached fraction, energy stored in contacts, and, accumulated since the
-    start, work of the drive, energy lost to damping and in breaks; all per contact.
-    """
-
-    times: Floats
-    samples: Floats
 
 
 class Draws(NamedTuple):
@@ -97,14 +97,14 @@ class Draws(NamedTuple):
 class State(NamedTuple):
     """All that the next step needs: contacts, queues, motion.
 
-    ``contacts`` holds birth position and threshold, shape (N,); a threshold of 0 marks a detached contact. ``ahead`` is
-    keyed by ``birth + threshold``, ``behind`` by ``threshold - birth``, ``waiting``, of detached contacts, by time.
-    Entries of ``ahead`` and ``behind`` outlive their contact and are recognised as stale when they come up. A slider
-    that moves on, or back by less than a threshold, breaks none behind: until one comes near, a bound stands for the
-    queue ``behind``, which is then filled and kept for a while.
+    ``ahead``, keyed by ``birth + threshold``, is where attached contacts live: what breaks next lies together. Its
+    slots are the contacts' numbers, `other` the places in ``behind``, keyed by ``threshold - birth``, whose slots are
+    the places in ``ahead``. ``waiting``, of detached contacts, is keyed by time. A slider that moves on, or back by
+    less than a threshold, breaks none behind: until one comes near, a bound stands for the queue ``behind``, which is then
+    filled and kept for a while.
     """
 
-    contacts: Records
+    size: int
     ahead: Queue
     behind: Queue
     waiting: Queue
@@ -113,37 +113,16 @@ class State(NamedTuple):
     cuts: Floats
 
 
-# state.motion
-TIME = 0
-POSITION = 1
-VELOCITY = 2
-_SUM = 3  # sum of (birth - reference) over attached contacts
-_SQUARES = 4  # sum of (birth - reference)**2
-_REFERENCE = 5
-WORK = 6  # of the drive, per contact, since the start
-DAMPED = 7  # dissipated by damping
-BROKEN = 8  # lost by contacts: in breaks, sliding detached, re-attaching
-LOOKED = 9  # position of the slider at the time of a look
-_HALF = 10  # 1/(2 N)
-_YIELD = 11  # force at which the element of the detached contacts yields
-_ANCHOR = 12  # position of the slider at which that element, while elastic, is unstretched
-_LEAST = 13  # no attached contact has a smaller key in ``behind``
-# state.counts
-ATTACHED = 0
-SAMPLE = 1  # next sample
-THRESHOLD = 2  # next threshold of those handed in
-DELAY = 3
-BREAKS = 4
-EVENTS = 5
-_SLIDES = 6  # 1 or -1 while the element of the detached contacts yields ahead or behind, 0 while it is elastic
-_LEFT = 7  # the side at which it yielded just now, until the slider turns round: 1, -1, or 0 for none
-_DIRECTION = 8  # in which the slider moved last: 1 or -1
-_AT_ARREST = 9  # breaks up to the last arrest
-_KEPT = 10  # whether ``behind`` is kept
-_SUMMED = 11  # attachments since the last summing up
-
-# columns of the samples
-COLUMNS = ("displacement", "velocity", "friction_force", "attached", "stored", "work", "damped", "broken")
+# Further floats and counts, behind those of `between_events`.
+_YIELD = MOTION  # force at which the element of the detached contacts yields
+_LEAST = MOTION + 1  # no attached contact has a smaller key in ``behind``
+THRESHOLD = COUNTS  # next threshold of those handed in
+DELAY = COUNTS + 1
+_LEFT = COUNTS + 2  # the side at which the element yielded just now, until the slider turns round: 1, -1, or 0 for none
+_DIRECTION = COUNTS + 3  # in which the slider moved last: 1 or -1
+_AT_ARREST = COUNTS + 4  # breaks up to the last arrest
+_KEPT = COUNTS + 5  # whether ``behind`` is kept
+_SUMMED = COUNTS + 6  # attachments since the last summing up
 
 
 def make_state(
@@ -175,73 +154,84 @@ def make_state(
         1 or -1 if it yields already, ahead or behind.
     """
     N = birth.size
-    contacts = np.empty(N, CONTACT)
-    contacts["birth"], contacts["threshold"] = birth, threshold
-    attached = threshold > 0
-    typical = threshold[attached][:4096] if attached.any() else np.ones(1)
-    low, high = np.quantile(typical, [0.05, 0.95])
-    # A dozen contacts in a bin where breaking positions are densest; at most some four empty bins per contact.
-    reach = 2.0 * float(typical.max())
-    width = max(40.0 * float(high - low) / N, reach / (2.0 * N), 1e-9 * reach)
-    bins = _power_of_two(reach / width, 4 * N)
+    attached = np.flatnonzero(threshold > 0)
+    typical = threshold[attached][:4096] if attached.size else np.ones(1)
+    # A dozen contacts break on the width of a bin in smooth sliding.
+    reach, width = 2.0 * float(typical.max()), 12.0 * float(typical.mean()) / N
+    bins = _power_of_two(reach / width, N / 4)
     time_width = 16.0 * scale_time / N if 0 < scale_time < math.inf else 1.0
     state = State(
-        contacts=contacts,
-        ahead=make_queue(2 * N + 64, bins, width),
-        behind=make_queue(3 * N + 64, bins, width),
-        waiting=make_queue(N + 64, _power_of_two(N / 8, N), time_width),
-        motion=np.zeros(14),
-        counts=np.zeros(12, np.int64),
+        size=N,
+        ahead=make_queue(N, bins, width, CONTACT),
+        behind=make_queue(N, bins, width),
+        waiting=make_queue(N, _power_of_two(N / 8, N), time_width),
+        motion=np.zeros(MOTION + 2),
+        counts=np.zeros(COUNTS + 7, np.int64),
         cuts=np.zeros(16),
     )
-    state.motion[POSITION] = state.motion[_ANCHOR] = X
+    state.motion[POSITION] = state.motion[ANCHOR] = X
     state.motion[_YIELD] = sliding_force
-    state.counts[_SLIDES] = slides
+    state.counts[SLIDE] = slides
     state.counts[_DIRECTION] = -1 if velocity < 0 else 1
     state.motion[VELOCITY] = velocity
-    state.motion[_HALF] = 0.5 / N
-    state.counts[ATTACHED] = int(attached.sum())
+    state.counts[ATTACHED] = attached.size
     first_detached = N - pending.size
     for i in np.flatnonzero(np.isfinite(pending)):
         push(state.waiting, float(pending[i]), first_detached + int(i))
-    _rebuild(state, state.ahead, 1.0)
+    clear(state.ahead, X)
+    _fill(state, attached, birth, threshold)
     _sum_again(state)
     return state
 
 
+@bare
+def _fill(state: State, slots: Counts, birth: Floats, threshold: Floats) -> None:
+    """Put contacts where attached ones live."""
+    for slot in slots:
+        place = push(state.ahead, threshold[slot] + birth[slot], slot)
+        state.ahead.entries[place]["birth"] = birth[slot]
+        state.ahead.entries[place]["threshold"] = threshold[slot]
+
+
 def contact_force(state: State) -> float:
     """Force of the contacts, per contact."""
-    x, n = state.motion[POSITION] - state.motion[_REFERENCE], state.counts[ATTACHED]
-    total = n * x - state.motion[_SUM]
-    if state.motion[_YIELD] > 0.0:
-        total += (state.contacts.size - n) * _element(state, state.motion[POSITION])
-    return float(total / state.contacts.size)
+    return float(friction(state.motion, state.counts, state.motion[_YIELD], float(state.size)))
+
+
+def attached_contacts(state: State) -> Records:
+    """Return the attached contacts: number (`slot`), birth position and threshold of each."""
+    entries = state.ahead.entries[: used(state.ahead)]
+    return entries[entries["key"] < np.inf]
 
 
 def stretchings(state: State, X: float) -> Floats:
     """Stretchings of the attached contacts with the slider at `X`: its own place, or that of a look, `LOOKED`."""
-    contacts = state.contacts[state.contacts["threshold"] > 0]
-    return np.asarray(X - contacts["birth"])
+    return np.asarray(X - attached_contacts(state)["birth"])
 
 
-def _power_of_two(wanted: float, most: int) -> int:
+def _power_of_two(wanted: float, most: float) -> int:
     return 1 << max(4, min(math.ceil(math.log2(max(wanted, 1.0))), math.ceil(math.log2(most + 1))))
 
 
 @inlined
-def _element(state: State, X: float) -> float:
-    """Stretching of the element that stands for the detached contacts, with the slider at `X`."""
-    slides = state.counts[_SLIDES]
-    return float(slides * state.motion[_YIELD] if slides != 0 else X - state.motion[_ANCHOR])
+def _slid_energy(state: State, part: float, f_d: float) -> float:
+    """Energy that a detached contact holds; `part` is ``1/N``."""
+    if f_d == 0.0:
+        return 0.0
+    return float(0.5 * part * detached_stretching(state.motion, state.counts, f_d, state.motion[POSITION]) ** 2)
 
 
 @bare
-def _rebuild(state: State, queue: Queue, side: float) -> None:
-    """Fill a queue of breaking positions anew from the attached contacts, leaving stale entries out."""
-    clear(queue, side * state.motion[POSITION])
-    for i in range(state.contacts.size):
-        if state.contacts[i]["threshold"] > 0:
-            push(queue, state.contacts[i]["threshold"] + side * state.contacts[i]["birth"], i)
+def _keep_behind(state: State) -> None:
+    """Fill the queue of those behind, and keep it from now on."""
+    contacts = state.ahead.entries
+    clear(state.behind, -state.motion[POSITION])
+    for place in range(used(state.ahead)):
+        if contacts[place]["key"] < np.inf:
+            key = contacts[place]["threshold"] - contacts[place]["birth"]
+            contacts[place]["other"] = push(state.behind, key, place)
+    state.ahead.counts[MOVED] = 0
+    state.counts[_KEPT] = 1
 
 
 @bare
@@ -249,89 +239,59 @@ def _sum_again(state: State) -> None:
     """Sum the birth positions afresh, about the present position: rounding cannot pile up; and the bound behind."""
     reference = state.motion[POSITION]
     total, squares, least = 0.0, 0.0, np.inf
-    for i in range(state.contacts.size):
-        if state.contacts[i]["threshold"] > 0:
-            y = state.contacts[i]["birth"] - reference
+    contacts = state.ahead.entries
+    for place in range(used(state.ahead)):
+        if contacts[place]["key"] < np.inf:
+            y = contacts[place]["birth"] - reference
             total += y
             squares += y * y
-            least = min(least, state.contacts[i]["threshold"] - state.contacts[i]["birth"])
+            least = min(least, contacts[place]["threshold"] - contacts[place]["birth"])
     state.motion[_LEAST] = least
     state.counts[_SUMMED] = 0
-    state.motion[_SUM] = total
-    state.motion[_SQUARES] = squares
-    state.motion[_REFERENCE] = reference
+    state.motion[SUM] = total
+    state.motion[SQUARES] = squares
+    state.motion[REFERENCE] = reference
 
 
 @inlined
-def _attach(state: State, slot: int, threshold: float, stretching: float) -> None:
+def _attach(state: State, slot: int, threshold: float, stretching: float, c: Constants) -> None:
     """A contact attaches where the slider is; it lets go of the force it slid with, and is stretched anew."""
     X = state.motion[POSITION]
-    if state.motion[_YIELD] > 0.0:
-        state.motion[BROKEN] += _element(state, X) ** 2 * state.motion[_HALF]
+    state.motion[BROKEN] += _slid_energy(state, c.part, c.f_d)
     if stretching != 0.0:
-        state.motion[BROKEN] -= stretching**2 * state.motion[_HALF]
+        state.motion[BROKEN] -= 0.5 * stretching**2 * c.part
         X -= state.counts[_DIRECTION] * stretching
-    state.contacts[slot]["birth"] = X
-    state.contacts[slot]["threshold"] = threshold
-    y = X - state.motion[_REFERENCE]
-    state.motion[_SUM] += y
-    state.motion[_SQUARES] += y * y
+    y = X - state.motion[REFERENCE]
+    state.motion[SUM] += y
+    state.motion[SQUARES] += y * y
     state.counts[ATTACHED] += 1
-    if is_full(state.ahead):
-        _rebuild(state, state.ahead, 1.0)
-    else:
-        push(state.ahead, threshold + X, slot)
+    contacts = state.ahead.entries
+    place = push(state.ahead, threshold + X, slot)
+    contacts[place]["birth"] = X
+    contacts[place]["threshold"] = threshold
     state.motion[_LEAST] = min(state.motion[_LEAST], threshold - X)
+    if state.counts[_KEPT]:
+        contacts[place]["other"] = push(state.behind, threshold - X, place)
     state.counts[_SUMMED] += 1
-    if state.counts[_KEPT] and not is_full(state.behind):
-        push(state.behind, threshold - X, slot)
-    elif state.counts[_KEPT] or state.counts[_SUMMED] > 2 * state.contacts.size + 64:
+    if state.counts[_SUMMED] > 2 * state.size + 64 or state.ahead.counts[MOVED] or state.behind.counts[MOVED]:
         _sum_again(state)
-        state.counts[_KEPT] = 0
+        state.counts[_KEPT] = state.ahead.counts[MOVED] = state.behind.counts[MOVED] = 0
 
 
 @inlined
-def _detach(state: State, slot: int) -> None:
-    """A contact breaks, stretched to its threshold, and slides on; its entry in the other queue goes stale."""
-    if state.motion[_YIELD] > 0.0:
-        state.motion[BROKEN] -= _element(state, state.motion[POSITION]) ** 2 * state.motion[_HALF]
-    y = state.contacts[slot]["birth"] - state.motion[_REFERENCE]
-    state.motion[_SUM] -= y
-    state.motion[_SQUARES] -= y * y
-    state.motion[BROKEN] += state.contacts[slot]["threshold"] ** 2 * state.motion[_HALF]
-    state.contacts[slot]["threshold"] = 0.0
+def _detach(state: State, place: int, c: Constants) -> None:
+    """The contact at a place breaks, stretched to its threshold, and slides on."""
+    contact = state.ahead.entries[place]
+    state.motion[BROKEN] -= _slid_energy(state, c.part, c.f_d)
+    y = contact["birth"] - state.motion[REFERENCE]
+    state.motion[SUM] -= y
+    state.motion[SQUARES] -= y * y
+    state.motion[BROKEN] += 0.5 * contact["threshold"] ** 2 * c.part
+    if state.counts[_KEPT]:
+        drop(state.behind, contact["other"])
+    drop(state.ahead, place)
     state.counts[ATTACHED] -= 1
     state.counts[BREAKS] += 1
-
-
-@inlined
-def _fetch(state: State, queue: Queue, bin_: int) -> None:
-    """Read the contacts of a bin just put in use, all at once: one by one, each would be waited for.
-
-    Only where they lie outside the near caches.
-    """
-    counts = queue.counts
-    if state.contacts.size > _NEAR_CACHE and counts[BIN] != bin_:
-        total = 0.0
-        for i in range(counts[FIRST], counts[LAST]):
-            total += state.contacts[queue.front_slot[i]]["birth"]
-        state.cuts[0] = total  # so that the reads are not dropped
-
-
-@inlined
-def _next_break(state: State, queue: Queue, side: float) -> float:
-    """Smallest key of a contact that is still attached; stale entries are dropped on the way."""
-    while True:
-        bin_ = queue.counts[BIN]
-        key = peek(queue)
-        if key == np.inf:
-            return key
-        _fetch(state, queue, bin_)
-        slot = first_slot(queue)
-        threshold = state.contacts[slot]["threshold"]
-        if threshold > 0 and threshold + side * state.contacts[slot]["birth"] == key:
-            return key
-        pop(queue)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -339,225 +299,99 @@ def _next_break(state: State, queue: Queue, side: float) -> float:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-class _Constants(NamedTuple):
-    """What does not change: Eq. (11) with all of its numbers 0 for rigid motion, and ``1/N``.
+class _Edges(NamedTuple):
+    """The element of the detached contacts yields where the slider passes `ahead` or `behind`.
 
-    `near` is the time up to which the short Taylor expansion does.
+    With `watch`, the flight ends where the slider turns round.
     """
 
-    K: float
-    inverse_mass: float
-    eta: float
-    drag: float
-    near: float
-    N: float
-    part: float
-    rigid: bool
-
-
-class _Leg(NamedTuple):
-    """A flight from one event towards the next: where it begins, with which forces, and its motion.
-
-    The element of the detached contacts yields where the slider passes `ahead` or `behind`; with `watch`, the flight
-    ends where the slider turns round.
-    """
-
-    t: float
-    X: float
-    n: float
-    F_d: float
-    drive_v: float
-    flight: Flight
     ahead: float
     behind: float
     watch: bool
 
 
 @inlined
-def _constants(slider: Slider, N: float) -> _Constants:
-    if math.isinf(slider.stiffness):  # without forces the slider keeps its velocity
-        return _Constants(0.0, 0.0, 0.0, 0.0, math.inf, N, 1.0 / N, True)
-    inverse_mass = 1.0 / slider.mass
-    drag = slider.damping / inverse_mass
-    fastest = slider.damping + math.sqrt((slider.stiffness + 1.0) * inverse_mass)
-    return _Constants(slider.stiffness, inverse_mass, slider.damping, drag, NEAR / fastest, N, 1.0 / N, False)
-
-
-@inlined
-def _take_off(state: State, c: _Constants, F_d: float, drive_v: float, acceleration: float) -> Flight:
-    """Motion under the force of the spring and of the contacts."""
-    motion = state.motion
-    n = float(state.counts[ATTACHED])
-    F_c = (n * (motion[POSITION] - motion[_REFERENCE]) - motion[_SUM]) * c.part
-    if motion[_YIELD] > 0.0:
-        F_c += (c.N - n) * _element(state, motion[POSITION]) * c.part
-        if state.counts[_SLIDES] == 0:
-            n = c.N
-    return take_off(
-        c.eta,
-        (c.K + n * c.part) * c.inverse_mass,
-        c.near,
-        motion[VELOCITY],
-        (F_d - F_c) * c.inverse_mass,
-        c.K * drive_v * c.inverse_mass,
-        0.5 * c.K * acceleration * c.inverse_mass,
-    )
-
-
-@inlined
 def _element_turns(state: State, flight: Flight) -> bool:
     """Whether the element of the detached contacts ceases to yield, or yields again, as the slider sets out."""
     counts = state.counts
-    slides, left = counts[_SLIDES], counts[_LEFT]
+    slides, left = counts[SLIDE], counts[_LEFT]
     if slides != 0 and heading(flight) * slides < 0.0:
-        state.motion[_ANCHOR] = state.motion[POSITION] - slides * state.motion[_YIELD]
-        counts[_SLIDES], counts[_LEFT] = 0, slides
+        state.motion[ANCHOR] = state.motion[POSITION] - slides * state.motion[_YIELD]
+        counts[SLIDE], counts[_LEFT] = 0, slides
         return True
     if left != 0 and heading(flight) * left > 0.0:
-        counts[_SLIDES], counts[_LEFT] = left, 0
+        counts[SLIDE], counts[_LEFT] = left, 0
         return True
     return False
 
 
 @inlined
-def _begin(state: State, drive: Quadratic, arrests: bool, c: _Constants) -> _Leg:
+def _begin(state: State, drive: Quadratic, arrests: bool, c: Constants) -> tuple[Leg, _Edges]:
     """Motion from here on, if nothing happened."""
     motion, counts = state.motion, state.counts
-    t, X = motion[TIME], motion[POSITION]
-    since = t - drive.start
-    drive_v = drive.velocity + drive.acceleration * since
-    D = drive.position + (drive.velocity + 0.5 * drive.acceleration * since) * since
-    F_d = c.K * (D - X)
-    flight = _take_off(state, c, F_d, drive_v, drive.acceleration)
+    leg = set_out(motion, counts, drive, c)
     ahead, behind = np.inf, -np.inf
     watch = arrests and counts[BREAKS] > counts[_AT_ARREST]
-    if motion[_YIELD] > 0.0:
-        if _element_turns(state, flight):
-            flight = _take_off(state, c, F_d, drive_v, drive.acceleration)
-        if counts[_SLIDES] == 0:
-            ahead = motion[_ANCHOR] + motion[_YIELD] if counts[_LEFT] != 1 else np.inf
-            behind = motion[_ANCHOR] - motion[_YIELD] if counts[_LEFT] != -1 else -np.inf
-        watch = watch or counts[_SLIDES] != 0 or counts[_LEFT] != 0
-    return _Leg(t, X, float(counts[ATTACHED]), F_d, drive_v, flight, ahead, behind, watch)
+    if c.f_d > 0.0:
+        if _element_turns(state, leg.motion):
+            leg = set_out(motion, counts, drive, c)
+        if counts[SLIDE] == 0:
+            ahead = motion[ANCHOR] + c.f_d if counts[_LEFT] != 1 else np.inf
+            behind = motion[ANCHOR] - c.f_d if counts[_LEFT] != -1 else -np.inf
+        watch = watch or counts[SLIDE] != 0 or counts[_LEFT] != 0
+    return leg, _Edges(ahead, behind, watch)
 
 
 _TURN = 2  # ends a flight where the slider turns round
 
 
 @inlined
-def _next_event(state: State, leg: _Leg, ahead: float, most: float) -> tuple[float, float, float, int]:
+def _next_event(state: State, leg: Leg, edges: _Edges, ahead: float, most: float) -> tuple[float, float, float, int]:
     """How long the flight lasts, at most `most`; displacement and velocity then; and what ends it.
 
     1 and -1: a break ahead or behind, or the element of the detached contacts yields there; `_TURN`; 0: the limit, or
     the end of what was searched.
     """
-    v = leg.flight.v
-    to_ahead = max(min(ahead, leg.ahead) - leg.X, 0.0)
+    v = leg.motion.v
+    to_ahead = max(min(ahead, edges.ahead) - leg.X, 0.0)
     h, y, u, side, applies = 0.0, 0.0, v, 1, to_ahead == 0.0
     if not applies and v > 0.0:
-        h, y, u, side, applies = soon(leg.flight, to_ahead, most)
+        h, y, u, side, applies = soon(leg.motion, to_ahead, most)
     if not applies:
         # Only now those behind are looked at: while the slider moves on, none of them can break.
-        behind = _next_break(state, state.behind, -1.0) if state.counts[_KEPT] else state.motion[_LEAST]
-        to_behind = max(min(behind, -leg.behind) + leg.X, 0.0)
+        behind = peek(state.behind) if state.counts[_KEPT] else state.motion[_LEAST]
+        to_behind = max(min(behind, -edges.behind) + leg.X, 0.0)
         h, y, u, side, applies = 0.0, 0.0, v, 1, to_behind == 0.0
         if not applies and v < 0.0:
-            h, y, u, side, applies = soon(leg.flight, -to_behind, most)
+            h, y, u, side, applies = soon(leg.motion, -to_behind, most)
         side = -side
         if not applies:
-            h, side = first_crossing(leg.flight, to_ahead, to_behind, most, state.cuts)
-            turn = first_turn(leg.flight, h, state.cuts) if leg.watch else np.inf
+            h, side = first_crossing(leg.motion, to_ahead, to_behind, most, state.cuts)
+            turn = first_turn(leg.motion, h, state.cuts) if edges.watch else np.inf
             if turn <= h:
                 h, side = turn, _TURN
-            y, u = at(leg.flight, h)
+            y, u = at(leg.motion, h)
             if side == _TURN:
                 u = 0.0
     return h, y, u, side
 
 
 @inlined
-def _rubbed(state: State, leg: _Leg, y: float, c: _Constants) -> float:
-    """Energy that the detached contacts dissipate over a displacement."""
-    return float((c.N - leg.n) * c.part * state.counts[_SLIDES] * state.motion[_YIELD] * y)
-
-
-@inlined
-def _sample(state: State, row: Floats, leg: _Leg, part: float, acceleration: float, c: _Constants) -> None:
-    """Fill a row with what the flight passes a time `part` after its beginning."""
-    motion, n = state.motion, leg.n
-    y, u = at(leg.flight, part)
-    x = leg.X + y - motion[_REFERENCE]
-    row[0] = leg.X + y
-    row[1] = u
-    row[2] = (n * x - motion[_SUM]) * c.part
-    row[3] = n / c.N
-    row[4] = 0.5 * (n * x * x - 2.0 * x * motion[_SUM] + motion[_SQUARES]) * c.part
-    row[5], row[6], row[7] = motion[WORK], motion[DAMPED], motion[BROKEN]
-    if motion[_YIELD] > 0.0:
-        element = _element(state, row[0])
-        row[2] += (c.N - n) * element * c.part
-        row[4] += 0.5 * (c.N - n) * element * element * c.part
-        row[7] += _rubbed(state, leg, y, c)
-    if not c.rigid:
-        work, squares = energies(leg.flight, part, y, u, leg.F_d, c.K, leg.drive_v, acceleration)
-        row[5] += work
-        row[6] += c.drag * squares
-
-
-@inlined
-def _sample_until(state: State, piece: Piece, sampling: Sampling, leg: _Leg, end: float, c: _Constants) -> bool:
-    """Fill the samples up to `end`, or to the first at which the condition holds, and go there; whether it does."""
-    motion, counts, drive = state.motion, state.counts, piece.drive
-    while counts[SAMPLE] < sampling.times.size and sampling.times[counts[SAMPLE]] <= end:
-        time, row = sampling.times[counts[SAMPLE]], sampling.samples[counts[SAMPLE]]
-        _sample(state, row, leg, time - leg.t, drive.acceleration, c)
-        counts[SAMPLE] += 1
-        if piece.stop.kind != NOWHERE:
-            later = time - drive.start
-            D = drive.position + (drive.velocity + 0.5 * drive.acceleration * later) * later
-            if holds(piece.stop, row[0], c.K * (D - row[0])):
-                motion[TIME], motion[POSITION], motion[VELOCITY] = time, row[0], row[1]
-                motion[WORK], motion[DAMPED], motion[BROKEN] = row[5], row[6], row[7]
-                return True
-    return False
-
-
-@inlined
-def _fly(
-    state: State, leg: _Leg, h: float, y: float, u: float, ends_at: float, acceleration: float, c: _Constants
-) -> None:
-    """Make the end of the flight the state."""
-    motion = state.motion
-    if not c.rigid:
-        work, squares = energies(leg.flight, h, y, u, leg.F_d, c.K, leg.drive_v, acceleration)
-        motion[WORK] += work
-        motion[DAMPED] += c.drag * squares
-    if motion[_YIELD] > 0.0:
-        motion[BROKEN] += _rubbed(state, leg, y, c)
-    if u != 0.0:
-        state.counts[_DIRECTION] = 1 if u > 0.0 else -1
-    motion[TIME] = ends_at
-    motion[VELOCITY] = u
-    motion[POSITION] = leg.X + y
-    state.counts[EVENTS] += 1
-
-
-@inlined
-def _attach_next(state: State, slot: int, draws: Draws) -> None:
+def _attach_next(state: State, slot: int, draws: Draws, c: Constants) -> None:
     """Attach a contact with the next threshold, and the stretching that goes with it."""
     i = state.counts[THRESHOLD]
     state.counts[THRESHOLD] = i + 1
-    _attach(state, slot, draws.thresholds[i], draws.stretchings[i] if draws.stretchings.size else 0.0)
+    _attach(state, slot, draws.thresholds[i], draws.stretchings[i] if draws.stretchings.size else 0.0, c)
 
 
 @inlined
-def _yields(state: State, leg: _Leg, side: int, ahead: float) -> bool:
+def _yields(state: State, edges: _Edges, side: int, ahead: float) -> bool:
     """Whether it is the element of the detached contacts that gives way, not a contact; it yields from here on."""
-    limit = leg.ahead if side == 1 else leg.behind
+    limit = edges.ahead if side == 1 else edges.behind
     if not (limit < ahead if side == 1 else -limit < peek(state.behind)):
         return False
     state.motion[POSITION] = limit
-    state.counts[_SLIDES], state.counts[_LEFT] = side, 0
+    state.counts[SLIDE], state.counts[_LEFT] = side, 0
     return True
 
 
@@ -574,24 +408,26 @@ def _turn(state: State, arrests: bool) -> bool:
 
 def re_attach_all(state: State) -> None:
     """Make all detached contacts re-attach now."""
-    for slot in np.flatnonzero(state.contacts["threshold"] == 0.0):
+    detached = np.ones(state.size, dtype=bool)
+    detached[attached_contacts(state)["slot"]] = False
+    for slot in np.flatnonzero(detached):
         push(state.waiting, float(state.motion[TIME]), int(slot))
 
 
 @inlined
-def _break(state: State, side: int, draws: Draws) -> bool:
+def _break(state: State, side: int, draws: Draws, c: Constants) -> bool:
     """Break the first contact ahead or behind; whether it waits for its re-attachment."""
-    queue = state.ahead if side == 1 else state.behind
-    slot = first_slot(queue)
-    state.motion[POSITION] = state.contacts[slot]["birth"] + side * state.contacts[slot]["threshold"]
-    pop(queue)
-    _detach(state, slot)
+    place = first_place(state.ahead) if side == 1 else first_slot(state.behind)
+    contact = state.ahead.entries[place]
+    slot = contact["slot"]
+    state.motion[POSITION] = contact["birth"] + side * contact["threshold"]
+    _detach(state, place, c)
     delay = draws.fixed_delay
     if math.isnan(delay):
         delay = draws.delays[state.counts[DELAY]]
         state.counts[DELAY] += 1
     if delay == 0.0:
-        _attach_next(state, slot, draws)
+        _attach_next(state, slot, draws, c)
         return False
     if delay < np.inf:
         push(state.waiting, state.motion[TIME] + delay, slot)
@@ -600,15 +436,12 @@ def _break(state: State, side: int, draws: Draws) -> bool:
 
 
 @inlined
-def _re_attach(state: State, draws: Draws) -> float:
+def _re_attach(state: State, draws: Draws, c: Constants) -> float:
     """Attach the first contact that waits; the time of the next."""
     slot = first_slot(state.waiting)
     pop(state.waiting)
-    _attach_next(state, slot, draws)
-    bin_ = state.waiting.counts[BIN]
-    following = peek(state.waiting)
-    _fetch(state, state.waiting, bin_)
-    return following
+    _attach_next(state, slot, draws, c)
+    return peek(state.waiting)
 
 
 @bare
@@ -621,7 +454,7 @@ def advance(state: State, slider: Slider, piece: Piece, sampling: Sampling, draw
         Changed in place. ``counts[SAMPLE]``, ``counts[THRESHOLD]`` and ``counts[DELAY]`` say how far the samples are
         filled and the draws used.
     slider : Slider
-        In rigid motion the slider keeps its velocity, whatever the drive.
+        In rigid motion the slider moves with the drive.
     piece : Piece
     sampling : Sampling
         Samples up to the end of the piece are filled.
@@ -635,10 +468,10 @@ def advance(state: State, slider: Slider, piece: Piece, sampling: Sampling, draw
         `REACHED_END`, `CONDITION_HELD`, `THRESHOLDS_USED_UP`, `DELAYS_USED_UP`, `BUDGET_SPENT`, `LOOK` or `ARRESTED`.
     """
     counts, acceleration = state.counts, piece.drive.acceleration
-    c = _constants(slider, float(state.contacts.size))
+    c = constants(slider, state.motion[_YIELD], float(state.size))
     random_delay = math.isnan(draws.fixed_delay)
     to_go = budget
-    ahead = _next_break(state, state.ahead, 1.0)
+    ahead = peek(state.ahead)
     attachment = peek(state.waiting)
     while True:
         if counts[THRESHOLD] >= draws.thresholds.size:
@@ -649,30 +482,31 @@ def advance(state: State, slider: Slider, piece: Piece, sampling: Sampling, draw
             return BUDGET_SPENT
         to_go -= 1
 
-        leg = _begin(state, piece.drive, draws.arrests, c)
+        leg, edges = _begin(state, piece.drive, draws.arrests, c)
         limit = min(attachment, piece.end)
         most = max(limit - leg.t, 0.0)
-        h, y, u, side = _next_event(state, leg, ahead, most)
+        h, y, u, side = _next_event(state, leg, edges, ahead, most)
         if side == -1 and not counts[_KEPT]:
-            _rebuild(state, state.behind, -1.0)
-            counts[_KEPT] = 1
+            _keep_behind(state)
             continue
         ends_at = limit if side == 0 and h == most else leg.t + h
 
         if ends_at > piece.look and leg.t <= piece.look:
-            state.motion[LOOKED] = leg.X + at(leg.flight, piece.look - leg.t)[0]
+            state.motion[LOOKED] = leg.X + at(leg.motion, piece.look - leg.t)[0]
             return LOOK
-        if _sample_until(state, piece, sampling, leg, min(ends_at, piece.end), c):
+        if sample_until(state.motion, counts, piece, sampling, leg, min(ends_at, piece.end), c):
             return CONDITION_HELD
-        _fly(state, leg, h, y, u, ends_at, acceleration, c)
+        fly(state.motion, counts, leg, h, y, u, ends_at, acceleration, c)
+        if u != 0.0:
+            counts[_DIRECTION] = 1 if u > 0.0 else -1
         if side == _TURN:
             if _turn(state, draws.arrests):
                 return ARRESTED
         elif side != 0:
-            if not _yields(state, leg, side, ahead) and _break(state, side, draws):
+            if not _yields(state, edges, side, ahead) and _break(state, side, draws, c):
                 attachment = peek(state.waiting)
         elif ends_at == attachment:
-            attachment = _re_attach(state, draws)
+            attachment = _re_attach(state, draws, c)
         elif ends_at >= piece.end:
             return REACHED_END
-        ahead = _next_break(state, state.ahead, 1.0)
+        ahead = peek(state.ahead)

@@ -1,9 +1,9 @@
 """The slider between two events, as the event engine needs it: quickly, with its turns and crossings.
 
 The equation of motion is that of `oscillator`, and so would be its closed form by doubling; but that costs 300 ns, as
-much as three events in all. Nearly all flights are short: a Taylor expansion whose coefficients serve position,
-velocity and Newton's method alike does them, and closed forms with exponentials the rest. Crossings need derivatives
-up to the jerk besides.
+much as five events in all. Nearly all flights are short: a Taylor expansion whose coefficients serve position,
+velocity, energies and Newton's method alike does them, six terms for the shortest, and closed forms with exponentials
+the rest. Crossings need derivatives up to the jerk besides.
 """
 
 import math
@@ -20,8 +20,8 @@ Floats = NDArray[np.float64]
 class Flight(NamedTuple):
     """Motion between two events, as displacement ``y(h)`` a time ``h`` after the first.
 
-    ``y = q0 + q1 h + q2 h^2`` plus a free oscillation that starts from ``(y0, v0)``; ``c2 ... c8`` are the Taylor
-    coefficients, used while ``h`` is at most `near`.
+    ``y = q0 + q1 h + q2 h^2`` plus a free oscillation that starts from ``(y0, v0)``; ``c2 ... c6`` are the first Taylor
+    coefficients, and do while ``h`` is at most `near` times `NEAREST` over `NEAR`.
     """
 
     eta: float
@@ -38,13 +38,12 @@ class Flight(NamedTuple):
     c4: float
     c5: float
     c6: float
-    c7: float
-    c8: float
     near: float
 
 
 # (eta + w) h up to here, w with all contacts attached: eight Taylor terms leave an error under 1e-14 of the velocity,
 NEAR = 0.06
+NEAREST = 0.012  # up to here, six
 MIDDLE = 0.3  # and up to here, twelve
 _DIED_OUT = 40.0  # a free oscillation that has decayed by exp of this is less than rounding
 _LEGS = 16.0  # flights of more legs than this go through the closed form
@@ -65,29 +64,37 @@ def take_off(eta: float, w2: float, near: float, v: float, f0: float, f1: float,
     c4 = (f2 * (1.0 / 12.0) - w2 * (1.0 / 12.0) * c2) - eta * 0.25 * c3
     c5 = -(w2 * (1.0 / 20.0)) * c3 - eta * 0.2 * c4
     c6 = -(w2 * (1.0 / 30.0)) * c4 - eta * (1.0 / 6.0) * c5
-    c7 = -(w2 * (1.0 / 42.0)) * c5 - eta * (1.0 / 7.0) * c6
-    c8 = -(w2 * (1.0 / 56.0)) * c6 - eta * 0.125 * c7
-    return Flight(eta, w2, inverse, q0, q1, q2, -q0, v - q1, v, c2, c3, c4, c5, c6, c7, c8, near)
+    return Flight(eta, w2, inverse, q0, q1, q2, -q0, v - q1, v, c2, c3, c4, c5, c6, near)
 
 
 @inlined
 def taylor(f: Flight, h: float) -> tuple[float, float]:
     """Displacement and velocity by the Taylor expansion, within `MIDDLE`."""
     tail, slope = 0.0, 0.0
+    if h > f.near * (NEAREST / NEAR):
+        tail, slope = _tail(f, h)
+    h2 = h * h
+    # Pairs of terms side by side: none waits for another.
+    y = (f.v + h * f.c2) + h2 * ((f.c3 + h * f.c4) + h2 * ((f.c5 + h * f.c6) + tail))
+    v = (f.v + h * 2.0 * f.c2) + h2 * ((3.0 * f.c3 + h * 4.0 * f.c4) + h2 * ((5.0 * f.c5 + h * 6.0 * f.c6) + slope))
+    return h * y, v
+
+
+@inlined
+def _tail(f: Flight, h: float) -> tuple[float, float]:
+    """Terms from the seventh on, of the displacement over ``h^5`` and of the velocity over ``h^4``."""
+    c6 = f.c6
+    c7 = -(f.w2 * (1.0 / 42.0)) * f.c5 - f.eta * (1.0 / 7.0) * c6
+    c8 = -(f.w2 * (1.0 / 56.0)) * c6 - f.eta * 0.125 * c7
+    tail, slope = 0.0, 0.0
     if h > f.near:
-        c9 = (-f.w2 * f.c7 - 8.0 * f.eta * f.c8) * (1.0 / 72.0)
-        c10 = (-f.w2 * f.c8 - 9.0 * f.eta * c9) * (1.0 / 90.0)
+        c9 = (-f.w2 * c7 - 8.0 * f.eta * c8) * (1.0 / 72.0)
+        c10 = (-f.w2 * c8 - 9.0 * f.eta * c9) * (1.0 / 90.0)
         c11 = (-f.w2 * c9 - 10.0 * f.eta * c10) * (1.0 / 110.0)
         c12 = (-f.w2 * c10 - 11.0 * f.eta * c11) * (1.0 / 132.0)
         tail = h * (c9 + h * (c10 + h * (c11 + h * c12)))
         slope = h * (9.0 * c9 + h * (10.0 * c10 + h * (11.0 * c11 + h * 12.0 * c12)))
-    h2 = h * h
-    h4 = h2 * h2
-    # Pairs of terms side by side: none waits for another.
-    y = (f.v + h * f.c2) + h2 * (f.c3 + h * f.c4) + h4 * ((f.c5 + h * f.c6) + h2 * (f.c7 + h * (f.c8 + tail)))
-    v = (f.v + h * 2.0 * f.c2) + h2 * (3.0 * f.c3 + h * 4.0 * f.c4)
-    v += h4 * ((5.0 * f.c5 + h * 6.0 * f.c6) + h2 * (7.0 * f.c7 + h * (8.0 * f.c8 + slope)))
-    return h * y, v
+    return h * h * (c7 + h * (c8 + tail)), h * h * (7.0 * c7 + h * (8.0 * c8 + slope))
 
 
 @inlined
@@ -324,6 +331,8 @@ def energies(
     ``(u'^2 + w2 u^2)/2`` falls at the rate ``eta u'^2`` and the integral of ``u`` follows from the change of ``u'``
     and ``u``.
     """
+    if h <= f.near * (NEAREST / NEAR):
+        return _short_energies(f, h, y, force, K, drive_v, drive_a)
     h2 = h * h
     u = y - (f.q0 + f.q1 * h + f.q2 * h2)
     du = v - (f.q1 + 2.0 * f.q2 * h)
@@ -340,4 +349,22 @@ def energies(
     squares += 2.0 * f.q1 * change + 4.0 * f.q2 * (h * u - area)
     if f.eta > 0.0:
         squares += 0.5 * ((f.v0 - du) * (f.v0 + du) + f.w2 * (f.y0 - u) * (f.y0 + u)) / f.eta
+    return work, squares
+
+
+@inlined
+def _short_energies(
+    f: Flight, h: float, y: float, force: float, K: float, drive_v: float, drive_a: float
+) -> tuple[float, float]:
+    """`energies` of the shortest flights, by the Taylor expansion: closed forms would subtract large numbers."""
+    h2 = h * h
+    a, b, c = 2.0 * f.c2, 3.0 * f.c3, 4.0 * f.c4
+    path = h2 * ((0.5 * f.v + h * (1.0 / 6.0) * a) + h2 * ((1.0 / 12.0) * b + h * (0.05 * c + h * (1.0 / 6.0) * f.c5)))
+    work = drive_v * (force * h + K * (0.5 * drive_v * h2 - path))
+    if drive_a != 0.0:
+        moment = h2 * h * ((1.0 / 3.0) * f.v + h * (0.125 * a + h * ((1.0 / 15.0) * b + h * (1.0 / 24.0) * c)))
+        work += drive_a * (0.5 * force * h2 + h2 * h * K * (0.5 * drive_v + 0.125 * drive_a * h) - K * moment)
+    # The velocity is v + w, and the integral of w^2 begins with the cube of h.
+    squares, d = f.v * (2.0 * y - f.v * h), (b * c + 5.0 * a * f.c5) * (1.0 / 3.0)
+    squares += h2 * h * (a * a * (1.0 / 3.0) + h * (0.5 * a * b + h * (0.2 * b * b + 0.4 * a * c + h * d)))
     return work, squares

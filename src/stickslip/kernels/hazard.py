@@ -27,18 +27,26 @@ class Hazard(NamedTuple):
 
 
 @inlined
+def log_rate(hazard: Hazard, x: float, threshold: float) -> tuple[float, float, float]:
+    """Logarithm of the rate over the attempts; its derivatives in the stretching ``x >= 0`` and in the threshold."""
+    scale = hazard.scale
+    if hazard.kind == BELL:
+        return (x - threshold) / scale, 1.0 / scale, -1.0 / scale
+    if hazard.kind == PARABOLIC:
+        return 0.5 * (x - threshold) * (x + threshold) / scale, x / scale, -threshold / scale
+    left, p = max(1.0 - x / threshold, 1e-300), hazard.power
+    along = scale * p * left ** (p - 1.0) / threshold
+    exponent = -scale * left**p
+    if hazard.kramers != 0.0 and p > 1.0:
+        exponent += (p - 1.0) * math.log(left)
+        along -= (p - 1.0) / (threshold * left)
+    return exponent, along, -along * x / threshold
+
+
+@inlined
 def rate(hazard: Hazard, x: float, threshold: float) -> float:
     """Rate at which a contact breaks that is stretched by ``x`` of either sign, within its threshold."""
-    x = abs(x)
-    if hazard.kind == BELL:
-        return hazard.attempts * math.exp((x - threshold) / hazard.scale)
-    if hazard.kind == PARABOLIC:
-        return hazard.attempts * math.exp(0.5 * (x - threshold) * (x + threshold) / hazard.scale)
-    left = 1.0 - x / threshold if x < threshold else 0.0
-    lowered = left**hazard.power
-    if hazard.kramers == 0.0:
-        return hazard.attempts * math.exp(-hazard.scale * lowered)
-    return float(hazard.attempts * left ** (hazard.power - 1.0) * math.exp(-hazard.scale * lowered))
+    return hazard.attempts * math.exp(log_rate(hazard, abs(x), threshold)[0])
 
 
 @inlined

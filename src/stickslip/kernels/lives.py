@@ -12,14 +12,11 @@ from numpy.typing import NDArray
 
 from ._jit import inlined, jit
 from .growth import EXPONENTIAL, LOGARITHMIC, Growth
+from .hazard import BELL, PARABOLIC, Hazard, log_rate
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 Numbers = Floats | Complexes
-
-BELL = 0
-PARABOLIC = 1
-POWER = 2
 
 FIXED = -1
 """Thresholds that do not grow, as a kind of `Growth`."""
@@ -41,16 +38,6 @@ def _radau() -> tuple[Floats, Floats]:
 
 NODE, INTEGRAL = _radau()
 """Stiffly accurate collocation: a fast decay within a panel is damped, not resolved."""
-
-
-class Barrier(NamedTuple):
-    """What holds a contact back: kind, width or temperature or height over kT, power, Kramers' prefactor, attempts."""
-
-    kind: int
-    scale: float
-    power: float
-    kramers: bool
-    attempts: float
 
 
 class Lives(NamedTuple):
@@ -75,22 +62,6 @@ class Lives(NamedTuple):
     cap_x: Floats
     cap_weight: Floats
     cap_slope: Floats
-
-
-@inlined
-def _log_rate(barrier: Barrier, x: float, c: float) -> tuple[float, float, float]:
-    """Exponent of the rate over the attempts, and its derivatives in the stretching and in the threshold."""
-    if barrier.kind == BELL:
-        return (x - c) / barrier.scale, 1.0 / barrier.scale, -1.0 / barrier.scale
-    if barrier.kind == PARABOLIC:
-        return 0.5 * (x * x - c * c) / barrier.scale, x / barrier.scale, -c / barrier.scale
-    left, p = max(1.0 - x / c, 1e-300), barrier.power
-    steep = barrier.scale * p * left ** (p - 1.0) / c
-    exponent, along = -barrier.scale * left**p, steep
-    if barrier.kramers and p > 1.0:
-        exponent += (p - 1.0) * np.log(left)
-        along -= (p - 1.0) / (c * left)
-    return exponent, along, -along * x / c
 
 
 @inlined
@@ -130,7 +101,7 @@ def reach(growth: Growth, strength: float, v: float) -> float:
 
 
 @jit
-def march(barrier: Barrier, growth: Growth, strengths: Floats, weights: Floats, v: float, longest: float) -> Lives:
+def march(hazard: Hazard, growth: Growth, strengths: Floats, weights: Floats, v: float, longest: float) -> Lives:
     """Lives of contacts one threshold after the other: for barriers that no single variable describes.
 
     Parameters
@@ -153,31 +124,31 @@ def march(barrier: Barrier, growth: Growth, strengths: Floats, weights: Floats, 
         end = reach(growth, xi, v)
         if end <= 0.0:
             continue
-        quiet = -(np.log(barrier.attempts * end / v) + 40.0) if barrier.attempts > 0.0 else np.inf
+        quiet = -(np.log(hazard.attempts * end / v) + 40.0) if hazard.attempts > 0.0 else np.inf
         here, broken, late, first = 0.0, 0.0, 0.0, True
         pushed = 0.0
         while here < end and broken < 45.0:
             c, pace = _threshold(growth, xi, here / v)
-            exponent, steep, hard = _log_rate(barrier, here, c)
+            exponent, steep, hard = log_rate(hazard, here, c)
             h = min(longest, 0.25 * end, end - here)
             if growth.kind != FIXED:
                 memory = v * growth.second if growth.kind == LOGARITHMIC else v / growth.first
                 h = min(h, 0.5 * (here + memory))
-            if barrier.attempts > 0.0:
+            if hazard.attempts > 0.0:
                 fine = 1.0 / (abs(steep) + abs(hard) * abs(pace) / v)
-                if barrier.kind == PARABOLIC:
-                    most = end / barrier.scale
-                    fine = min(fine, 1.0 / (steep + 1.0 / np.sqrt(barrier.scale)))
-                elif barrier.kind == BELL:
-                    most = 1.0 / barrier.scale
+                if hazard.kind == PARABOLIC:
+                    most = end / hazard.scale
+                    fine = min(fine, 1.0 / (steep + 1.0 / np.sqrt(hazard.scale)))
+                elif hazard.kind == BELL:
+                    most = 1.0 / hazard.scale
                 else:
-                    most = barrier.scale * barrier.power / min(c, xi)
-                    if barrier.kramers:
+                    most = hazard.scale * hazard.power / min(c, xi)
+                    if hazard.kramers != 0.0:
                         fine = min(fine, 0.5 * (end - here) + 1e-4 * end)
-                    fine = min(fine, 0.5 * (c - here) + 1e-3 * end / barrier.scale)
+                    fine = min(fine, 0.5 * (c - here) + 1e-3 * end / hazard.scale)
                 most += abs(hard) * max(-pace, 0.0) / v
                 h = min(h, max(fine, (quiet - exponent) / most if quiet > exponent else 0.0))
-                h = min(h, (3.0 + 0.3 * broken) * v / barrier.attempts * np.exp(-min(exponent, 0.0)))
+                h = min(h, (3.0 + 0.3 * broken) * v / hazard.attempts * np.exp(-min(exponent, 0.0)))
             if end - here - h < 1e-3 * h:
                 h = end - here
             if panels == room:
@@ -189,10 +160,10 @@ def march(barrier: Barrier, growth: Growth, strengths: Floats, weights: Floats, 
             for j in range(NODES):
                 x[j] = here + h * NODE[j]
                 rate[j] = along[j] = older[j] = 0.0
-                if barrier.attempts > 0.0:
+                if hazard.attempts > 0.0:
                     c, pace = _threshold(growth, xi, x[j] / v)
-                    exponent, steep, hard = _log_rate(barrier, x[j], c)
-                    rate[j] = barrier.attempts / v * np.exp(min(exponent, 0.0))
+                    exponent, steep, hard = log_rate(hazard, x[j], c)
+                    rate[j] = hazard.attempts / v * np.exp(min(exponent, 0.0))
                     along[j] = rate[j] * steep
                     older[j] = -rate[j] * hard * pace * x[j] / v
             width[panels], fresh[panels] = h, first

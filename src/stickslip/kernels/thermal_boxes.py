@@ -16,12 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import bare, inlined
-from .flight import at
-from .growth import Growth
-from .hazard import Hazard, ageing_time, largest_rate, rate, steepness, threshold_at
-from .heap import Heap, first, make_heap, smallest, update
-from .oscillator import Slider
-from .thermal_motion import (
+from .between_events import (
     BUDGET_SPENT,
     CONDITION_HELD,
     COUNTS,
@@ -52,6 +47,11 @@ from .thermal_motion import (
     turned,
     until_turning,
 )
+from .flight import at
+from .growth import Growth
+from .hazard import Hazard, ageing_time, largest_rate, rate, steepness, threshold_at
+from .heap import Heap, first, make_heap, smallest, update
+from .oscillator import Slider
 
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]

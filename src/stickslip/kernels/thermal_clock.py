@@ -21,10 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import bare, inlined
-from .event_queue import Queue, clear, first_slot, is_full, make_queue, peek, pop, push
-from .flight import NEAR, at
-from .oscillator import Slider
-from .thermal_motion import (
+from .between_events import (
     BUDGET_SPENT,
     CONDITION_HELD,
     COUNTS,
@@ -58,6 +55,9 @@ from .thermal_motion import (
     turned,
     until_turning,
 )
+from .event_queue import Queue, clear, first_slot, is_full, make_queue, peek, pop, push
+from .flight import NEAR, at
+from .oscillator import Slider
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int32]
@@ -67,7 +67,7 @@ Records = NDArray[np.void]
 CONTACT = np.dtype([("birth", np.float64), ("threshold", np.float64), ("key", np.float64)])
 PLACE = np.dtype([("birth", np.float64), ("slot", np.int64)])
 
-# Further floats and counts, behind those of `thermal_motion`.
+# Further floats and counts, behind those of `between_events`.
 CLOCK, CLOCK_BACK = MOTION, MOTION + 1
 FLOATS = MOTION + 2
 AHEAD, BEHIND, DRAWN, VARIED, DELAYED, CAPPED = range(COUNTS, COUNTS + 6)
@@ -126,7 +126,6 @@ def make_state(
     threshold: Floats,
     pending: Floats,
     scale_time: float,
-    width: float,
     velocity: float,
 ) -> State:
     """Return the state of an interface at time 0, the slider at 0; the clocks are wound by `wind`.
@@ -139,8 +138,6 @@ def make_state(
         Times of re-attachment of the last contacts, which are detached.
     scale_time : float
         Typical delay.
-    width : float
-        Width of the activation.
     velocity : float
         Of the slider.
     """
@@ -149,10 +146,9 @@ def make_state(
     contacts["birth"], contacts["threshold"] = birth, threshold
     attached = threshold > 0
     typical = threshold[attached][:4096] if attached.any() else np.ones(1)
-    low, high = np.quantile(typical, [0.05, 0.95])
-    reach = 2.0 * float(typical.max())
-    bin_ = max(40.0 * max(float(high - low), width) / N, reach / (2.0 * N), 1e-9 * reach)
-    bins = _power_of_two(reach / bin_, 4 * N)
+    # A dozen contacts break on the width of a bin in smooth sliding.
+    reach, bin_ = 2.0 * float(typical.max()), 12.0 * float(typical.mean()) / N
+    bins = _power_of_two(reach / bin_, N / 4)
     time_width = 16.0 * scale_time / N if 0 < scale_time < math.inf else 1.0
     state = State(
         contacts=contacts,
@@ -183,7 +179,7 @@ def make_state(
 
 def with_caps(state: State) -> State:
     """Return the state with queues of thresholds: the slider may move so fast that contacts meet them."""
-    room, bins, width = state.clock.entries.size, state.clock.head.size, 1.0 / state.clock.per_bin
+    room, bins, width = state.clock.capacity, state.clock.newest.size, 1.0 / state.clock.per_bin
     state = state._replace(cap=make_queue(room, bins, width), cap_back=make_queue(room, bins, width))
     state.counts[CAPPED] = 1
     _cap_again(state, state.cap, 1.0)
@@ -191,7 +187,7 @@ def with_caps(state: State) -> State:
     return state
 
 
-def _power_of_two(wanted: float, most: int) -> int:
+def _power_of_two(wanted: float, most: float) -> int:
     return 1 << max(4, min(math.ceil(math.log2(max(wanted, 1.0))), math.ceil(math.log2(most + 1))))
 
 
@@ -293,25 +289,18 @@ def _top(state: State, stack: Records, which: int) -> int:
 @inlined
 def _enter(state: State, bell: Bell, slot: int, side: float, variate: float) -> None:
     """A contact is subject to the clock of the side that it is stretched to from now on."""
-    birth, threshold = state.contacts[slot]["birth"], state.contacts[slot]["threshold"]
-    if side > 0:
-        key = _reading(state.motion[CLOCK], birth + threshold, bell.width, variate)
-        state.contacts[slot]["key"] = key
-        _stand(state, state.under, AHEAD, slot, birth)
-        if is_full(state.clock):
-            state.counts[AHEAD] = _tidied(state, state.under, state.counts[AHEAD])
-            _again(state, state.clock, state.under, state.counts[AHEAD], state.motion[CLOCK])
-        else:
-            push(state.clock, key, slot)
+    clock, which = (CLOCK, AHEAD) if side > 0 else (CLOCK_BACK, BEHIND)
+    queue = state.clock if side > 0 else state.clock_back
+    stack = state.under if side > 0 else state.over
+    birth = state.contacts[slot]["birth"]
+    key = _reading(state.motion[clock], side * birth + state.contacts[slot]["threshold"], bell.width, variate)
+    state.contacts[slot]["key"] = key
+    _stand(state, stack, which, slot, birth)
+    if is_full(queue):
+        state.counts[which] = _tidied(state, stack, state.counts[which])
+        _again(state, queue, stack, state.counts[which], state.motion[clock])
     else:
-        key = _reading(state.motion[CLOCK_BACK], threshold - birth, bell.width, variate)
-        state.contacts[slot]["key"] = key
-        _stand(state, state.over, BEHIND, slot, birth)
-        if is_full(state.clock_back):
-            state.counts[BEHIND] = _tidied(state, state.over, state.counts[BEHIND])
-            _again(state, state.clock_back, state.over, state.counts[BEHIND], state.motion[CLOCK_BACK])
-        else:
-            push(state.clock_back, key, slot)
+        push(queue, key, slot)
 
 
 @inlined
@@ -373,17 +362,36 @@ _NOTHING, _BREAK, _BREAK_BACK, _PLACE, _PLACE_BACK, _CAP, _CAP_BACK, _SLIDES, _S
 
 
 @inlined
-def _exponential(u: float) -> float:
-    """``exp(u)`` for ``|u| <= 1/4``, to 1e-13."""
-    v = 1.0 + u * (1 / 7.0) * (1.0 + u * (1 / 8.0) * (1.0 + u * (1 / 9.0)))
-    return 1.0 + u * (1.0 + u * 0.5 * (1.0 + u * (1 / 3.0) * (1.0 + u * 0.25 * (1.0 + u * 0.2 * (1.0 + u / 6.0 * v)))))
+def _expm1(u: float) -> float:
+    """``exp(u) - 1`` for ``|u| <= 1/4``, to 1e-13: pairs of terms side by side, none waits for another."""
+    u2 = u * u
+    u4 = u2 * u2
+    low = (1.0 + u * (1 / 2)) + u2 * ((1 / 6) + u * (1 / 24))
+    high = ((1 / 120) + u * (1 / 720)) + u2 * ((1 / 5040) + u * (1 / 40320))
+    return u * (low + u4 * (high + u4 * (1 / 362880)))
+
+
+@inlined
+def _run_of(lengths: float) -> float:
+    """What a clock runs on by, relative to itself, for its reading to grow by so many widths."""
+    return _expm1(lengths) if lengths < 0.25 else math.expm1(min(lengths, 300.0))
+
+
+@inlined
+def _log1p(run: float) -> float:
+    """``ln(1 + run)``."""
+    if not abs(run) < 0.1:
+        return math.log1p(run)
+    s = run / (2.0 + run)
+    s2 = s * s
+    return 2.0 * s * (1.0 + s2 * ((1 / 3 + s2 * (1 / 5)) + s2 * s2 * ((1 / 7 + s2 * (1 / 9)) + s2 * s2 * (1 / 11))))
 
 
 @inlined
 def _integral(rate: float, h: float, y: float, v: float, u: float, per_width: float) -> float:
     """What a clock of this rate runs on by in a flight of `h`, by the corrected trapezoidal rule, relative to it."""
-    grown = _exponential(y * per_width)
-    return rate * h * (0.5 * (1.0 + grown) + h * (1 / 12.0) * per_width * (v - u * grown))
+    more = _expm1(y * per_width)
+    return rate * h * (1.0 + 0.5 * more + h * (1 / 12.0) * per_width * (v - u - u * more))
 
 
 @inlined
@@ -439,11 +447,14 @@ def _until(
             return h, y, u, False
         else:
             low = t
-        step = miss / (rate * _exponential(side * y * per_width))
+        step = miss / (rate * (1.0 + _expm1(side * y * per_width)))
         following = t - step
         if not low <= following <= high:
             following = 0.5 * (low + high) if miss > 0.0 or high < h else h
         small = abs(following - t) <= 1e-5 * t  # the next step would be less than its square
+        if small and t <= f.near:
+            more, bent = following - t, 2.0 * f.c2 + t * (6.0 * f.c3 + t * 12.0 * f.c4)
+            return following, y + more * (u + 0.5 * more * bent), u + more * bent, True
         t = following
         y, u = at(f, t)
         if small:
@@ -498,10 +509,13 @@ def _flight(
     if counts[AHEAD] > 0:
         reading = _next_reading(state, state.clock)
         rate = bell.attempts * math.exp((leg.X - clock) * per_width)
-        need = math.expm1(min((reading - clock) * per_width, 300.0))
+        need = _run_of((reading - clock) * per_width)
         guess = need / rate
         bend = 0.5 * guess * v * per_width
-        guess = guess * (1.0 - bend) if abs(bend) < 0.2 else guess / (1.0 + max(bend, -0.5))
+        if abs(bend) < 0.2:  # at constant velocity, the logarithm of 1 + 2 bend
+            guess *= 1.0 - bend * (1.0 - bend * (4.0 / 3.0) * (1.0 - 1.5 * bend))
+        else:
+            guess /= 1.0 + max(bend, -0.5)
     h = _smooth(leg, min(most, 2.0 * guess), A)
     happens = _NOTHING
     y, u = 0.0, v
@@ -529,14 +543,14 @@ def _flight(
     if counts[BEHIND] > 0:
         reading_back = _next_reading(state, state.clock_back)
         rate_back = bell.attempts * math.exp((-leg.X - clock_back) * per_width)
-        need_back = math.expm1(min((reading_back - clock_back) * per_width, 300.0))
+        need_back = _run_of((reading_back - clock_back) * per_width)
         run_back = _integral(rate_back, h, -y, -v, -u, per_width)
         if run_back >= need_back:
             h, y, u, _ = _until(leg, need_back / rate_back, h, rate_back, need_back, -1.0, per_width)
             happens = _BREAK_BACK
             clock_back = reading_back
         else:
-            clock_back += A * math.log1p(run_back)
+            clock_back += A * _log1p(run_back)
     if happens == _BREAK:
         clock = reading
     elif rate > 0.0:
@@ -545,7 +559,7 @@ def _flight(
             h, y, u, _ = _until(leg, guess, h, rate, need, 1.0, per_width)
             happens, clock = _BREAK, reading
         else:
-            clock += A * math.log1p(run)
+            clock += A * _log1p(run)
     return h, y, u, happens, clock, clock_back
 
 
@@ -652,7 +666,7 @@ def advance(
     Returns
     -------
     int
-        A reason, of `thermal_motion`.
+        A reason, of `between_events`.
     """
     motion, counts, acceleration = state.motion, state.counts, piece.drive.acceleration
     c = constants(slider, f_d, float(state.contacts.size))

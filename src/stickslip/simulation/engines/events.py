@@ -84,15 +84,15 @@ class Events(Engine):
 
     def _with_thresholds(self, draws: kernel.Draws) -> kernel.Draws:
         """Return the draws with new thresholds of contacts that attach; fewer where they are soon out of date."""
-        count = min(_BLOCK, 2 * self._state.contacts.size) if self._interface.track_scatter else _BLOCK
+        count = min(_BLOCK, 2 * self._state.size) if self._interface.track_scatter else _BLOCK
         x, threshold = newborns(self._interface, count, self._factor, self._births_rng, self._threshold_rng)
         return draws._replace(thresholds=threshold, stretchings=x)
 
     def here(self) -> tuple[float, float]:
         """Time, and position of the slider."""
-        from stickslip.kernels import events as kernel
+        from stickslip.kernels import between_events as shared
 
-        return float(self._state.motion[kernel.TIME]), float(self._state.motion[kernel.POSITION])
+        return float(self._state.motion[shared.TIME]), float(self._state.motion[shared.POSITION])
 
     def contact_force(self) -> float:
         """Force of the contacts now, per contact."""
@@ -106,28 +106,34 @@ class Events(Engine):
 
     def individuals(self) -> Individuals:
         """Every contact by itself, now."""
-        contacts = self._state.contacts
-        return Individuals(self.here()[1] - contacts["birth"], contacts["threshold"] > 0)
+        from stickslip.kernels import events as kernel
+
+        stretching, attached = np.zeros(self._state.size), np.zeros(self._state.size, dtype=bool)
+        contacts = kernel.attached_contacts(self._state)
+        stretching[contacts["slot"]] = self.here()[1] - contacts["birth"]
+        attached[contacts["slot"]] = True
+        return Individuals(stretching, attached)
 
     def _stretchings(self, X: float) -> Stretchings:
         from stickslip.kernels import events as kernel
 
         x = kernel.stretchings(self._state, X)
-        return Stretchings(x, np.full(x.size, 1.0 / self._state.contacts.size), cells=False)
+        return Stretchings(x, np.full(x.size, 1.0 / self._state.size), cells=False)
 
     def advance(self, leg: Leg) -> Advance:
         """Go on by some events."""
+        from stickslip.kernels import between_events as shared
         from stickslip.kernels import events as kernel
 
         state = self._state
-        sampling = kernel.Sampling(leg.times, np.empty((leg.times.size, len(COLUMNS))))
+        sampling = shared.Sampling(leg.times, np.empty((leg.times.size, len(COLUMNS))))
         seen: list[Stretchings] = []
-        state.counts[kernel.SAMPLE] = 0
-        last = int(state.counts[kernel.EVENTS]) + _EVENTS
+        state.counts[shared.SAMPLE] = 0
+        last = int(state.counts[shared.EVENTS]) + _EVENTS
         looks = (*leg.looks, math.inf)
         while True:
-            piece = kernel.Piece(leg.drive, leg.end, leg.stop, looks[len(seen)])
-            left = last - int(state.counts[kernel.EVENTS])
+            piece = shared.Piece(leg.drive, leg.end, leg.stop, looks[len(seen)])
+            left = last - int(state.counts[shared.EVENTS])
             why = kernel.advance(state, self.slider, piece, sampling, self._draws, left)
             if why == kernel.THRESHOLDS_USED_UP:
                 self._draws = self._with_thresholds(self._draws)
@@ -142,11 +148,11 @@ class Events(Engine):
             elif why == kernel.DELAYS_USED_UP:
                 self._draws = self._draws._replace(delays=self._delay.sample(self._delay_rng, _BLOCK))
                 state.counts[kernel.DELAY] = 0
-            elif why == kernel.LOOK:  # before the flight that passes it, so that none is cut in two
-                seen.append(self._stretchings(float(state.motion[kernel.LOOKED])))
+            elif why == shared.LOOK:  # before the flight that passes it, so that none is cut in two
+                seen.append(self._stretchings(float(state.motion[shared.LOOKED])))
             else:
                 break
-        while looks[len(seen)] <= state.motion[kernel.TIME]:  # at the very end
+        while looks[len(seen)] <= state.motion[shared.TIME]:  # at the very end
             seen.append(self.stretchings())
-        rows = sampling.samples[: state.counts[kernel.SAMPLE]]
-        return Advance(rows, tuple(seen), over=why != kernel.BUDGET_SPENT)
+        rows = sampling.samples[: state.counts[shared.SAMPLE]]
+        return Advance(rows, tuple(seen), over=why != shared.BUDGET_SPENT)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
+from stickslip.lives import hazard_of
 from stickslip.model import (
     Barrier,
     Bell,
@@ -40,10 +41,9 @@ from stickslip.simulation.engines.beginnings import first_contacts, pending_time
 from stickslip.theory import growth_model
 
 if TYPE_CHECKING:
+    from stickslip.kernels.between_events import Piece, Sampling
     from stickslip.kernels.growth import Growth
-    from stickslip.kernels.hazard import Hazard
     from stickslip.kernels.oscillator import Slider as SliderConstants
-    from stickslip.kernels.thermal_motion import Piece, Sampling
 
 Array = NDArray[np.float64]
 
@@ -53,20 +53,6 @@ _EVENTS = 200_000
 """Events in an advance."""
 _POOL = 65_536
 """Lives to choose from, at least, for a start in steady sliding."""
-
-
-def hazard_of(interface: Interface) -> Hazard:
-    """Return thermal activation as the kernels take it."""
-    from stickslip.kernels.hazard import BARRIER, BELL, PARABOLIC, Hazard
-
-    match interface.temperature:
-        case Bell(width=width, attempts=attempts):
-            return Hazard(BELL, attempts, width, 1.0, 0.0)
-        case Parabolic(temperature=temperature, attempts=attempts):
-            return Hazard(PARABOLIC, attempts, temperature, 1.0, 0.0)
-        case Barrier(height=height, attempts=attempts, power=power, kramers=kramers):
-            return Hazard(BARRIER, attempts, height, power, float(kramers))
-    raise InputError(f"Interface.temperature = {interface.temperature}: must be Bell, Parabolic or Barrier")
 
 
 def growth_of(interface: Interface) -> Growth:
@@ -175,14 +161,14 @@ class Thermal(Engine, Protocol):
 
     def here(self) -> tuple[float, float]:
         """Time, and position of the slider."""
-        from stickslip.kernels import thermal_motion as shared
+        from stickslip.kernels import between_events as shared
 
         motion = self._state.motion
         return float(motion[shared.TIME]), float(motion[shared.POSITION])
 
     def contact_force(self) -> float:
         """Friction force now, per contact."""
-        from stickslip.kernels.thermal_motion import friction
+        from stickslip.kernels.between_events import friction
 
         return float(friction(self._state.motion, self._state.counts, self._sliding_force, self._state.contacts.size))
 
@@ -197,7 +183,7 @@ class Thermal(Engine, Protocol):
 
     def advance(self, leg: Leg) -> Advance:
         """Go on by some events."""
-        from stickslip.kernels import thermal_motion as shared
+        from stickslip.kernels import between_events as shared
 
         counts, motion = self._state.counts, self._state.motion
         sampling = shared.Sampling(leg.times, np.empty((leg.times.size, len(COLUMNS))))
@@ -232,16 +218,14 @@ class Clocked(Thermal):
         return thermal_clock
 
     def __init__(self, beginning: Beginning, method: Contacts) -> None:
-        from stickslip.kernels import thermal_motion as shared
+        from stickslip.kernels import between_events as shared
 
         self._begin(beginning, method)
         kernel = self._kernel
-        hazard = hazard_of(beginning.interface)
+        hazard = hazard_of(beginning.interface.temperature)
         self._bell = kernel.Bell(hazard.scale, hazard.attempts)
         x, threshold, pending = self._contacts(beginning, method.count)
-        self._state = kernel.make_state(
-            -x, threshold, pending, self._delay.moment(1), self._bell.width, beginning.slider_velocity
-        )
+        self._state = kernel.make_state(-x, threshold, pending, self._delay.moment(1), beginning.slider_velocity)
         self._state.counts[shared.SLIDE] = int(beginning.sliding and self._sliding_force > 0)
         for side in (1.0, -1.0):
             kernel.wind(self._state, self._bell, side, self._variates(method.count))
@@ -284,7 +268,7 @@ class Clocked(Thermal):
 
     def _mend(self, why: int) -> bool:
         """Wind a clock that is too far ahead; whether it was that."""
-        from stickslip.kernels import thermal_motion as shared
+        from stickslip.kernels import between_events as shared
 
         kernel = self._kernel
         if why not in (shared.WIND, shared.WIND_BACK):
@@ -307,12 +291,12 @@ class Thinned(Thermal):
         return thermal_boxes
 
     def __init__(self, beginning: Beginning, method: Contacts) -> None:
-        from stickslip.kernels import thermal_motion as shared
+        from stickslip.kernels import between_events as shared
 
         self._begin(beginning, method)
         kernel = self._kernel
         interface = beginning.interface
-        self._model = kernel.Model(hazard_of(interface), growth_of(interface))
+        self._model = kernel.Model(hazard_of(interface.temperature), growth_of(interface))
         x, threshold, pending = self._contacts(beginning, method.count)
         if beginning.sliding:
             since = -x / beginning.velocity

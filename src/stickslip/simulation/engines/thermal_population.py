@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
+from stickslip.lives import hazard_of
 from stickslip.model import (
     Barrier,
     Bell,
@@ -35,7 +36,7 @@ from stickslip.simulation.engines.base import (
     solves,
 )
 from stickslip.simulation.engines.beginnings import initial_nodes, survival_of
-from stickslip.simulation.engines.thermal import check_newborns, growth_of, hazard_of
+from stickslip.simulation.engines.thermal import check_newborns, growth_of
 
 if TYPE_CHECKING:
     from stickslip.kernels import thermal_cohorts as kernel
@@ -165,7 +166,7 @@ def _model(interface: Interface) -> kernel.Model:
     """Return how contacts break, with its tables or nodes."""
     from stickslip.kernels import thermal_cohorts as kernel
 
-    hazard, distribution = hazard_of(interface), interface.threshold_distribution
+    hazard, distribution = hazard_of(interface.temperature), interface.threshold_distribution
     thresholds = survival_of(distribution)
     width = activation_width(interface)
     low, thermal = 0.0, thresholds

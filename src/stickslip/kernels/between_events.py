@@ -1,8 +1,8 @@
-"""The slider between two events of thermally activated contacts, and what is summed over these on the way.
+"""The slider between two events of contacts, and what is summed over these on the way.
 
-As in `events` the slider is a damped oscillator of known stiffness between two events, and samples are read off its
-closed form. Two limits are added: rigid motion, and a slider without mass, which is in balance at every moment and
-leaps when a contact breaks.
+Between two events the slider is a damped oscillator of known stiffness, `flight`, and samples are read off its closed
+form. There are two limits: rigid motion, and a slider without mass, which is in balance at every moment and leaps when
+a contact breaks.
 
 Detached contacts share one stretching ``y``, which follows the slider and slides at ``+-f_d``: `SLIDE` is its sign
 while it slides, 0 while it is elastic about `ANCHOR`.
@@ -34,7 +34,11 @@ COUNTS = 5
 
 
 class Piece(NamedTuple):
-    """A piece of the drive up to `end`, or to a condition seen at a sample; `look`: come back before passing it."""
+    """A piece of the drive up to `end`, or to a condition seen at a sample.
+
+    `look` is a time at which the caller wants to look at the contacts: the engine then returns before the flight that
+    passes it, so that looking changes nothing.
+    """
 
     drive: Quadratic
     end: float
@@ -43,10 +47,17 @@ class Piece(NamedTuple):
 
 
 class Sampling(NamedTuple):
-    """Rising times at which to sample, shape (n,), and the samples, shape (n, 8): columns as in `events`."""
+    """Rising times at which to sample, shape (n,), and the samples, shape (n, 8), filled with `COLUMNS`.
+
+    Position, velocity, friction force, attached fraction, energy stored in contacts, and, accumulated since the
+    start, work of the drive, energy lost to damping and in breaks; all per contact.
+    """
 
     times: Floats
     samples: Floats
+
+
+COLUMNS = ("displacement", "velocity", "friction_force", "attached", "stored", "work", "damped", "broken")
 
 
 class Constants(NamedTuple):
@@ -94,10 +105,10 @@ def constants(slider: Slider, f_d: float, N: float) -> Constants:
 
 
 @inlined
-def detached_stretching(motion: Floats, counts: Counts, c: Constants, X: float) -> float:
+def detached_stretching(motion: Floats, counts: Counts, f_d: float, X: float) -> float:
     """Common stretching of the detached contacts with the slider at `X`."""
     if counts[SLIDE] != 0:
-        return float(counts[SLIDE] * c.f_d)
+        return float(counts[SLIDE] * f_d)
     return float(X - motion[ANCHOR])
 
 
@@ -123,7 +134,7 @@ def set_out(motion: Floats, counts: Counts, drive: Quadratic, c: Constants) -> L
     stiffness = n
     F_c = n * (X - motion[REFERENCE]) - motion[SUM]
     if c.f_d > 0.0:
-        F_c += (c.N - n) * detached_stretching(motion, counts, c, X)
+        F_c += (c.N - n) * detached_stretching(motion, counts, c.f_d, X)
         if counts[SLIDE] == 0:
             stiffness = c.N
     flight = take_off(
@@ -151,7 +162,7 @@ def balance(motion: Floats, counts: Counts, drive: Quadratic, c: Constants) -> f
             pull += free * motion[ANCHOR]
             stiffness += free
         else:
-            pull -= free * detached_stretching(motion, counts, c, X)
+            pull -= free * detached_stretching(motion, counts, c.f_d, X)
     return float(pull / stiffness)
 
 
@@ -199,7 +210,7 @@ def sample(motion: Floats, counts: Counts, row: Floats, leg: Leg, part: float, a
     row[5], row[6], row[7] = motion[WORK], motion[DAMPED], motion[BROKEN]
     if c.f_d > 0.0:
         free = (c.N - n) * c.part
-        slid = detached_stretching(motion, counts, c, row[0])
+        slid = detached_stretching(motion, counts, c.f_d, row[0])
         row[2] += free * slid
         row[4] += 0.5 * free * slid * slid
         row[7] += free * counts[SLIDE] * c.f_d * y
@@ -269,7 +280,7 @@ def count_in(motion: Floats, counts: Counts, c: Constants) -> None:
     motion[SQUARES] += y * y
     counts[ATTACHED] += 1
     if c.f_d > 0.0:
-        slid = detached_stretching(motion, counts, c, motion[POSITION])
+        slid = detached_stretching(motion, counts, c.f_d, motion[POSITION])
         motion[BROKEN] += 0.5 * slid * slid * c.part
 
 
@@ -282,7 +293,7 @@ def count_out(motion: Floats, counts: Counts, birth: float, c: Constants) -> Non
     x = motion[POSITION] - birth
     lost = x * x
     if c.f_d > 0.0:
-        slid = detached_stretching(motion, counts, c, motion[POSITION])
+        slid = detached_stretching(motion, counts, c.f_d, motion[POSITION])
         lost -= slid * slid
     motion[BROKEN] += 0.5 * lost * c.part
     counts[ATTACHED] -= 1
