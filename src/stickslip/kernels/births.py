@@ -26,11 +26,12 @@ def _broken_at(state: State, i: int, t: float) -> float:
     while k > 0 and panels[k, 0] > t:
         k -= 1
     state.cursor[i] = k
-    return _in_panel(panels, k, t)
+    return in_panel(panels, k, t)
 
 
 @inlined
-def _in_panel(panels: Array, k: int, t: float) -> float:
+def in_panel(panels: Array, k: int, t: float) -> float:
+    """Mass broken up to a time by the polynomial of a panel; before and after it, up to its ends."""
     u = min(max((t - panels[k, 0]) / panels[k, 1], 0.0), 1.0)
     total = 0.0
     base = panels[k, 2]

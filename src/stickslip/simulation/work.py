@@ -24,6 +24,8 @@ from stickslip.model import (
     FromSliding,
     Langevin,
     MasterEquation,
+    PaperClosure,
+    Population,
     QuasiStatic,
     Slider,
 )
@@ -190,7 +192,7 @@ def estimate(rig: Rig) -> Work:
         # A slip leaves the slider ringing, the longer, the less it is damped.
         damping_ratio = slider.damping / (2.0 * frequency)
         rings = 1.0 / damping_ratio if damping_ratio > 0 else math.inf
-        if isinstance(rig.method, MasterEquation) and ageing is None:
+        if isinstance(rig.method, MasterEquation | Population) and ageing is None:
             turns = min(turns, 10.0 * rings * (1.0 + distance))
         path += 0.1 * min(turns, distance * rings)
         ringing = 20.0 * (1.0 + distance) * rings if damping_ratio < 1 else 0.0
@@ -216,7 +218,8 @@ def estimate(rig: Rig) -> Work:
                           seconds=each * count * lives, bytes=_CONTACT * count))  # fmt: skip
     else:
         # The kinetic equation is of second order, panels are of fifth.
-        finer = 1e-4 / rig.method.rtol if isinstance(rig.method, MasterEquation) else (rig.method.cells / 400.0) ** 2
+        closure = isinstance(rig.method, PaperClosure)
+        finer = (rig.method.cells / 400.0) ** 2 if closure else 1e-4 / rig.method.rtol
         steps = _PANELS * finer ** (1 / 6) * path
         cohorts = 400.0 * math.sqrt(finer)
         power, seconds = (-1 / 6, _PANEL * steps) if ageing is None else (-1.0, _AGEING_COHORT * cohorts**2 * path)

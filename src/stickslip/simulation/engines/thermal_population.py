@@ -59,6 +59,7 @@ class ThermalPopulation(Engine):
 
     def __init__(self, beginning: Beginning, method: MasterEquation) -> None:
         from stickslip.kernels import thermal_cohorts as kernel
+        from stickslip.kernels.thermal_beginnings import initial_state, sliding_state
 
         interface = beginning.interface
         self._interface, self._f_d = interface, interface.sliding_force
@@ -73,12 +74,12 @@ class ThermalPopulation(Engine):
         if beginning.sliding:
             self._cap(beginning.velocity)
             step = 0.5 * reach * self._model.width
-            self._state = kernel.sliding_state(self._model, self._delays, beginning.velocity, step, self._f_d)
+            self._state = sliding_state(self._model, self._delays, beginning.velocity, step, self._f_d)
             self._state.scalar[kernel.VELOCITY] = beginning.slider_velocity
         else:
             since = -math.inf if isinstance(interface.ageing, ExponentialGrowth) else 0.0
             nodes = initial_nodes(interface)
-            self._state = kernel.initial_state(self._model, self._delays, *nodes, since, beginning.slider_velocity)
+            self._state = initial_state(self._model, self._delays, *nodes, since, beginning.slider_velocity)
 
     @staticmethod
     def check(interface: Interface, method: MasterEquation) -> None:
