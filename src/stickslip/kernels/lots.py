@@ -69,8 +69,8 @@ frequency of the slider."""
 
 _GONE = 1e-13
 """Fraction of contacts so small that none of them is left."""
-_GRAIN = 1e-3
-"""Distance of nodes that may be joined, in widths of `Accuracy`."""
+_COARSE = 0.02
+"""Fraction of contacts, times the square of how far they are moved, in tolerances, that may be."""
 
 
 @inlined
@@ -134,11 +134,11 @@ def deviation(work: Work, case: Case, t: float, row: Array, force: float, veloci
 @bare
 def deviate(row: Array, t: float, start: Array, end: Array, work: Work, case: Case) -> None:
     """Make a sample of the mean one of the run: with the deviation, and energy lost no sooner than it is."""
+    part = work.nodes[AT_LOST, P]
+    part = min(max((row[LOST] - start[LOST]) / part, 0.0), 1.0) if part != 0.0 else 0.0
     deviation(work, case, t, row, row[CONTACT_FORCE], row[VELOCITY])
     row[ATTACHED] = min(max(row[ATTACHED], 0.0), 1.0)
     total = row[STORED] + row[LOST]
-    part = work.nodes[AT_LOST, P]
-    part = min(max((row[LOST] - start[LOST]) / part, 0.0), 1.0) if part > 0.0 else 0.0
     row[LOST] = min(start[LOST] + part * (end[LOST] - start[LOST]), total)
     row[STORED] = total - row[LOST]
 
@@ -231,6 +231,21 @@ def _put(groups: Array, place: int, case: Case, n: float, b: float, r: float) ->
     groups[BIRTH, g, j], groups[REACH, g, j], groups[WHOLE, g, j], groups[COUNT, g, j] = b, r, 0.0, n
     groups[MASS, g, j] = n / (case.lot.count * J) if J > _GONE else 0.0
     return 1
+
+
+@inlined
+def _joins(groups: Array, place: int, case: Case, n: float, b: float, r: float, X: float) -> bool:
+    """Let contacts join those at a place among the nodes if that is as good as where they attached."""
+    g, j = place // Q, place % Q
+    if place < 0 or n == 0.0 or max(r, groups[REACH, g, j]) > case.table.bottom:
+        return False
+    total, way = n + groups[COUNT, g, j], b - groups[BIRTH, g, j]
+    error = total / case.lot.count * way * way
+    if abs(way) > case.lot.grain or error > _COARSE * case.accuracy.tolerance:
+        return False
+    b = groups[BIRTH, g, j] + way * n / total
+    _put(groups, place, case, total, b, max(r, groups[REACH, g, j], abs(X - b)))
+    return True
 
 
 @bare
@@ -329,19 +344,12 @@ def _attach(state: State, work: Work, case: Case, origin: float, way: float, bor
     X, place = state.scalar[POSITION], Q * state.used[GROUPS]
     broken = 0.0
     left, rest = born, 1.0
-    few = 1.0 < born < case.accuracy.tolerance * case.lot.count  # too few for where they attach to matter
-    middle = 0.0
     for j in range(Q):
         part = b = 0.0
         for a in range(1, P + 1):
             part += INCREASE[P - 1, j, a] * nodes[AT_BORN, a]
             b += PART[P - 1, j, a] * nodes[AT_X, a]
         part = max(part / nodes[AT_BORN, P], 0.0) if nodes[AT_BORN, P] > 1e-15 else WEIGHT[j]
-        if few:
-            middle += part * b
-            if j < Q - 1:
-                continue
-            b, part = middle, 1.0
         here = left if j == Q - 1 else _drawn(case, left, 1.0 - part / rest)
         left -= here
         rest = max(rest - part, 1e-300)
@@ -357,7 +365,8 @@ def _attach(state: State, work: Work, case: Case, origin: float, way: float, bor
                 broken += k
                 n -= k
                 r = x
-            place += _put(groups, place, case, n, at, r)
+            if not _joins(groups, place - 1, case, n, at, r, X):
+                place += _put(groups, place, case, n, at, r)
     _fill_up(state, place)
     return broken
 
@@ -442,8 +451,7 @@ def counted(state: State, table: Table, delays: Delays, count: int, rng: np.rand
 def joined(groups: Array, used: int, case: Case) -> Array:
     """Join nodes that lie close to each other and reach nearly as far; none of the contacts is lost."""
     birth, reach, count = (groups[row, :used].ravel() for row in (BIRTH, REACH, COUNT))
-    grain = _GRAIN * case.accuracy.width
-    cell = np.round(np.stack([birth, reach])[:, count > 0] / grain)
+    cell = np.round(np.stack([birth, reach])[:, count > 0] / (0.3 * case.lot.grain))
     birth, reach, count = birth[count > 0], reach[count > 0], count[count > 0]
     kinds, which = np.unique(cell, axis=1, return_inverse=True)
     total = np.bincount(which.ravel(), count, kinds.shape[1])

@@ -64,27 +64,37 @@ class Accuracy(NamedTuple):
         Largest error.
     width : float
         How far the slider may go while all that is attached re-attaches in a step.
-    births : float
-        Largest error of what re-attaches.
+    rough : float
+        Error of what re-attaches that need not be resolved.
     broken : float
         Largest fraction of all contacts that breaks in a step.
     """
 
     tolerance: float
     width: float
-    births: float
-    broken: float
+    rough: float = 0.0
+    broken: float = math.inf
 
 
 class Lot(NamedTuple):
-    """Number of contacts, of which each node holds some, and what draws how many break; 0: infinitely many."""
+    """Number of contacts, of which each node holds some; 0: infinitely many.
+
+    Attributes
+    ----------
+    count : float
+    rng : Generator
+        Draws how many break and re-attach.
+    grain : float
+        Distance of contacts that may count as if they had attached at one place.
+    """
 
     count: float
     rng: np.random.Generator
+    grain: float
 
 
 UNSTRETCHED = Newborn(np.zeros(1), np.ones(1), np.ones(1))
-UNCOUNTED = Lot(0.0, np.random.default_rng(0))
+UNCOUNTED = Lot(0.0, np.random.default_rng(0), 0.0)
 
 
 class Case(NamedTuple):

@@ -37,6 +37,7 @@ from .panel_state import (
     VELOCITY,
     Case,
     Delays,
+    Newborn,
     State,
     Work,
 )
@@ -122,6 +123,12 @@ def heading(state: State, work: Work) -> float:
     if way == 0.0:
         way = state.scalar[DIRECTION]
     return 1.0 if way > 0.0 else -1.0
+
+
+@inlined
+def is_relaxed(newborn: Newborn) -> bool:
+    """Whether contacts attach unstretched."""
+    return newborn.stretching.size == 1 and newborn.stretching[0] == 0.0
 
 
 @inlined
@@ -238,13 +245,14 @@ def try_step(state: State, work: Work, case: Case, dt: float) -> float:
     known_births(state, work, case.delays, dt)
     rigid = is_rigid(slider)
     nodes[AT_KNOWN, 0] = 0.0
-    if _unresolved(nodes[AT_KNOWN]) > 4.0 * case.accuracy.births:
+    rough = max(tol, case.accuracy.rough)
+    if _unresolved(nodes[AT_KNOWN]) > 4.0 * rough:
         resolved = True
         for i in range(case.delays.time.size):
             if 0.0 < case.delays.time[i] < dt:
                 resolved = False
         if resolved:
-            return _unresolved(nodes[AT_KNOWN]) / case.accuracy.births
+            return _unresolved(nodes[AT_KNOWN]) / rough
     V0 = scalar[VELOCITY]
     if rigid:
         for k in range(1, P + 1):
@@ -303,7 +311,7 @@ def try_step(state: State, work: Work, case: Case, dt: float) -> float:
     if not rigid:
         error = max(error, (slider.stiffness + 1.0) * _unresolved(nodes[AT_X]))
     d, m = abs(nodes[AT_X, P]), abs(nodes[AT_BORN, P])
-    trouble = max(error / tol, _unresolved(nodes[AT_BORN]) / case.accuracy.births)
+    trouble = max(error / tol, _unresolved(nodes[AT_BORN]) / rough)
     trouble = max(trouble, (abs(nodes[AT_BROKEN, P]) / case.accuracy.broken) ** P)
     if m > NEGLIGIBLE * tol:
         ratio = (d / case.accuracy.width) ** (2 * Q)

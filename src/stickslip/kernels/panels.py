@@ -83,7 +83,7 @@ from .panel_state import (
     State,
     Work,
 )
-from .panel_step import element_at, heading, try_step
+from .panel_step import element_at, heading, is_relaxed, try_step
 from .rules import INCREASE, INTEGRAL, MONOMIAL, NODE, PART, P, Q
 from .survival import Table
 
@@ -216,7 +216,8 @@ def _move(state: State, work: Work, case: Case, dt: float) -> None:
     scalar[CONTACT_FORCE], scalar[ATTACHED] = nodes[AT_FORCE, P], nodes[AT_ATTACHED, P]
     scalar[WORK] += nodes[AT_WORK, P]
     scalar[DAMPED] += nodes[AT_DAMPED, P]
-    scalar[LOST] += max(nodes[AT_LOST, P], 0.0)  # what the slider did to the contacts, and they do not store
+    # What the slider did to the contacts, and they do not store. What attaches stretched brings energy.
+    scalar[LOST] += max(nodes[AT_LOST, P], 0.0) if is_relaxed(case.newborn) else nodes[AT_LOST, P]
     scalar[STORED] = nodes[AT_STORED, P]
     _spring(scalar, case)
 
@@ -450,8 +451,9 @@ def _run(
                 _curve(work, row)
         while filled < times.size and times[filled] < scalar[TIME] - smallest:
             _sample(rows[filled], times[filled], start, state, work, case, dt)
-            lost = min(max(rows[filled, LOST], start[LOST]), scalar[LOST])
-            rows[filled, LOST] = max(lost, rows[filled - 1, LOST]) if filled > 0 else lost
+            if is_relaxed(case.newborn):
+                lost = min(max(rows[filled, LOST], start[LOST]), scalar[LOST])
+                rows[filled, LOST] = max(lost, rows[filled - 1, LOST]) if filled > 0 else lost
             filled += 1
     return PAUSED, filled, 0
 

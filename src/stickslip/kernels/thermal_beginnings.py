@@ -12,9 +12,9 @@ from .thermal_cohorts import (
     ALIVE,
     ATTACHED,
     BIRTH,
+    CONTACT_FORCE,
     EXTINCT,
     FORCE,
-    FRICTION,
     MASS,
     NEXT_STEP,
     OUTSIDE,
@@ -24,6 +24,7 @@ from .thermal_cohorts import (
     SINCE,
     SLID,
     STORED,
+    TRIAL_REACH,
     VELOCITY,
     Delays,
     Model,
@@ -109,6 +110,6 @@ def _summed(state: State, count: int, velocity: float) -> State:
     scalar[FORCE], scalar[ATTACHED] = float((alive * x).sum()), float(alive.sum())
     out = 1.0 - scalar[ATTACHED]
     scalar[OUTSIDE] = out
-    scalar[FRICTION] = scalar[FORCE] + out * scalar[SLID]
+    scalar[CONTACT_FORCE] = scalar[FORCE] + out * scalar[SLID]
     scalar[STORED] = 0.5 * float((alive * x * x).sum()) + 0.5 * out * scalar[SLID] ** 2
     return state

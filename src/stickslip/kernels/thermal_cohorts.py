@@ -34,7 +34,7 @@ IntArray = NDArray[np.int64]
 (
     POSITION,
     VELOCITY,
-    FRICTION,
+    CONTACT_FORCE,
     ATTACHED,
     STORED,
     WORK,
@@ -356,7 +356,7 @@ def _load(case: _Case, scalar: Array, loss: float) -> Load:
     stiffness = scalar[ATTACHED]
     if case.f_d > 0.0 and abs(scalar[SLID]) < case.f_d:
         stiffness = 1.0
-    return Load(scalar[FRICTION], stiffness, loss, 0.0)
+    return Load(scalar[CONTACT_FORCE], stiffness, loss, 0.0)
 
 
 @jit
@@ -372,12 +372,12 @@ def _try_step(state: State, case: _Case, dt: float) -> tuple[_Trial, float]:
     load = _load(case, scalar, scalar[LOSS])
     trial = _arrive(state, case, due, dt, load)
     disagreement = 0.0
-    loss = (scalar[FRICTION] + load.stiffness * (trial.X - scalar[POSITION]) - _friction(trial)) / dt
+    loss = (scalar[CONTACT_FORCE] + load.stiffness * (trial.X - scalar[POSITION]) - _friction(trial)) / dt
     if not is_rigid(slider):
         for _ in range(2 if slider.mass > 0.0 else 4):
             guess = trial.X
             trial = _arrive(state, case, due, dt, _load(case, scalar, loss))
-            loss = (scalar[FRICTION] + load.stiffness * (trial.X - scalar[POSITION]) - _friction(trial)) / dt
+            loss = (scalar[CONTACT_FORCE] + load.stiffness * (trial.X - scalar[POSITION]) - _friction(trial)) / dt
             disagreement = abs(trial.X - guess)
             if disagreement < 1e-3 * case.limits.reach * case.limits.reach * width:
                 break
@@ -453,12 +453,12 @@ def _commit(state: State, case: _Case, trial: _Trial) -> None:
     scalar[STORED] = stored + 0.5 * (1.0 - trial.mass) * trial.slid * trial.slid
     friction = _friction(trial)
     if is_rigid(case.slider):
-        scalar[WORK] += 0.5 * (scalar[FRICTION] + friction) * dX
+        scalar[WORK] += 0.5 * (scalar[CONTACT_FORCE] + friction) * dX
     else:
         scalar[WORK] += trial.work
         scalar[DAMPED] += case.slider.mass * case.slider.damping * trial.squares
     scalar[TIME], scalar[POSITION], scalar[VELOCITY] = end, trial.X, trial.V
-    scalar[FRICTION], scalar[FORCE], scalar[ATTACHED] = friction, trial.force, trial.mass
+    scalar[CONTACT_FORCE], scalar[FORCE], scalar[ATTACHED] = friction, trial.force, trial.mass
     scalar[LOSS], scalar[SLID] = trial.load.loss, trial.slid
     scalar[OUTSIDE] += trial.broken - trial.attaching
     n = state.used[1]
@@ -518,8 +518,8 @@ def _sample(row: Array, t: float, before: Array, trial: _Trial, after: Array, ca
     X, V, work, squares = _move(case, before, trial.load, u)
     row[POSITION], row[VELOCITY] = X, V
     bend = X - before[POSITION] - part * (trial.X - before[POSITION])
-    row[FRICTION] += trial.load.stiffness * bend
-    row[STORED] += row[FRICTION] * bend
+    row[CONTACT_FORCE] += trial.load.stiffness * bend
+    row[STORED] += row[CONTACT_FORCE] * bend
     if not is_rigid(case.slider):
         row[WORK] = before[WORK] + work
         row[DAMPED] = before[DAMPED] + case.slider.mass * case.slider.damping * squares
@@ -528,7 +528,7 @@ def _sample(row: Array, t: float, before: Array, trial: _Trial, after: Array, ca
 @jit
 def _held(stop: Stop, row: Array, t: float, case: _Case) -> bool:
     """Whether the condition holds at a sample."""
-    spring = row[FRICTION]
+    spring = row[CONTACT_FORCE]
     if not is_rigid(case.slider):
         spring = case.slider.stiffness * (drive_at(case.drive, t)[0] - row[POSITION])
     return holds(stop, row[POSITION], spring)

@@ -136,6 +136,9 @@ class QuasiStatic:
         check(self)
 
 
+DRAWN = (Contacts, Population, QuasiStatic)
+"""The methods with a number of contacts and a seed."""
+
 Method = Contacts | MasterEquation | PaperClosure | Population | QuasiStatic
 
 

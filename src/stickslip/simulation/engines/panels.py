@@ -6,6 +6,7 @@ import copy
 import math
 from functools import lru_cache
 from itertools import pairwise
+from types import ModuleType
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
@@ -17,18 +18,9 @@ from stickslip.model.distribution import check_density
 from stickslip.model.distributions import Distribution
 from stickslip.model.newborn import mean_life, stretching_nodes
 from stickslip.model.quadrature import hashable
-from stickslip.simulation.engines.base import (
-    COLUMNS,
-    Advance,
-    Beginning,
-    Engine,
-    Leg,
-    Stretchings,
-    looks_aside,
-    slider_constants,
-    solves,
-)
+from stickslip.simulation.engines.base import Beginning, Leg, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import end_and_knots, survival_of
+from stickslip.simulation.engines.cohorts import Cohorts
 
 if TYPE_CHECKING:
     from stickslip.kernels import panel_state as kernel
@@ -43,17 +35,17 @@ _AT_KNOTS = 0.3
 """Part of the tolerance of a step that is left where the survival has knots."""
 _BROKEN = 0.02
 """Fraction of all contacts that may break in a step where they are counted, for an error of 1e-4."""
+_GRAIN = 0.15
+"""Distance of contacts that may count as if they had attached at one place, in standard deviations of thresholds."""
 _FINE = 2.5e-3
 """Distance of the stretchings shown, in ``x_s``."""
 
 
 @solves(MasterEquation)
 @solves(Population)
-class Panels(Engine):
+class Panels(Cohorts):
     """Groups of contacts that attached in the same step: fractions of infinitely many, or counted."""
 
-    columns = COLUMNS
-    angle = 0.1
     mechanisms = frozenset({"sliding_force", "newborn", "track_scatter", "on_arrest"})
 
     def __init__(self, beginning: Beginning, method: MasterEquation | Population) -> None:
@@ -86,7 +78,8 @@ class Panels(Engine):
         )
         self._lot = kernel.UNCOUNTED
         if isinstance(method, Population):
-            self._lot = kernel.Lot(float(count), np.random.default_rng(method.seed))
+            grain = _GRAIN * distribution.standard_deviation() * min(math.sqrt(method.rtol / 1e-4), 2.0)
+            self._lot = kernel.Lot(float(count), np.random.default_rng(method.seed), grain)
             self._state = counted(self._state, self._thresholds, self._delays, count, self._lot.rng)
 
     @staticmethod
@@ -108,22 +101,12 @@ class Panels(Engine):
                     f"Interface.{field}",
                 )
 
-    @property
-    def state(self) -> kernel.State:
-        """What the kernel goes on from; it never changes one."""
-        return self._state
+    @staticmethod
+    def kernel() -> ModuleType:
+        """Return the module of the state."""
+        from stickslip.kernels import panel_state
 
-    def here(self) -> tuple[float, float]:
-        """Time, and position of the slider."""
-        from stickslip.kernels import panel_state as kernel
-
-        return float(self._state.scalar[kernel.TIME]), float(self._state.scalar[kernel.POSITION])
-
-    def contact_force(self) -> float:
-        """Force of the contacts now, per contact."""
-        from stickslip.kernels import panel_state as kernel
-
-        return float(self._state.scalar[kernel.CONTACT_FORCE])
+        return panel_state
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts now, those that attached in one step spread over its panel."""
@@ -137,12 +120,11 @@ class Panels(Engine):
         kept = fraction > 0.0
         return Stretchings(self.here()[1] - place[kept], fraction[kept], cells=True)
 
-    def advance(self, leg: Leg) -> Advance:
-        """Go on by some steps."""
+    def go_on(self, leg: Leg) -> tuple[kernel.State, Array, int]:
+        """Follow a leg for some steps."""
         from stickslip.kernels import panel_state as kernel
         from stickslip.kernels.panels import advance
 
-        before = self.copy()
         done = advance(
             self._state,
             self._thresholds,
@@ -158,18 +140,13 @@ class Panels(Engine):
             stop=leg.stop,
             max_steps=_STEPS,
         )
-        self._state = done.state
         sampled = [kernel.POSITION, kernel.VELOCITY, kernel.CONTACT_FORCE, kernel.ATTACHED]
         energies = [kernel.STORED, kernel.WORK, kernel.DAMPED, kernel.LOST]
-        return Advance(
-            done.rows[:, sampled + energies],
-            looks_aside(before, leg, self.here()[0]),
-            over=done.reason != kernel.PAUSED,
-        )
+        return done.state, done.rows[:, sampled + energies], done.reason
 
     def copy(self) -> Self:
         """Return an engine in the same state that goes its own way."""
-        other = copy.copy(self)  # what the kernel takes, it leaves as it is, but for random numbers
+        other = super().copy()  # what the kernel takes, it leaves as it is, but for random numbers
         if self._lot.count:
             other._lot = copy.deepcopy(self._lot)
         return other
@@ -256,8 +233,8 @@ def _accuracy(distribution: Distribution, rtol: float, count: int) -> kernel.Acc
         tolerance *= _AT_KNOTS
     width = widest(table, tolerance, 0.3 * distribution.moment(1), order=1)
     if not count:
-        return Accuracy(tolerance, width, tolerance, math.inf)
-    return Accuracy(tolerance, width, max(tolerance, 1.0 / math.sqrt(count)), _BROKEN * math.sqrt(rtol / 1e-4))
+        return Accuracy(tolerance, width)
+    return Accuracy(tolerance, width, 1.0 / math.sqrt(count), _BROKEN * math.sqrt(rtol / 1e-4))
 
 
 @lru_cache(maxsize=64)
