@@ -1,8 +1,9 @@
-"""Contacts counted by cohorts: the same numbers as contact by contact, in mean and fluctuation, and none is ever lost."""
+"""Contacts counted by cohorts: as contact by contact, in mean and fluctuation, and none is ever lost."""
 
 import math
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -204,7 +205,7 @@ def test_the_spectrum_in_rigid_sliding_is_that_of_contacts():
         F = track["friction_force"]
         power = np.abs(np.fft.rfft(F - F.mean())) ** 2 / F.size * method.count
         edges = (power.size * 0.5 ** np.arange(7)).astype(int)
-        return np.array([power[low:high].mean() for high, low in zip(edges, edges[1:], strict=False)]), edges
+        return np.array([power[low:high].mean() for high, low in pairwise(edges)]), edges
 
     exact, edges = octaves(ss.Contacts(1_000, seed=1))
     found, _ = octaves(ss.Population(1_000, seed=1))

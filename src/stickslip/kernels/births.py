@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import bare, inlined
-from .panel_state import AT_BORN, AT_BROKEN, AT_KNOWN, BROKEN, GROUPS, PANELS, ROUGH, SPARE, TIME, Delays, State, Work
+from .panel_state import AT_BORN, AT_BROKEN, AT_KNOWN, BROKEN, GROUPS, PANELS, ROUGH, TIME, Delays, State, Work
 from .rules import GAUSS, INCREASE, MONOMIAL, NODE, P, Q
 from .survival import value_at
 
@@ -147,8 +147,8 @@ def mark_rough(state: State, t: float) -> None:
 
 
 @bare
-def forget(state: State, delays: Delays) -> bool:
-    """Forget panels of which all has re-attached; whether there is room now."""
+def forget(state: State, delays: Delays, spare: int) -> bool:
+    """Forget panels of which all has re-attached; whether there is room now, for `spare` groups among others."""
     n = state.used[PANELS]
     if n == state.panels.shape[0]:
         first = n - 1
@@ -169,4 +169,4 @@ def forget(state: State, delays: Delays) -> bool:
         for i in range(state.cursor.size):
             state.cursor[i] = max(state.cursor[i] - first, 0)
         state.used[PANELS] = n - first
-    return bool(state.used[GROUPS] + SPARE <= state.groups.shape[1])
+    return bool(state.used[GROUPS] + spare <= state.groups.shape[1])

@@ -242,14 +242,17 @@ def kink_at(groups: Array, used: int, table: Table, level: float) -> float:
 
 
 @bare
-def divide(groups: Array, used: int, X: float, table: Table) -> int:
-    """Divide the groups through which a knot passes: when the slider turns, their reach stays. Returns their number."""
+def divide(groups: Array, used: int, X: float, table: Table, room: int) -> int:
+    """Divide the groups through which a knot passes, as there is room: when the slider turns, their reach stays.
+
+    Returns the number of groups.
+    """
     count = used
     for g in range(used):
         if not _is_kinked(groups, g, X, table, 0.0, 0.0):
             continue
         first = begin = _next_cut(groups, g, X, table, 0.0)
-        while begin < 1.0 and count < groups.shape[1] - 1:
+        while begin < 1.0 and count < room - 1:
             end = _next_cut(groups, g, X, table, begin)
             _part(groups, g, count, X, begin, end)
             count += 1
@@ -263,7 +266,7 @@ def divide(groups: Array, used: int, X: float, table: Table) -> int:
 
 
 @bare
-def divide_passed(groups: Array, used: int, X: float, table: Table) -> int:
+def divide_passed(groups: Array, used: int, X: float, table: Table, room: int) -> int:
     """Divide groups of which some are stretched further than ever, and others not. Returns the number of groups."""
     count = used
     for g in range(used):
@@ -276,7 +279,7 @@ def divide_passed(groups: Array, used: int, X: float, table: Table) -> int:
         if ahead == 0 or ahead == Q or widest < table.bottom or groups[WHOLE, g, 0] == 0.0:
             continue
         u = _cut(groups, g, X, _EVER)
-        if u < 1.0 and count < groups.shape[1] - 1:
+        if u < 1.0 and count < room - 1:
             _part(groups, g, count + 1, X, 0.0, u)
             _part(groups, g, count, X, u, 1.0)
             for j in range(Q):

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ._jit import bare, inlined
+from ._jit import bare, inlined, jit
 from .births import forget, mark_rough, next_front
 from .drive import NOWHERE, Quadratic, Stop, drive_at, holds
 from .groups import BIRTH, GROUP_ROWS, MASS, REACH, WHOLE, Reading, divide, divide_passed, kink_at, merged
@@ -159,7 +159,8 @@ def _commit(state: State, work: Work, case: Case, dt: float, way: float) -> None
     low = high = 0.0
     for k in range(1, P + 1):
         low, high = min(low, nodes[AT_X, k]), max(high, nodes[AT_X, k])
-    state.used[GROUPS] = divide_passed(groups, state.used[GROUPS], origin + y, table)
+    room = groups.shape[1] - newborn.stretching.size  # for what attaches
+    state.used[GROUPS] = divide_passed(groups, state.used[GROUPS], origin + y, table, room)
     kept = 0
     for g in range(state.used[GROUPS]):
         alive = False
@@ -279,7 +280,7 @@ def _arrest(state: State, case: Case) -> None:
     scalar[MASS_OUT] = 0.0
 
 
-@bare
+@jit  # which gives the generator back; the others make no array
 def _run(
     state: State,
     work: Work,
@@ -297,6 +298,7 @@ def _run(
     tol = case.accuracy.tolerance
     counted = case.lot.count > 0.0
     spare = SPARE + case.newborn.stretching.size
+    room = state.groups.shape[1] - case.newborn.stretching.size
     _spring(scalar, case)
     if is_rigid(slider):
         scalar[VELOCITY] = drive_at(case.drive, scalar[TIME])[1]
@@ -314,7 +316,7 @@ def _run(
         if left <= smallest:
             return FINISHED, filled, max_steps
         full = state.used[GROUPS] + spare > state.groups.shape[1] or state.used[PANELS] == state.panels.shape[0]
-        if full and not forget(state, case.delays):
+        if full and not forget(state, case.delays, spare):
             return NO_ROOM, filled, max_steps
         front = next_front(state, case.delays, scalar[TIME], smallest) - scalar[TIME]
         nodes[AT_FORCE, 0], nodes[AT_SLOPE, 0] = scalar[CONTACT_FORCE], scalar[SLOPE]
@@ -423,7 +425,7 @@ def _run(
         e = state.used[EXTREMES]
         if event == 1.0:
             if case.table.knots.size > 0:
-                state.used[GROUPS] = divide(state.groups, state.used[GROUPS], scalar[POSITION], case.table)
+                state.used[GROUPS] = divide(state.groups, state.used[GROUPS], scalar[POSITION], case.table, room)
             if case.delays.arrest:
                 _arrest(state, case)
             if broke:
