@@ -149,11 +149,11 @@ def settle(state: State, work: Work, case: Case, dt: float, start: Array, way: f
 
     The groups are still those of its start, of which `start` holds the scalars; the slider moved the way `way`.
     """
-    groups, scalar, nodes, chance, N = state.groups, state.scalar, work.nodes, work.chance, case.lot.count
+    groups, scalar, nodes, chance, N = state.groups, state.scalar, work.nodes, work.chance, case.lot.contacts
     table, origin = case.table, start[POSITION]
     low = high = 0.0
-    for k in range(1, P + 1):
-        low, high = min(low, nodes[AT_X, k]), max(high, nodes[AT_X, k])
+    for i in range(1, P + 1):
+        low, high = min(low, nodes[AT_X, i]), max(high, nodes[AT_X, i])
     u = case.lot.rng.random()
     place = _value(work, AT_X, u)
     e = element_at(state, case, place) if case.sliding_force > 0.0 else 0.0
@@ -229,7 +229,7 @@ def _put(groups: Array, place: int, case: Case, n: float, b: float, r: float) ->
     g, j = place // Q, place % Q
     J = value_at(case.table, r)
     groups[BIRTH, g, j], groups[REACH, g, j], groups[WHOLE, g, j], groups[COUNT, g, j] = b, r, 0.0, n
-    groups[MASS, g, j] = n / (case.lot.count * J) if J > _GONE else 0.0
+    groups[MASS, g, j] = n / (case.lot.contacts * J) if J > _GONE else 0.0
     return 1
 
 
@@ -240,7 +240,7 @@ def _joins(groups: Array, place: int, case: Case, n: float, b: float, r: float, 
     if place < 0 or n == 0.0 or max(r, groups[REACH, g, j]) > case.table.bottom:
         return False
     total, way = n + groups[COUNT, g, j], b - groups[BIRTH, g, j]
-    error = total / case.lot.count * way * way
+    error = total / case.lot.contacts * way * way
     if abs(way) > case.lot.grain or error > _COARSE * case.accuracy.tolerance:
         return False
     b = groups[BIRTH, g, j] + way * n / total
@@ -252,7 +252,7 @@ def _joins(groups: Array, place: int, case: Case, n: float, b: float, r: float, 
 def _keep(state: State, work: Work, case: Case, start: Array, dt: float, more: float) -> None:
     """Let what has broken in a step, or more of it, wait for its re-attachment."""
     panels, nodes, delays, scalar = state.panels, work.nodes, case.delays, state.scalar
-    scalar[BROKEN] += more / case.lot.count
+    scalar[BROKEN] += more / case.lot.contacts
     if more == 0.0 or delays.time.size + delays.share == 0.0:
         return
     n = state.used[PANELS]
@@ -298,7 +298,7 @@ def _wait(panel: Array, case: Case, more: float) -> None:
 @bare
 def _arrivals(state: State, case: Case, before: float, now: float) -> float:
     """Draw how many re-attach between two times; they wait no longer."""
-    panels, delays, N = state.panels, case.delays, case.lot.count
+    panels, delays, N = state.panels, case.delays, case.lot.contacts
     total = 0.0
     longest = delays.spread.top if delays.share > 0.0 else 0.0
     for i in range(delays.time.size):
@@ -383,7 +383,7 @@ def _fill_up(state: State, place: int) -> None:
 @bare
 def attach_all(state: State, case: Case) -> None:
     """Let all that is detached re-attach where the slider is, stretched the way it has moved last."""
-    scalar, newborn, N = state.scalar, case.newborn, case.lot.count
+    scalar, newborn, N = state.scalar, case.newborn, case.lot.contacts
     more, other, place = N * scalar[MASS_OUT] + 0.5, 1.0, Q * state.used[GROUPS]
     more = math.floor(more)
     for i in range(newborn.stretching.size):
@@ -399,7 +399,7 @@ def attach_all(state: State, case: Case) -> None:
 @bare
 def count_up(state: State, case: Case) -> None:
     """Take force, attached fraction and energy from the counts; energy that is no longer stored is lost."""
-    groups, scalar, N = state.groups, state.scalar, case.lot.count
+    groups, scalar, N = state.groups, state.scalar, case.lot.contacts
     A = F = E = 0.0
     for g in range(state.used[GROUPS]):
         for j in range(Q):
@@ -459,5 +459,5 @@ def joined(groups: Array, used: int, case: Case) -> Array:
     made = np.zeros((GROUP_ROWS, -(-total.size // Q) * Q))
     alive = values_at(case.table, r)
     made[BIRTH, : b.size], made[REACH, : b.size], made[COUNT, : b.size] = b, r, np.round(total)
-    made[MASS, : b.size] = np.where(alive > _GONE, total / (case.lot.count * np.maximum(alive, _GONE)), 0.0)
+    made[MASS, : b.size] = np.where(alive > _GONE, total / (case.lot.contacts * np.maximum(alive, _GONE)), 0.0)
     return made.reshape(GROUP_ROWS, -1, Q)

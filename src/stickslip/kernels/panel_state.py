@@ -81,14 +81,14 @@ class Lot(NamedTuple):
 
     Attributes
     ----------
-    count : float
+    contacts : float
     rng : Generator
         Draws how many break and re-attach.
     grain : float
         Distance of contacts that may count as if they had attached at one place.
     """
 
-    count: float
+    contacts: float
     rng: np.random.Generator
     grain: float
 

@@ -134,7 +134,7 @@ def is_relaxed(newborn: Newborn) -> bool:
 @inlined
 def element_at(state: State, case: Case, y: float) -> float:
     """Force of the element that stands for the detached contacts: elastic, as contacts are, until it yields."""
-    return max(min(state.scalar[ELEMENT] + y, case.sliding_force), -case.sliding_force)
+    return float(max(min(state.scalar[ELEMENT] + y, case.sliding_force), -case.sliding_force))
 
 
 @inlined

@@ -241,7 +241,7 @@ def _sample(row: Array, t: float, start: Array, state: State, work: Work, case: 
     row[ATTACHED] = min(max(_along(work, AT_ATTACHED, u), 0.0), 1.0)  # a polynomial overshoots
     row[WORK], row[DAMPED] = start[WORK] + _along(work, AT_WORK, u), start[DAMPED] + _along(work, AT_DAMPED, u)
     row[LOST], row[STORED] = start[LOST] + _along(work, AT_LOST, u), _along(work, AT_STORED, u)
-    if case.lot.count > 0.0:
+    if case.lot.contacts > 0.0:
         deviate(row, t, start, state.scalar, work, case)
     _spring(row, case)
 
@@ -260,7 +260,7 @@ def _arrest(state: State, case: Case) -> None:
     scalar, newborn, groups = state.scalar, case.newborn, state.groups
     out, e = scalar[MASS_OUT], scalar[ELEMENT]
     scalar[BORN] += out
-    if case.lot.count > 0.0:
+    if case.lot.contacts > 0.0:
         attach_all(state, case)
         return
     force = stored = 0.0
@@ -296,7 +296,7 @@ def _run(
     smallest = 1e-12 * max(1.0, abs(until))
     filled = 0
     tol = case.accuracy.tolerance
-    counted = case.lot.count > 0.0
+    counted = case.lot.contacts > 0.0
     spare = SPARE + case.newborn.stretching.size
     room = state.groups.shape[1] - case.newborn.stretching.size
     _spring(scalar, case)
@@ -550,7 +550,7 @@ def _with_room(state: State, case: Case) -> State:
     used, room = state.used, state.groups.shape[1]
     spare = SPARE + case.newborn.stretching.size
     if used[GROUPS] + spare > room:
-        if case.lot.count > 0.0:
+        if case.lot.contacts > 0.0:
             kept = joined(state.groups, used[GROUPS], case)
         else:
             kept = merged(state.groups, used[GROUPS], case.table, case.accuracy.width)

@@ -218,8 +218,8 @@ def estimate(rig: Rig) -> Work:
                           seconds=each * count * lives, bytes=_CONTACT * count))  # fmt: skip
     else:
         # The kinetic equation is of second order, panels are of fifth.
-        closure = isinstance(rig.method, PaperClosure)
-        finer = (rig.method.cells / 400.0) ** 2 if closure else 1e-4 / rig.method.rtol
+        method = rig.method
+        finer = (method.cells / 400.0) ** 2 if isinstance(method, PaperClosure) else 1e-4 / method.rtol
         steps = _PANELS * finer ** (1 / 6) * path
         cohorts = 400.0 * math.sqrt(finer)
         power, seconds = (-1 / 6, _PANEL * steps) if ageing is None else (-1.0, _AGEING_COHORT * cohorts**2 * path)

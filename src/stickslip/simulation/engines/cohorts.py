@@ -17,7 +17,7 @@ class Cohorts(Engine):
     _state: Any
 
     @staticmethod
-    def kernel() -> ModuleType:
+    def module() -> ModuleType:
         """Return the module of the state, which names its scalars `TIME`, `POSITION` and `CONTACT_FORCE`."""
         raise NotImplementedError
 
@@ -32,18 +32,18 @@ class Cohorts(Engine):
 
     def here(self) -> tuple[float, float]:
         """Time, and position of the slider."""
-        kernel = self.kernel()
+        kernel = self.module()
         return float(self._state.scalar[kernel.TIME]), float(self._state.scalar[kernel.POSITION])
 
     def contact_force(self) -> float:
         """Force of the contacts now, per contact."""
-        return float(self._state.scalar[self.kernel().CONTACT_FORCE])
+        return float(self._state.scalar[self.module().CONTACT_FORCE])
 
     def advance(self, leg: Leg) -> Advance:
         """Go on by some steps."""
         before = self.copy()
         self._state, rows, reason = self.go_on(leg)
-        return Advance(rows, looks_aside(before, leg, self.here()[0]), over=reason != self.kernel().PAUSED)
+        return Advance(rows, looks_aside(before, leg, self.here()[0]), over=reason != self.module().PAUSED)
 
     def copy(self) -> Self:
         """Return an engine in the same state that goes its own way."""

@@ -102,7 +102,7 @@ class Panels(Cohorts):
                 )
 
     @staticmethod
-    def kernel() -> ModuleType:
+    def module() -> ModuleType:
         """Return the module of the state."""
         from stickslip.kernels import panel_state
 
@@ -147,7 +147,7 @@ class Panels(Cohorts):
     def copy(self) -> Self:
         """Return an engine in the same state that goes its own way."""
         other = super().copy()  # what the kernel takes, it leaves as it is, but for random numbers
-        if self._lot.count:
+        if self._lot.contacts:
             other._lot = copy.deepcopy(self._lot)
         return other
 

@@ -87,7 +87,7 @@ class ThermalPopulation(Cohorts):
             self._model = self._model._replace(capped=True)
 
     @staticmethod
-    def kernel() -> ModuleType:
+    def module() -> ModuleType:
         """Return the module of the state."""
         from stickslip.kernels import thermal_cohorts
 
