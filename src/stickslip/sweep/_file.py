@@ -175,7 +175,7 @@ class Document(Part):
                 raise InputError("run.rtol: belongs to method = 'master equation'")
             usual = given if isinstance(given, DRAWN) else Contacts()
             chosen = given if type(given) is made else made(usual.count, usual.seed)
-            asked = {"count": run.contacts, "seed": run.seed, "rtol": run.rtol}
+            asked: dict[str, Any] = {"count": run.contacts, "seed": run.seed, "rtol": run.rtol}
             return replace(chosen, **{name: value for name, value in asked.items() if value is not None})
         for key in ("contacts", "seed"):
             if getattr(run, key) is not None:
