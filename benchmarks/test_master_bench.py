@@ -1,5 +1,6 @@
 """The master equation beside the plain loop over contacts, in the same run: Fig. 4c to a given error."""
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -42,3 +43,30 @@ def test_master_equation(benchmark, rtol, error, promised):
     benchmark.extra_info.update(role="fast", promised=promised, what=f"master equation, error below {error:g}")
     run = benchmark.pedantic(master, (rtol,), rounds=10)
     assert np.sqrt(np.mean((run["spring_force"].to_numpy() - EXACT) ** 2)) < error
+
+
+def population(count):
+    rig = ss.Rig(FIG4.interface, FIG4.slider, ss.constant(1.0, 6.0))
+    return ss.simulate(rig, method=ss.Population(count, seed=1), output=ss.Output(interval=0.005))
+
+
+@pytest.mark.parametrize("count", [10_000, 10**8])
+def test_population(benchmark, count):
+    """Its cost does not depend on the number of contacts: 1e8 take less than twice the time of 1e4."""
+    population(count)
+    benchmark.group = "Fig. 4c, four cycles"
+    benchmark.extra_info.update(role="fast", promised=10, what=f"population of {count:.0e}")
+    benchmark.pedantic(population, (count,), rounds=10)
+
+
+def test_the_cost_of_a_population_does_not_depend_on_its_number():
+    def seconds(count):
+        times = []
+        for _ in range(10):
+            begin = time.process_time()
+            population(count)
+            times.append(time.process_time() - begin)
+        return min(times)
+
+    population(100)
+    assert seconds(10**8) < 2.0 * seconds(10**4)

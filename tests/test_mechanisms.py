@@ -1,4 +1,4 @@
-"""Sliding force, newborn stretchings, re-attachment on arrest, track scatter: contacts, closed forms, files."""
+"""Sliding force, newborn stretchings, re-attachment on arrest, track scatter: all solvers, closed forms, files."""
 
 import math
 from dataclasses import replace
@@ -282,6 +282,59 @@ def test_growth_rates_in_numbers(stiffness, sliding_force, root):
     rig = rig_of(replace(FIG7, sliding_force=sliding_force), ss.constant(1.5), damping=42.426, stiffness=stiffness)
     assert stability.growth_rate(rig) == pytest.approx(root, abs=2e-5)
     assert (stability.count_unstable(rig) > 0) == (root.real > 0)
+
+
+def root_of_a_run(interface, near, velocity=1.5):
+    """The growth rate nearest to one in the difference of two perturbed runs: exponentials by a pencil of matrices."""
+    interval, modes = 0.02, 8
+    slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=42.426)
+    rig = ss.Rig(interface, slider, ss.constant(velocity, duration=14.0), method=ss.MasterEquation(rtol=1e-7))
+    one, two = (
+        ss.simulate(rig, start=ss.FromSliding(perturbation=change), output=ss.Output(interval=interval))
+        for change in (1e-3, -1e-3)
+    )
+    assert float(one.friction_force[0]) == pytest.approx(ss.kinetic_friction(interface, velocity), rel=1e-7)
+    apart = (one.displacement - two.displacement).to_numpy()[100:]
+    rows = np.lib.stride_tricks.sliding_window_view(apart, apart.size // 3)
+    basis = np.linalg.svd(rows, full_matrices=False)[2][:modes].T
+    found = np.log(np.linalg.eigvals(np.linalg.pinv(basis[:-1]) @ basis[1:])) / interval
+    return found[np.argmin(np.abs(found - near))]
+
+
+@pytest.mark.parametrize("sliding_force", [0.0, 0.1, 0.3])
+@pytest.mark.parametrize("newborn", [None, ss.Gaussian(mean=0.3, std=0.0)])
+def test_the_master_equation_grows_as_the_linear_response_says(sliding_force, newborn):
+    interface = replace(FIG7, sliding_force=sliding_force, newborn=newborn)
+    rig = rig_of(interface, ss.constant(1.5), damping=42.426, stiffness=2.0)
+    root = stability.growth_rate(rig)
+    assert root_of_a_run(interface, root) == pytest.approx(root, abs=1e-4)
+
+
+@pytest.mark.parametrize("newborn", [None, STRETCHED, ss.Gaussian(mean=0.3, std=0.0)])
+@pytest.mark.parametrize("sliding_force", [0.0, 0.3, 0.8])
+def test_the_master_equation_slides_with_the_steady_force(newborn, sliding_force):
+    delay = ss.RandomDelay(mean=0.2, std=0.05)
+    interface = ss.Interface(thresholds=TENTH, delay=delay, sliding_force=sliding_force, newborn=newborn)
+    rig = rig_of(interface, ss.constant(1.0, duration=3), stiffness=30.0, start=ss.FromSliding())
+    run = ss.simulate(rig, method=ss.MasterEquation(rtol=1e-6))
+    assert abs(run["friction_force"] - ss.kinetic_friction(interface, 1.0)).max() < 1e-4
+    assert abs(run["attached"] - attached_fraction(interface, 1.0)).max() < 1e-4
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    interfaces.filter(lambda interface: not interface.track_scatter),
+    st.sampled_from([THERE_AND_BACK, ss.constant(1.0, duration=4)]),
+)
+def test_contacts_and_the_master_equation_agree_within_noise(interface, drive):
+    """Until an instability has had the time to make much of little noise."""
+    rig = rig_of(replace(interface, initial=ss.Gaussian(mean=0.0, std=0.01)), drive, count=100_000)
+    out = ss.Output(interval=0.01)
+    run = ss.simulate(rig, method=ss.MasterEquation(), output=out)
+    assert imbalance(run) < 1e-4
+    exact = ss.simulate(rig, output=out)
+    for name in ("spring_force", "attached"):
+        assert float(np.sqrt(((run[name] - exact[name]) ** 2).mean())) < 0.01, name
 
 
 NODE, WEIGHT = np.polynomial.legendre.leggauss(150)

@@ -60,6 +60,7 @@ from .model import Output as Output
 from .model import PaperClosure as PaperClosure
 from .model import Parabolic as Parabolic
 from .model import Parameter as Parameter
+from .model import Population as Population
 from .model import Prestressed as Prestressed
 from .model import QuasiStatic as QuasiStatic
 from .model import RandomDelay as RandomDelay

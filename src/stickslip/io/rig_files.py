@@ -37,7 +37,9 @@ from stickslip.model import (
     FromSliding,
     Interface,
     MasterEquation,
+    Method,
     Output,
+    Population,
     QuasiStatic,
     Slider,
 )
@@ -408,11 +410,7 @@ class _Reader:
             drive=self._drive(drive, pieces, natural),
             method=self.make(
                 "simulation",
-                lambda: (
-                    _OF_CONTACTS[simulation["method"]](count, simulation["seed"])
-                    if simulation["method"] in _OF_CONTACTS
-                    else MasterEquation(rtol=simulation["rtol"])
-                ),
+                lambda: _method(simulation["method"], count, simulation["seed"], simulation["rtol"]),
                 {"count": "contacts"},
             ),
             start=FromRest() if simulation["start"] == "from rest" else FromSliding(),
@@ -767,8 +765,18 @@ class _Reader:
 
 
 _ENDS = ("start", "end")
-_OF_CONTACTS: Mapping[str, type[Contacts | QuasiStatic]] = {"contacts": Contacts, "quasi-static": QuasiStatic}
 _OF_THE_BAR = ("spacing", "width", "height")
+
+
+def _method(name: str, count: int, seed: int, rtol: float) -> Method:
+    match name:
+        case "contacts":
+            return Contacts(count, seed)
+        case "population":
+            return Population(count, seed, rtol)
+        case "quasi-static":
+            return QuasiStatic(count, seed)
+    return MasterEquation(rtol=rtol)
 
 
 def _without(content: Mapping[str, Any], name: str) -> dict[str, Any]:

@@ -432,18 +432,24 @@ PIECE: Mapping[str, Key] = {
 
 SIMULATION: Mapping[str, Key] = {
     "method": Key(
-        "Every contact followed, or the limit of infinitely many; of a chain, also in balance all the time.",
+        "Every contact followed, many of them counted together, or the limit of infinitely many; of a chain, also in "
+        "balance all the time.",
         "contacts",
-        choices=("contacts", "master equation", "quasi-static"),
+        choices=("contacts", "population", "master equation", "quasi-static"),
         default="contacts",
     ),
     "contacts": Key(
-        "Number of contacts, for the methods `contacts` and `quasi-static`: 1 to 1e8; of a chain, of each block.",
+        "Number of contacts, for all methods but `master equation`: 1 to 1e8, for `population` 1e9; of a chain, of "
+        "each block.",
         2000,
         otherwise="10,000; 100 for each block of a chain",
     ),
     "seed": Key("Of the random numbers: the same seed gives the same run.", 1, default=1),
-    "rtol": Key("Error of the master equation, in total contact strengths: 1e-10 to 0.1.", 1e-5, default=1e-4),
+    "rtol": Key(
+        "Error of the master equation, in total contact strengths: 1e-10 to 0.1; of a `population`, from 1e-6.",
+        1e-5,
+        default=1e-4,
+    ),
     "start": Key(
         "The state that a run starts from: at rest with an unstretched spring, or in steady smooth sliding.",
         "from rest",

@@ -16,6 +16,7 @@ from stickslip.model import (
     FromSliding,
     Gaussian,
     MasterEquation,
+    Population,
     Prestressed,
     QuasiStatic,
     Slider,
@@ -216,6 +217,8 @@ class RigWriter:
         if isinstance(method, Contacts | QuasiStatic):
             name = "contacts" if isinstance(method, Contacts) else "quasi-static"
             found: Document = {"method": name, "contacts": method.count, "seed": method.seed}
+        elif isinstance(method, Population):
+            found = {"method": "population", "contacts": method.count, "seed": method.seed, "rtol": method.rtol}
         elif isinstance(method, MasterEquation) and not method.memoryless:
             found = {"method": "master equation", "rtol": method.rtol}
         else:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import bare, inlined
-from .panel_state import AT_BORN, AT_BROKEN, AT_KNOWN, BROKEN, GROUPS, PANELS, ROUGH, SPARE, TIME, Delays, State, Work
+from .panel_state import AT_BORN, AT_BROKEN, AT_KNOWN, BROKEN, GROUPS, PANELS, ROUGH, TIME, Delays, State, Work
 from .rules import GAUSS, INCREASE, MONOMIAL, NODE, P, Q
 from .survival import value_at
 
@@ -26,11 +26,12 @@ def _broken_at(state: State, i: int, t: float) -> float:
     while k > 0 and panels[k, 0] > t:
         k -= 1
     state.cursor[i] = k
-    return _in_panel(panels, k, t)
+    return in_panel(panels, k, t)
 
 
 @inlined
-def _in_panel(panels: Array, k: int, t: float) -> float:
+def in_panel(panels: Array, k: int, t: float) -> float:
+    """Mass broken up to a time by the polynomial of a panel; before and after it, up to its ends."""
     u = min(max((t - panels[k, 0]) / panels[k, 1], 0.0), 1.0)
     total = 0.0
     base = panels[k, 2]
@@ -146,8 +147,8 @@ def mark_rough(state: State, t: float) -> None:
 
 
 @bare
-def forget(state: State, delays: Delays) -> bool:
-    """Forget panels of which all has re-attached; whether there is room now."""
+def forget(state: State, delays: Delays, spare: int) -> bool:
+    """Forget panels of which all has re-attached; whether there is room now, for `spare` groups among others."""
     n = state.used[PANELS]
     if n == state.panels.shape[0]:
         first = n - 1
@@ -168,4 +169,4 @@ def forget(state: State, delays: Delays) -> bool:
         for i in range(state.cursor.size):
             state.cursor[i] = max(state.cursor[i] - first, 0)
         state.used[PANELS] = n - first
-    return bool(state.used[GROUPS] + SPARE <= state.groups.shape[1])
+    return bool(state.used[GROUPS] + spare <= state.groups.shape[1])

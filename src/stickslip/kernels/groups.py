@@ -17,9 +17,10 @@ from .survival import Table, value_and_slope, value_at
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-BIRTH, MASS, REACH, WHOLE = range(4)
-"""Rows of an array of groups, shape (4, room, Q): place, mass of newborns, largest stretching; the last is 1 for a
-group whose nodes are those of Gauss on one panel."""
+GROUP_ROWS = 5
+BIRTH, MASS, REACH, WHOLE, COUNT = range(GROUP_ROWS)
+"""Rows of an array of groups, shape (5, room, Q): place, mass of newborns, largest stretching; `WHOLE` is 1 for a group
+whose nodes are those of Gauss on one panel; `COUNT` is the number attached, where contacts are counted."""
 
 
 class Reading(NamedTuple):
@@ -94,37 +95,28 @@ def _inside(groups: Array, row: int, g: int, u: float) -> float:
     return total
 
 
+_EVER = -1.0
+"""In place of a knot: the largest stretching so far."""
+
+
+@inlined
+def _beyond(groups: Array, g: int, X: float, knot: float, sign: float, u: float) -> float:
+    """How far the contacts at a place in a panel are stretched beyond a knot, or beyond their reach."""
+    x = X - _inside(groups, BIRTH, g, u)
+    return abs(x) - _inside(groups, REACH, g, u) if knot == _EVER else x * sign - knot
+
+
 @bare
 def _cut(groups: Array, g: int, X: float, knot: float) -> float:
-    """Where in a panel the contacts are stretched by `knot`, in its direction; outside of (0, 1) nowhere."""
+    """Where in a panel the contacts are stretched by `knot`, or as far as ever; outside of (0, 1) nowhere."""
     sign = 1.0 if X - groups[BIRTH, g, 0] >= 0.0 else -1.0
     a, b = 0.0, 1.0
-    fa = (X - _inside(groups, BIRTH, g, a)) * sign - knot
-    fb = (X - _inside(groups, BIRTH, g, b)) * sign - knot
-    if fa * fb >= 0.0:
-        return 2.0
-    for _ in range(50):
-        u = 0.5 * (a + b)
-        f = (X - _inside(groups, BIRTH, g, u)) * sign - knot
-        if f * fa > 0.0:
-            a = u
-        else:
-            b = u
-    return 0.5 * (a + b)
-
-
-@bare
-def _passing(groups: Array, g: int, X: float) -> float:
-    """Where in a panel the contacts are stretched as far as ever before; outside of (0, 1) nowhere."""
-    a, b = 0.0, 1.0
-    fa = abs(X - _inside(groups, BIRTH, g, a)) - _inside(groups, REACH, g, a)
-    fb = abs(X - _inside(groups, BIRTH, g, b)) - _inside(groups, REACH, g, b)
+    fa, fb = _beyond(groups, g, X, knot, sign, a), _beyond(groups, g, X, knot, sign, b)
     if fa * fb >= 0.0 or max(abs(fa), abs(fb)) < 1e-9:
         return 2.0
     for _ in range(50):
         u = 0.5 * (a + b)
-        f = abs(X - _inside(groups, BIRTH, g, u)) - _inside(groups, REACH, g, u)
-        if f * fa > 0.0:
+        if _beyond(groups, g, X, knot, sign, u) * fa > 0.0:
             a = u
         else:
             b = u
@@ -135,7 +127,7 @@ def _passing(groups: Array, g: int, X: float) -> float:
 def _next_cut(groups: Array, g: int, X: float, table: Table, after: float) -> float:
     """The first cut after a place in a panel, by a knot or by the limit of what is stretched further than ever."""
     end = 1.0
-    u = _passing(groups, g, X)
+    u = _cut(groups, g, X, _EVER)
     if after + 1e-9 < u < end:
         end = u
     for i in range(table.knots.size):
@@ -250,14 +242,17 @@ def kink_at(groups: Array, used: int, table: Table, level: float) -> float:
 
 
 @bare
-def divide(groups: Array, used: int, X: float, table: Table) -> int:
-    """Divide the groups through which a knot passes: when the slider turns, their reach stays. Returns their number."""
+def divide(groups: Array, used: int, X: float, table: Table, room: int) -> int:
+    """Divide the groups through which a knot passes, as there is room: when the slider turns, their reach stays.
+
+    Returns the number of groups.
+    """
     count = used
     for g in range(used):
         if not _is_kinked(groups, g, X, table, 0.0, 0.0):
             continue
         first = begin = _next_cut(groups, g, X, table, 0.0)
-        while begin < 1.0 and count < groups.shape[1] - 1:
+        while begin < 1.0 and count < room - 1:
             end = _next_cut(groups, g, X, table, begin)
             _part(groups, g, count, X, begin, end)
             count += 1
@@ -271,7 +266,7 @@ def divide(groups: Array, used: int, X: float, table: Table) -> int:
 
 
 @bare
-def divide_passed(groups: Array, used: int, X: float, table: Table) -> int:
+def divide_passed(groups: Array, used: int, X: float, table: Table, room: int) -> int:
     """Divide groups of which some are stretched further than ever, and others not. Returns the number of groups."""
     count = used
     for g in range(used):
@@ -283,8 +278,8 @@ def divide_passed(groups: Array, used: int, X: float, table: Table) -> int:
                 ahead += 1
         if ahead == 0 or ahead == Q or widest < table.bottom or groups[WHOLE, g, 0] == 0.0:
             continue
-        u = _passing(groups, g, X)
-        if u < 1.0 and count < groups.shape[1] - 1:
+        u = _cut(groups, g, X, _EVER)
+        if u < 1.0 and count < room - 1:
             _part(groups, g, count + 1, X, 0.0, u)
             _part(groups, g, count, X, u, 1.0)
             for j in range(Q):
@@ -326,10 +321,10 @@ def merged(groups: Array, used: int, table: Table, width: float) -> Array:
         if len(run) == 1:
             made.append(groups[:, run[0]])
         elif run:
-            x, weight = _gauss_rule(b[run].ravel(), m[run].ravel())
+            x, weight = gauss_rule(b[run].ravel(), m[run].ravel())
             k = kind[run[0]]
             reach = level[run[0]] - x if k == 1 else x - level[run[0]] if k == 2 else np.full(Q, r[run].max())
-            made.append(np.stack([x, weight, reach, np.zeros(Q)]))
+            made.append(np.stack([x, weight, reach, np.zeros(Q), np.zeros(Q)]))
         run.clear()
 
     for g in order.tolist():
@@ -344,31 +339,31 @@ def merged(groups: Array, used: int, table: Table, width: float) -> Array:
     return np.stack(made, axis=1) if made else groups[:, :0]
 
 
-def _gauss_rule(x: Array, weight: Array) -> tuple[Array, Array]:
+def gauss_rule(x: Array, weight: Array, count: int = Q) -> tuple[Array, Array]:
     """Nodes and weights with the moments of many masses: the three-term recursion of Lanczos, and its eigenvalues."""
     total = weight.sum()
     positive = np.maximum(weight, 0.0)
     if total <= 0.0 or positive.sum() <= 0.0:
-        return np.full(Q, x.mean()), np.full(Q, total / Q)
+        return np.full(count, x.mean()), np.full(count, total / count)
     share = positive / positive.sum()
     centre, half = share @ x, max(0.5 * float(np.ptp(x)), 1e-300)
     t = (x - centre) / half
     vectors = [np.sqrt(share)]
     diagonal, beside = [], []
-    for _ in range(Q):
+    for _ in range(count):
         v = t * vectors[-1]
         diagonal.append(float(vectors[-1] @ v))
         for _ in range(2):
             for u in vectors:
                 v = v - (u @ v) * u
         size = float(np.sqrt(v @ v))
-        if size < 1e-10 or len(vectors) == Q:
+        if size < 1e-10 or len(vectors) == count:
             break
         beside.append(size)
         vectors.append(v / size)
     matrix = np.diag(diagonal) + np.diag(beside[: len(diagonal) - 1], 1) + np.diag(beside[: len(diagonal) - 1], -1)
     place, vector = np.linalg.eigh(matrix)
-    nodes, masses = np.full(Q, centre), np.zeros(Q)
+    nodes, masses = np.full(count, centre), np.zeros(count)
     nodes[: place.size], masses[: place.size] = centre + half * place, total * vector[0] ** 2
     return nodes, masses
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .drive import Quadratic
-from .groups import BIRTH, MASS, REACH, WHOLE, Reading
+from .groups import BIRTH, GROUP_ROWS, MASS, REACH, WHOLE, Reading
 from .oscillator import Slider
 from .rules import NODE, WEIGHT, P, Q
 from .survival import Table, values_at
@@ -47,11 +47,54 @@ class Delays(NamedTuple):
     memoryless: bool
 
 
+class Newborn(NamedTuple):
+    """Stretchings along the motion with which contacts attach, the fraction of them, and that over their survival."""
+
+    stretching: Array
+    share: Array
+    mass: Array
+
+
 class Accuracy(NamedTuple):
-    """Largest error of a step, and how far the slider may go while all that is attached re-attaches in a step."""
+    """How large a step may be.
+
+    Attributes
+    ----------
+    tolerance : float
+        Largest error.
+    width : float
+        How far the slider may go while all that is attached re-attaches in a step.
+    rough : float
+        Error of what re-attaches that need not be resolved.
+    broken : float
+        Largest fraction of all contacts that breaks in a step.
+    """
 
     tolerance: float
     width: float
+    rough: float = 0.0
+    broken: float = math.inf
+
+
+class Lot(NamedTuple):
+    """Number of contacts, of which each node holds some; 0: infinitely many.
+
+    Attributes
+    ----------
+    contacts : float
+    rng : Generator
+        Draws how many break and re-attach.
+    grain : float
+        Distance of contacts that may count as if they had attached at one place.
+    """
+
+    contacts: float
+    rng: np.random.Generator
+    grain: float
+
+
+UNSTRETCHED = Newborn(np.zeros(1), np.ones(1), np.ones(1))
+UNCOUNTED = Lot(0.0, np.random.default_rng(0), 0.0)
 
 
 class Case(NamedTuple):
@@ -62,6 +105,9 @@ class Case(NamedTuple):
     slider: Slider
     drive: Quadratic
     accuracy: Accuracy
+    newborn: Newborn
+    sliding_force: float
+    lot: Lot
 
 
 class State(NamedTuple):
@@ -69,13 +115,13 @@ class State(NamedTuple):
 
     Attributes
     ----------
-    scalar : ndarray, shape (16,)
-        The quantities `TIME` ... `SLOPE`.
-    groups : ndarray, shape (4, room, Q)
+    scalar : ndarray, shape (18,)
+        The quantities `TIME` ... `DIRECTION`.
+    groups : ndarray, shape (5, room, Q)
         See `stickslip.kernels.groups`.
-    panels : ndarray, shape (room, 3 + P + Q)
+    panels : ndarray, shape (room, WAITING + n_delays + Q)
         Of each step: its start and length, the mass broken up to each of its nodes, and the mass that breaks in it by
-        nodes of Gauss.
+        nodes of Gauss. Where contacts are counted, how many wait: for each of the given delays, and by nodes.
     cursor : ndarray of int, shape (n_delays,)
         Panel of the time one delay ago.
     front : ndarray of int, shape (n_delays,)
@@ -106,16 +152,20 @@ class Work(NamedTuple):
     matrix: Array
     start: Array
     reading: Reading
+    chance: Array
 
 
 # Columns of the samples, which are also the first scalars. Energies: work of the drive, dissipated by
 # damping, lost in breaks, stored in contacts.
 COLUMNS = 10
 TIME, POSITION, VELOCITY, DRIVE_FORCE, CONTACT_FORCE, ATTACHED, WORK, DAMPED, LOST, STORED = range(COLUMNS)
-# Further scalars: mass broken and re-attached so far, mass outside and in groups, the step to try next, and the slope
-# of the contact force.
-SCALARS = 16
-BROKEN, BORN, MASS_OUT, MASS_IN, NEXT_STEP, SLOPE = range(COLUMNS, SCALARS)
+# Further scalars: mass broken and re-attached so far, mass outside and in groups, the step to try next, the slope of
+# the contact force, the stretching of the element that stands for detached contacts, and where the slider moved last.
+SCALARS = 18
+BROKEN, BORN, MASS_OUT, MASS_IN, NEXT_STEP, SLOPE, ELEMENT, DIRECTION = range(COLUMNS, SCALARS)
+
+WAITING = 3 + P + Q
+"""First of the columns of panels that count contacts."""
 
 GROUPS, PANELS, EXTREMES, ROUGH, STEPS, SWEEPS, REJECTED = range(7)
 
@@ -165,6 +215,7 @@ def initial_state(
     velocity: float = 0.0,
     time: float = 0.0,
     rate: float = 0.0,
+    element: float = 0.0,
 ) -> State:
     """Put a slider on its initial contacts.
 
@@ -181,6 +232,8 @@ def initial_state(
     rate : float
         Mass that broke per unit time before the start; it re-attaches after its delay. For smooth sliding
         ``v / (<x_s> + v <tau_d>)``, with the attached fraction ``<x_s> / (<x_s> + v <tau_d>)``.
+    element : float
+        Force that each detached contact carries.
 
     Returns
     -------
@@ -188,26 +241,28 @@ def initial_state(
     """
     n, reach = len(stretching), np.abs(stretching)
     alive = np.maximum(values_at(table, reach.ravel()).reshape(reach.shape), 1e-12)
-    groups = np.zeros((4, n + 128, Q))
+    groups = np.zeros((GROUP_ROWS, n + 128, Q))
     groups[BIRTH, :n], groups[MASS, :n], groups[REACH, :n] = position - stretching, weight / alive, reach
     groups[WHOLE, :n] = np.ptp(stretching, axis=1)[:, None] > 0.0
     attached = float(weight.sum())
     scalar = np.zeros(SCALARS)
     scalar[TIME], scalar[POSITION], scalar[VELOCITY] = time, position, velocity
-    scalar[CONTACT_FORCE] = np.sum(weight * stretching)
+    scalar[CONTACT_FORCE] = np.sum(weight * stretching) + (1.0 - attached) * element
     scalar[ATTACHED] = scalar[MASS_IN] = scalar[SLOPE] = attached
     scalar[MASS_OUT] = 1.0 - attached
-    scalar[STORED] = 0.5 * np.sum(weight * stretching**2)
+    scalar[STORED] = 0.5 * (np.sum(weight * stretching**2) + (1.0 - attached) * element**2)
+    scalar[ELEMENT] = element
+    scalar[DIRECTION] = -1.0 if velocity < 0.0 else 1.0
     scalar[NEXT_STEP] = math.inf
     # Before the start, at a constant rate.
     memory = max([1e-3, delays.spread.top if delays.share > 0.0 else 0.0, *delays.time])
     count = math.ceil(memory / delays.grain) if rate > 0.0 and delays.share > 0.0 else 1
-    panels = np.zeros((count + 256, 3 + P + Q))
+    panels = np.zeros((count + 256, WAITING + delays.time.size + Q))
     step = memory / count
     panels[:count, 0] = time - memory + step * np.arange(count)
     panels[:count, 1] = step
     panels[:count, 2 : 3 + P] = rate * (panels[:count, :1] - time + step * NODE)
-    panels[:count, 3 + P :] = rate * step * WEIGHT
+    panels[:count, 3 + P : WAITING] = rate * step * WEIGHT
     rough = np.full(64, time)
     zeros = np.zeros(delays.time.size, np.int64)
     used = np.array([n, count, 0, 1, 0, 0, 0], np.int64)

@@ -23,6 +23,8 @@ from .panel_state import (
     AT_WORK,
     AT_X,
     AT_YOUNG,
+    DIRECTION,
+    ELEMENT,
     GROUPS,
     HOPELESS,
     MASS_IN,
@@ -35,6 +37,7 @@ from .panel_state import (
     VELOCITY,
     Case,
     Delays,
+    Newborn,
     State,
     Work,
 )
@@ -74,35 +77,76 @@ def _observe(state: State, work: Work, count: int, case: Case) -> None:
 @bare
 def _newborn(state: State, work: Work, case: Case, dt: float) -> float:
     """Add what attaches in the step to what `_observe` has found, and what of it breaks at once."""
-    nodes, table = work.nodes, case.table
+    nodes, table, newborn = work.nodes, case.table, case.newborn
     own_births(work, case.delays, dt)
+    way = heading(state, work)
     change = 0.0
     for k in range(1, P + 1):
         y = nodes[AT_X, k]
         F = A = E = lost = 0.0
         for j in range(Q):
-            m = b = 0.0
+            born = b = 0.0
             for a in range(1, P + 1):
-                m += INCREASE[k - 1, j, a] * nodes[AT_BORN, a]
+                born += INCREASE[k - 1, j, a] * nodes[AT_BORN, a]
                 b += PART[k - 1, j, a] * nodes[AT_X, a]
-            x = y - b
-            if abs(x) > table.bottom:
-                J = value_at(table, abs(x))
-                lost += m * (1.0 - J)
-                m *= J
-            A += m
-            F += m * x
-            E += m * x * x
+            for i in range(newborn.stretching.size):
+                x = y - b + way * newborn.stretching[i]
+                m = born * newborn.share[i]
+                reach = max(abs(x), abs(newborn.stretching[i]))
+                if reach > table.bottom:
+                    held = born * newborn.mass[i] * value_at(table, reach)
+                    lost += m - held
+                    m = held
+                A += m
+                F += m * x
+                E += m * x * x
         nodes[AT_FORCE, k] += F
         nodes[AT_ATTACHED, k] = nodes[AT_OLD, k] + A
         nodes[AT_SLOPE, k] += A
         nodes[AT_STORED, k] += 0.5 * E
+        if case.sliding_force > 0.0:
+            _slide(state, work, case, k, way)
         nodes[AT_BROKEN, k] = state.scalar[MASS_IN] - nodes[AT_OLD, k] + lost
         change = max(change, abs(lost - nodes[AT_YOUNG, k]))
         nodes[AT_YOUNG, k] = lost
     if case.delays.memoryless:
         _hold(work, case.delays, dt)
     return change
+
+
+@inlined
+def heading(state: State, work: Work) -> float:
+    """Whither the slider moves in a step, or where it stands, has moved last: 1 or -1."""
+    way = state.scalar[VELOCITY]
+    if way == 0.0:
+        way = work.nodes[AT_X, 1]
+    if way == 0.0:
+        way = state.scalar[DIRECTION]
+    return 1.0 if way > 0.0 else -1.0
+
+
+@inlined
+def is_relaxed(newborn: Newborn) -> bool:
+    """Whether contacts attach unstretched."""
+    return newborn.stretching.size == 1 and newborn.stretching[0] == 0.0
+
+
+@inlined
+def element_at(state: State, case: Case, y: float) -> float:
+    """Force of the element that stands for the detached contacts: elastic, as contacts are, until it yields."""
+    return float(max(min(state.scalar[ELEMENT] + y, case.sliding_force), -case.sliding_force))
+
+
+@inlined
+def _slide(state: State, work: Work, case: Case, k: int, way: float) -> None:
+    """Add the force that detached contacts carry."""
+    nodes = work.nodes
+    e, detached = element_at(state, case, nodes[AT_X, k]), 1.0 - nodes[AT_ATTACHED, k]
+    nodes[AT_SLOPE, k] -= way * e * (nodes[AT_SLOPE, k] - nodes[AT_ATTACHED, k])
+    if abs(e) < case.sliding_force:
+        nodes[AT_SLOPE, k] += detached
+    nodes[AT_FORCE, k] += detached * e
+    nodes[AT_STORED, k] += 0.5 * detached * e * e
 
 
 @bare
@@ -201,13 +245,14 @@ def try_step(state: State, work: Work, case: Case, dt: float) -> float:
     known_births(state, work, case.delays, dt)
     rigid = is_rigid(slider)
     nodes[AT_KNOWN, 0] = 0.0
-    if _unresolved(nodes[AT_KNOWN]) > 4.0 * tol:
+    rough = max(tol, case.accuracy.rough)
+    if _unresolved(nodes[AT_KNOWN]) > 4.0 * rough:
         resolved = True
         for i in range(case.delays.time.size):
             if 0.0 < case.delays.time[i] < dt:
                 resolved = False
         if resolved:
-            return _unresolved(nodes[AT_KNOWN]) / tol
+            return _unresolved(nodes[AT_KNOWN]) / rough
     V0 = scalar[VELOCITY]
     if rigid:
         for k in range(1, P + 1):
@@ -228,6 +273,8 @@ def try_step(state: State, work: Work, case: Case, dt: float) -> float:
     nodes[AT_X, 0], nodes[AT_V, 0] = 0.0, V0
     F, A, S, E = force_at(work.reading, state.groups, scalar[POSITION], count, table, 0.0)
     nodes[AT_FORCE, 0], nodes[AT_ATTACHED, 0], nodes[AT_SLOPE, 0], nodes[AT_STORED, 0] = F, A, S, E
+    if case.sliding_force > 0.0:
+        _slide(state, work, case, 0, heading(state, work))
     for row in (AT_FORCE, AT_ATTACHED, AT_SLOPE, AT_STORED):
         work.start[row] = nodes[row, 0]
     nodes[AT_BROKEN, 0] = nodes[AT_BORN, 0] = nodes[AT_KNOWN, 0] = 0.0
@@ -260,11 +307,12 @@ def try_step(state: State, work: Work, case: Case, dt: float) -> float:
         own_births(work, case.delays, dt)
         for k in range(P + 1):
             nodes[AT_ATTACHED, k] = scalar[MASS_IN] - nodes[AT_BROKEN, k] + nodes[AT_BORN, k]
-    error = max(_unresolved(nodes[AT_FORCE]), _unresolved(nodes[AT_BROKEN]), _unresolved(nodes[AT_BORN]))
+    error = max(_unresolved(nodes[AT_FORCE]), _unresolved(nodes[AT_BROKEN]))
     if not rigid:
         error = max(error, (slider.stiffness + 1.0) * _unresolved(nodes[AT_X]))
     d, m = abs(nodes[AT_X, P]), abs(nodes[AT_BORN, P])
-    trouble = error / tol
+    trouble = max(error / tol, _unresolved(nodes[AT_BORN]) / rough)
+    trouble = max(trouble, (abs(nodes[AT_BROKEN, P]) / case.accuracy.broken) ** P)
     if m > NEGLIGIBLE * tol:
         ratio = (d / case.accuracy.width) ** (2 * Q)
         trouble = max(trouble, ratio / max(1.0, d / m))

@@ -23,10 +23,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ._jit import bare, inlined
+from ._jit import bare, inlined, jit
 from .births import forget, mark_rough, next_front
 from .drive import NOWHERE, Quadratic, Stop, drive_at, holds
-from .groups import BIRTH, MASS, REACH, WHOLE, Reading, divide, divide_passed, kink_at, merged
+from .groups import BIRTH, GROUP_ROWS, MASS, REACH, WHOLE, Reading, divide, divide_passed, kink_at, merged
+from .lots import CHANCES, attach_all, deviate, joined, settle
 from .oscillator import Slider, is_rigid
 from .panel_state import (
     AT_ATTACHED,
@@ -47,7 +48,9 @@ from .panel_state import (
     COLUMNS,
     CONTACT_FORCE,
     DAMPED,
+    DIRECTION,
     DRIVE_FORCE,
+    ELEMENT,
     EVENT,
     EXTREMES,
     FINISHED,
@@ -68,15 +71,19 @@ from .panel_state import (
     STOPPED,
     STORED,
     TIME,
+    UNCOUNTED,
+    UNSTRETCHED,
     VELOCITY,
     WORK,
     Accuracy,
     Case,
     Delays,
+    Lot,
+    Newborn,
     State,
     Work,
 )
-from .panel_step import try_step
+from .panel_step import element_at, heading, is_relaxed, try_step
 from .rules import INCREASE, INTEGRAL, MONOMIAL, NODE, PART, P, Q
 from .survival import Table
 
@@ -121,13 +128,10 @@ def _crossing(work: Work, row: int, level: float, sign: float) -> float:
 
 
 @bare
-def _commit(state: State, work: Work, case: Case, dt: float, low: float, high: float) -> None:
-    nodes, scalar, slider, table = work.nodes, state.scalar, case.slider, case.table
-    origin = scalar[POSITION]
-    y = nodes[AT_X, P]
-    groups = state.groups
-    # energies on the way
-    K = slider.stiffness
+def _sum_energies(state: State, work: Work, case: Case, dt: float) -> None:
+    """Energies up to each node of a step."""
+    nodes, scalar, slider = work.nodes, state.scalar, case.slider
+    origin, K = scalar[POSITION], slider.stiffness
     for k in range(P + 1):
         t = scalar[TIME] + NODE[k] * dt
         D, U = drive_at(case.drive, t)
@@ -145,7 +149,18 @@ def _commit(state: State, work: Work, case: Case, dt: float, low: float, high: f
         nodes[AT_WORK, k] = dt * w
         nodes[AT_DAMPED, k] = dt * d
         nodes[AT_LOST, k] = dt * f - nodes[AT_STORED, k] + nodes[AT_STORED, 0]
-    state.used[GROUPS] = divide_passed(groups, state.used[GROUPS], origin + y, table)
+
+
+@bare
+def _commit(state: State, work: Work, case: Case, dt: float, way: float) -> None:
+    """Make groups and a panel of what a step has done to infinitely many contacts."""
+    nodes, scalar, table, newborn = work.nodes, state.scalar, case.table, case.newborn
+    origin, y, groups = scalar[POSITION], nodes[AT_X, P], state.groups
+    low = high = 0.0
+    for k in range(1, P + 1):
+        low, high = min(low, nodes[AT_X, k]), max(high, nodes[AT_X, k])
+    room = groups.shape[1] - newborn.stretching.size  # for what attaches
+    state.used[GROUPS] = divide_passed(groups, state.used[GROUPS], origin + y, table, room)
     kept = 0
     for g in range(state.used[GROUPS]):
         alive = False
@@ -160,15 +175,18 @@ def _commit(state: State, work: Work, case: Case, dt: float, low: float, high: f
         if alive:
             kept += 1
     if abs(nodes[AT_BORN, P]) > 0.0:
-        for j in range(Q):
-            m = b = 0.0
-            for a in range(1, P + 1):
-                m += INCREASE[P - 1, j, a] * nodes[AT_BORN, a]
-                b += PART[P - 1, j, a] * nodes[AT_X, a]
-            reach = max(abs(y - b), 0.0)
-            groups[BIRTH, kept, j], groups[MASS, kept, j], groups[REACH, kept, j] = origin + b, m, reach
-            groups[WHOLE, kept, j] = 1.0
-        kept += 1
+        for i in range(newborn.stretching.size):
+            x0 = newborn.stretching[i]
+            for j in range(Q):
+                m = b = 0.0
+                for a in range(1, P + 1):
+                    m += INCREASE[P - 1, j, a] * nodes[AT_BORN, a]
+                    b += PART[P - 1, j, a] * nodes[AT_X, a]
+                b -= way * x0
+                groups[BIRTH, kept, j], groups[MASS, kept, j] = origin + b, m * newborn.mass[i]
+                groups[REACH, kept, j] = max(abs(y - b), abs(x0))
+                groups[WHOLE, kept, j] = 1.0
+            kept += 1
     state.used[GROUPS] = kept
     n = state.used[PANELS]
     if not case.delays.memoryless and (case.delays.time.size > 0 or case.delays.share > 0.0):
@@ -181,17 +199,26 @@ def _commit(state: State, work: Work, case: Case, dt: float, low: float, high: f
         for k in range(P + 1):
             state.panels[n, 2 + k] = scalar[BROKEN] + nodes[AT_BROKEN, k]
         state.used[PANELS] = n + 1
+    if case.sliding_force > 0.0:
+        scalar[ELEMENT] = element_at(state, case, y)
+
+
+@bare
+def _move(state: State, work: Work, case: Case, dt: float) -> None:
+    """Go to the end of a step."""
+    nodes, scalar = work.nodes, state.scalar
     scalar[BROKEN] += nodes[AT_BROKEN, P]
     scalar[BORN] += nodes[AT_BORN, P]
     scalar[MASS_IN] += nodes[AT_BORN, P] - nodes[AT_BROKEN, P]
     scalar[MASS_OUT] += nodes[AT_BROKEN, P] - nodes[AT_BORN, P]
     scalar[TIME] += dt
-    scalar[POSITION] = origin + y
+    scalar[POSITION] += nodes[AT_X, P]
     scalar[VELOCITY] = nodes[AT_V, P]
     scalar[CONTACT_FORCE], scalar[ATTACHED] = nodes[AT_FORCE, P], nodes[AT_ATTACHED, P]
     scalar[WORK] += nodes[AT_WORK, P]
     scalar[DAMPED] += nodes[AT_DAMPED, P]
-    scalar[LOST] += max(nodes[AT_LOST, P], 0.0)  # what the slider did to the contacts, and they do not store
+    # What the slider did to the contacts, and they do not store. What attaches stretched brings energy.
+    scalar[LOST] += max(nodes[AT_LOST, P], 0.0) if is_relaxed(case.newborn) else nodes[AT_LOST, P]
     scalar[STORED] = nodes[AT_STORED, P]
     _spring(scalar, case)
 
@@ -205,7 +232,7 @@ def _spring(row: Array, case: Case) -> None:
 
 
 @bare
-def _sample(row: Array, t: float, start: Array, work: Work, case: Case, dt: float) -> None:
+def _sample(row: Array, t: float, start: Array, state: State, work: Work, case: Case, dt: float) -> None:
     u = (t - start[TIME]) / dt
     row[TIME] = t
     row[POSITION] = start[POSITION] + _along(work, AT_X, u)
@@ -214,6 +241,8 @@ def _sample(row: Array, t: float, start: Array, work: Work, case: Case, dt: floa
     row[ATTACHED] = min(max(_along(work, AT_ATTACHED, u), 0.0), 1.0)  # a polynomial overshoots
     row[WORK], row[DAMPED] = start[WORK] + _along(work, AT_WORK, u), start[DAMPED] + _along(work, AT_DAMPED, u)
     row[LOST], row[STORED] = start[LOST] + _along(work, AT_LOST, u), _along(work, AT_STORED, u)
+    if case.lot.contacts > 0.0:
+        deviate(row, t, start, state.scalar, work, case)
     _spring(row, case)
 
 
@@ -226,20 +255,32 @@ def _first_step(state: State, case: Case) -> float:
 
 
 @bare
-def _arrest(state: State) -> None:
+def _arrest(state: State, case: Case) -> None:
     """Let all that is detached re-attach where the slider is."""
-    scalar, g = state.scalar, state.used[GROUPS]
-    for j in range(Q):
-        state.groups[BIRTH, g, j], state.groups[MASS, g, j] = scalar[POSITION], scalar[MASS_OUT] / Q
-        state.groups[REACH, g, j] = state.groups[WHOLE, g, j] = 0.0
-    state.used[GROUPS] = g + 1
-    scalar[BORN] += scalar[MASS_OUT]
-    scalar[MASS_IN] += scalar[MASS_OUT]
+    scalar, newborn, groups = state.scalar, case.newborn, state.groups
+    out, e = scalar[MASS_OUT], scalar[ELEMENT]
+    scalar[BORN] += out
+    if case.lot.contacts > 0.0:
+        attach_all(state, case)
+        return
+    force = stored = 0.0
+    for i in range(newborn.stretching.size):
+        x, g = scalar[DIRECTION] * newborn.stretching[i], state.used[GROUPS]
+        for j in range(Q):
+            groups[BIRTH, g, j], groups[MASS, g, j] = scalar[POSITION] - x, out * newborn.mass[i] / Q
+            groups[REACH, g, j], groups[WHOLE, g, j] = abs(x), 0.0
+        state.used[GROUPS] = g + 1
+        force += newborn.share[i] * x
+        stored += 0.5 * newborn.share[i] * x * x
+    scalar[CONTACT_FORCE] += out * (force - e)
+    scalar[STORED] += out * (stored - 0.5 * e * e)
+    scalar[LOST] -= out * (stored - 0.5 * e * e)
+    scalar[MASS_IN] += out
     scalar[ATTACHED] = scalar[MASS_IN]
     scalar[MASS_OUT] = 0.0
 
 
-@bare
+@jit  # which gives the generator back; the others make no array
 def _run(
     state: State,
     work: Work,
@@ -255,11 +296,14 @@ def _run(
     smallest = 1e-12 * max(1.0, abs(until))
     filled = 0
     tol = case.accuracy.tolerance
+    counted = case.lot.contacts > 0.0
+    spare = SPARE + case.newborn.stretching.size
+    room = state.groups.shape[1] - case.newborn.stretching.size
     _spring(scalar, case)
     if is_rigid(slider):
         scalar[VELOCITY] = drive_at(case.drive, scalar[TIME])[1]
-        if scalar[VELOCITY] == 0.0 and case.delays.arrest and state.used[GROUPS] < state.groups.shape[1]:
-            _arrest(state)
+        if scalar[VELOCITY] == 0.0 and case.delays.arrest and state.used[GROUPS] + spare <= state.groups.shape[1]:
+            _arrest(state, case)
     while max_steps > 0:
         while filled < times.size and times[filled] <= scalar[TIME] + smallest:
             for i in range(COLUMNS):
@@ -271,8 +315,8 @@ def _run(
         left = until - scalar[TIME]
         if left <= smallest:
             return FINISHED, filled, max_steps
-        full = state.used[GROUPS] + SPARE > state.groups.shape[1] or state.used[PANELS] == state.panels.shape[0]
-        if full and not forget(state, case.delays):
+        full = state.used[GROUPS] + spare > state.groups.shape[1] or state.used[PANELS] == state.panels.shape[0]
+        if full and not forget(state, case.delays, spare):
             return NO_ROOM, filled, max_steps
         front = next_front(state, case.delays, scalar[TIME], smallest) - scalar[TIME]
         nodes[AT_FORCE, 0], nodes[AT_SLOPE, 0] = scalar[CONTACT_FORCE], scalar[SLOPE]
@@ -280,6 +324,8 @@ def _run(
         if math.isinf(planned):
             planned = _first_step(state, case)
         most = min(left, front)
+        if counted and stop.kind != NOWHERE and filled < times.size:
+            most = min(most, times[filled] - scalar[TIME])  # the condition is looked at where all is drawn
         event = 0.0
         cut = False
         while True:
@@ -327,6 +373,12 @@ def _run(
                             > EVENT * tol
                         ):
                             u, what = w, 2.0
+            if case.sliding_force > 0.0:  # detached contacts begin to slide
+                level = s * case.sliding_force - scalar[ELEMENT]
+                if level * s > 1e-9:
+                    w = _crossing(work, AT_X, level, s)
+                    if w < min(u, 1.0):
+                        u, what = w, 3.0
             if what == 0.0:
                 break
             event, cut = what, True
@@ -342,7 +394,7 @@ def _run(
             start[i] = scalar[i]
         n = filled
         max_steps -= 1
-        while stop.kind != NOWHERE and n < times.size and times[n] < scalar[TIME] + dt:
+        while stop.kind != NOWHERE and not counted and n < times.size and times[n] < scalar[TIME] + dt:
             # the energies do not matter here
             u = (times[n] - scalar[TIME]) / dt
             _curve(work, AT_X)
@@ -357,19 +409,25 @@ def _run(
                 event = 0.0
                 break
             n += 1
-        low = high = 0.0
-        for k in range(1, P + 1):
-            low, high = min(low, nodes[AT_X, k]), max(high, nodes[AT_X, k])
+        way = heading(state, work)
         s = 1.0 if nodes[AT_X, P] > 0.0 else -1.0
         broke = nodes[AT_BROKEN, P] > EVENT * tol
         scalar[SLOPE] = nodes[AT_SLOPE, P]
-        _commit(state, work, case, dt, low, high)
+        _sum_energies(state, work, case, dt)
+        if not counted:
+            _commit(state, work, case, dt, way)
+        _move(state, work, case, dt)
+        if counted:
+            settle(state, work, case, dt, start, way)
+            _spring(scalar, case)
+        scalar[DIRECTION] = way
+        turned = counted and nodes[AT_V, P] * scalar[VELOCITY] < 0.0
         e = state.used[EXTREMES]
         if event == 1.0:
             if case.table.knots.size > 0:
-                state.used[GROUPS] = divide(state.groups, state.used[GROUPS], scalar[POSITION], case.table)
+                state.used[GROUPS] = divide(state.groups, state.used[GROUPS], scalar[POSITION], case.table, room)
             if case.delays.arrest:
-                _arrest(state)
+                _arrest(state, case)
             if broke:
                 mark_rough(state, scalar[TIME])
             if abs(scalar[VELOCITY]) * dt < 1e-4 * tol:
@@ -379,7 +437,7 @@ def _run(
                     state.extremes[i] = state.extremes[i + 2]
                 e -= 2
             # what was passed without notice
-            state.extremes[e] = scalar[POSITION]
+            state.extremes[e] = start[POSITION] + nodes[AT_X, P]
             state.used[EXTREMES] = e + 1
         elif event == 2.0:
             mark_rough(state, scalar[TIME])
@@ -388,13 +446,16 @@ def _run(
             passed, turn = state.extremes[e - 2], state.extremes[e - 1]
             if (scalar[POSITION] - passed) * s > 0.0 and (passed - turn) * s > 0.0:
                 state.used[EXTREMES] = e - 2
+        if turned and event != 1.0 and case.delays.arrest:
+            _arrest(state, case)
         if filled < times.size and times[filled] < scalar[TIME] - smallest:
             for row in range(AT_OLD):
                 _curve(work, row)
         while filled < times.size and times[filled] < scalar[TIME] - smallest:
-            _sample(rows[filled], times[filled], start, work, case, dt)
-            lost = min(max(rows[filled, LOST], start[LOST]), scalar[LOST])
-            rows[filled, LOST] = max(lost, rows[filled - 1, LOST]) if filled > 0 else lost
+            _sample(rows[filled], times[filled], start, state, work, case, dt)
+            if is_relaxed(case.newborn):
+                lost = min(max(rows[filled, LOST], start[LOST]), scalar[LOST])
+                rows[filled, LOST] = max(lost, rows[filled - 1, LOST]) if filled > 0 else lost
             filled += 1
     return PAUSED, filled, 0
 
@@ -428,6 +489,9 @@ def advance(
     until: float,
     times: Array,
     accuracy: Accuracy,
+    newborn: Newborn = UNSTRETCHED,
+    sliding_force: float = 0.0,
+    lot: Lot = UNCOUNTED,
     stop: Stop = Stop(),
     max_steps: int = 2**62,
 ) -> Progress:
@@ -447,6 +511,13 @@ def advance(
         Rising times of the samples wanted, those up to the start of this call left out, but for its very
         start.
     accuracy : Accuracy
+    newborn : Newborn
+        With which stretchings contacts attach.
+    sliding_force : float
+        Force at which a detached contact slides.
+    lot : Lot
+        How many contacts there are; its generator goes on. The samples of a piece with a condition then are ends of
+        steps, and other samples another run.
     stop : Stop
         Condition that ends the piece at the first sample where it holds.
     max_steps : int
@@ -459,28 +530,32 @@ def advance(
     state = copy.deepcopy(state)
     times = np.asarray(times, float)
     rows = np.empty((times.size, COLUMNS))
-    case = Case(table, delays, slider, drive, accuracy)
+    case = Case(table, delays, slider, drive, accuracy, newborn, sliding_force, lot)
     filled, reason, steps = 0, NO_ROOM, max_steps
     before = np.zeros(SCALARS)
     while reason == NO_ROOM:
         room = state.groups.shape[1]
         reading = Reading(np.zeros((3, Q * room)), np.zeros(3), np.zeros(room + 1, np.int64))
         nodes, curves = np.zeros((2, ROWS, P + 1))
-        work = Work(nodes, curves, np.zeros((P, P + 1)), np.zeros(ROWS), reading)
+        work = Work(nodes, curves, np.zeros((P, P + 1)), np.zeros(ROWS), reading, np.zeros(CHANCES))
         reason, more, steps = _run(state, work, case, stop, until, times[filled:], rows[filled:], before, steps)
         filled += more
         if reason == NO_ROOM:
-            state = _with_room(state, table, accuracy.width)
+            state = _with_room(state, case)
     return Progress(state, rows[:filled], reason)
 
 
-def _with_room(state: State, table: Table, width: float) -> State:
+def _with_room(state: State, case: Case) -> State:
     """The same state with room for more groups, some joined, and for more panels."""
     used, room = state.used, state.groups.shape[1]
-    if used[GROUPS] + SPARE > room:
-        kept = merged(state.groups, used[GROUPS], table, width)
+    spare = SPARE + case.newborn.stretching.size
+    if used[GROUPS] + spare > room:
+        if case.lot.contacts > 0.0:
+            kept = joined(state.groups, used[GROUPS], case)
+        else:
+            kept = merged(state.groups, used[GROUPS], case.table, case.accuracy.width)
         used[GROUPS] = kept.shape[1]
-        groups = np.zeros((4, room if used[GROUPS] < room // 2 else 2 * room, Q))
+        groups = np.zeros((GROUP_ROWS, room if used[GROUPS] + spare < room // 2 else 2 * room + spare, Q))
         groups[:, : used[GROUPS]] = kept
         state = state._replace(groups=groups)
     if used[PANELS] == len(state.panels):

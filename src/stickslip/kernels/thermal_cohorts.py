@@ -34,7 +34,7 @@ IntArray = NDArray[np.int64]
 (
     POSITION,
     VELOCITY,
-    FRICTION,
+    CONTACT_FORCE,
     ATTACHED,
     STORED,
     WORK,
@@ -234,7 +234,7 @@ def _log_integral(model: Model, age: float, dt: float, x: float, dx: float) -> f
 
 
 @jit
-def _follow(state: State, model: Model, j: int, now: float, dt: float, X: float, dX: float) -> float:
+def follow(state: State, model: Model, j: int, now: float, dt: float, X: float, dX: float) -> float:
     """Take a cohort along: the fraction of it that survives."""
     cohort = state.cohort
     age, x = now - cohort[SINCE, j], X - cohort[BIRTH, j]
@@ -264,7 +264,7 @@ def _follow(state: State, model: Model, j: int, now: float, dt: float, X: float,
 
 
 @jit
-def _untouched(model: Model) -> float:
+def untouched(model: Model) -> float:
     """What a newborn's ``ln G``, or ``H``, begins with."""
     return -1e300 if model.node.size == 0 else 0.0
 
@@ -329,7 +329,7 @@ def _arrive(state: State, case: _Case, due: tuple[float, float], dt: float, load
     dX = X1 - X
     old = force = 0.0
     for j in range(state.used[0]):
-        fraction = _follow(state, model, j, now, dt, X, dX)
+        fraction = follow(state, model, j, now, dt, X, dX)
         alive = cohort[MASS, j] * fraction if fraction > EXTINCT else 0.0
         alive = min(alive, cohort[ALIVE, j])
         cohort[TRIAL_ALIVE, j] = alive
@@ -338,8 +338,8 @@ def _arrive(state: State, case: _Case, due: tuple[float, float], dt: float, load
     # What attaches at the start of the step is the cohort behind the last.
     j = state.used[0]
     cohort[BIRTH, j], cohort[SINCE, j], cohort[REACH, j] = X, now, 0.0
-    state.run[j, :] = _untouched(model)
-    young = _follow(state, model, j, now, dt, X, dX)
+    state.run[j, :] = untouched(model)
+    young = follow(state, model, j, now, dt, X, dX)
     known, part = due
     fragile = 0.5 * (1.0 - young)
     broken = (scalar[ATTACHED] - old + fragile * known) / (1.0 - fragile * part)
@@ -356,7 +356,7 @@ def _load(case: _Case, scalar: Array, loss: float) -> Load:
     stiffness = scalar[ATTACHED]
     if case.f_d > 0.0 and abs(scalar[SLID]) < case.f_d:
         stiffness = 1.0
-    return Load(scalar[FRICTION], stiffness, loss, 0.0)
+    return Load(scalar[CONTACT_FORCE], stiffness, loss, 0.0)
 
 
 @jit
@@ -372,12 +372,12 @@ def _try_step(state: State, case: _Case, dt: float) -> tuple[_Trial, float]:
     load = _load(case, scalar, scalar[LOSS])
     trial = _arrive(state, case, due, dt, load)
     disagreement = 0.0
-    loss = (scalar[FRICTION] + load.stiffness * (trial.X - scalar[POSITION]) - _friction(trial)) / dt
+    loss = (scalar[CONTACT_FORCE] + load.stiffness * (trial.X - scalar[POSITION]) - _friction(trial)) / dt
     if not is_rigid(slider):
         for _ in range(2 if slider.mass > 0.0 else 4):
             guess = trial.X
             trial = _arrive(state, case, due, dt, _load(case, scalar, loss))
-            loss = (scalar[FRICTION] + load.stiffness * (trial.X - scalar[POSITION]) - _friction(trial)) / dt
+            loss = (scalar[CONTACT_FORCE] + load.stiffness * (trial.X - scalar[POSITION]) - _friction(trial)) / dt
             disagreement = abs(trial.X - guess)
             if disagreement < 1e-3 * case.limits.reach * case.limits.reach * width:
                 break
@@ -453,12 +453,12 @@ def _commit(state: State, case: _Case, trial: _Trial) -> None:
     scalar[STORED] = stored + 0.5 * (1.0 - trial.mass) * trial.slid * trial.slid
     friction = _friction(trial)
     if is_rigid(case.slider):
-        scalar[WORK] += 0.5 * (scalar[FRICTION] + friction) * dX
+        scalar[WORK] += 0.5 * (scalar[CONTACT_FORCE] + friction) * dX
     else:
         scalar[WORK] += trial.work
         scalar[DAMPED] += case.slider.mass * case.slider.damping * trial.squares
     scalar[TIME], scalar[POSITION], scalar[VELOCITY] = end, trial.X, trial.V
-    scalar[FRICTION], scalar[FORCE], scalar[ATTACHED] = friction, trial.force, trial.mass
+    scalar[CONTACT_FORCE], scalar[FORCE], scalar[ATTACHED] = friction, trial.force, trial.mass
     scalar[LOSS], scalar[SLID] = trial.load.loss, trial.slid
     scalar[OUTSIDE] += trial.broken - trial.attaching
     n = state.used[1]
@@ -482,7 +482,7 @@ def _settle(state: State, case: _Case, X: float, now: float, mass: float) -> Non
         return
     j += 1
     cohort[BIRTH, j], cohort[SINCE, j], cohort[MASS, j], cohort[ALIVE, j], cohort[REACH, j] = X, now, mass, mass, 0.0
-    state.run[j, :] = _untouched(case.model)
+    state.run[j, :] = untouched(case.model)
     state.used[0] = j + 1
 
 
@@ -518,8 +518,8 @@ def _sample(row: Array, t: float, before: Array, trial: _Trial, after: Array, ca
     X, V, work, squares = _move(case, before, trial.load, u)
     row[POSITION], row[VELOCITY] = X, V
     bend = X - before[POSITION] - part * (trial.X - before[POSITION])
-    row[FRICTION] += trial.load.stiffness * bend
-    row[STORED] += row[FRICTION] * bend
+    row[CONTACT_FORCE] += trial.load.stiffness * bend
+    row[STORED] += row[CONTACT_FORCE] * bend
     if not is_rigid(case.slider):
         row[WORK] = before[WORK] + work
         row[DAMPED] = before[DAMPED] + case.slider.mass * case.slider.damping * squares
@@ -528,7 +528,7 @@ def _sample(row: Array, t: float, before: Array, trial: _Trial, after: Array, ca
 @jit
 def _held(stop: Stop, row: Array, t: float, case: _Case) -> bool:
     """Whether the condition holds at a sample."""
-    spring = row[FRICTION]
+    spring = row[CONTACT_FORCE]
     if not is_rigid(case.slider):
         spring = case.slider.stiffness * (drive_at(case.drive, t)[0] - row[POSITION])
     return holds(stop, row[POSITION], spring)
@@ -581,90 +581,6 @@ def _run(
             _sample(rows[filled], times[filled], before, trial, scalar, case)
             filled += 1
     return PAUSED, filled, 0
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# From outside
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-def initial_state(model: Model, delays: Delays, x: Array, weight: Array, since: float, velocity: float) -> State:
-    """Put a slider at 0 on contacts of these stretchings, whose thresholds lie beyond them; the rest is detached."""
-    count = x.size
-    state = _empty(model, delays, 2 * count + 256, 0.0)
-    cohort = state.cohort
-    reach = np.abs(x)
-    held = np.array([max(value_at(model.thresholds, float(r)), 1e-12) for r in reach])
-    cohort[BIRTH, :count], cohort[SINCE, :count] = -x, since
-    cohort[ALIVE, :count], cohort[REACH, :count] = weight, reach
-    state.run[:count] = _untouched(model)
-    cohort[MASS, :count] = weight / held
-    if model.node.size:
-        for j in range(count):
-            above = model.node > reach[j]
-            state.run[j, ~above] = np.inf
-            cohort[MASS, j] = weight[j] / max(float(model.weight[above].sum()), 1e-12)
-    return _summed(state, count, velocity)
-
-
-def sliding_state(model: Model, delays: Delays, velocity: float, step: float, f_d: float) -> State:
-    """Put a slider at 0 in steady sliding on its contacts: newborns taken along step by step until none is left."""
-    mean = float((delays.time * delays.weight).sum()) if delays.time.size else math.inf
-    state = _empty(model, delays, 1024, 0.0)
-    for _ in range(4):  # most newborns should not break before the first step is over
-        state.run[0, :], state.cohort[REACH, 0] = _untouched(model), 0.0
-        if _follow(state, model, 0, 0.0, step / velocity, 0.0, step) > 0.97:
-            break
-        step *= 0.5
-    state.run[0, :], state.cohort[REACH, 0] = _untouched(model), 0.0
-    alive, runs, reaches = [1.0], [state.run[0].copy()], [0.0]
-    while alive[-1] > EXTINCT:
-        done = len(alive) - 1
-        fraction = _follow(state, model, 0, done * step / velocity, step / velocity, done * step, step)
-        state.run[0], state.cohort[REACH, 0] = state.trial[0], state.cohort[TRIAL_REACH, 0]
-        alive.append(min(fraction, alive[-1]))
-        runs.append(state.run[0].copy())
-        reaches.append(float(state.cohort[REACH, 0]))
-    count = len(alive) - 1
-    left = np.array(alive[:count])
-    share = np.full(count, step)
-    share[0] *= 0.5
-    length = float((share * left).sum())
-    share /= length + velocity * mean
-    state = _empty(model, delays, 2 * count + 256, velocity / (length + velocity * mean))
-    x = step * np.arange(count)
-    cohort = state.cohort
-    order = slice(count)
-    cohort[BIRTH, order], cohort[SINCE, order] = -x[::-1], -x[::-1] / velocity
-    cohort[MASS, order], cohort[ALIVE, order] = share[::-1], (share * left)[::-1]
-    cohort[REACH, order], state.run[order] = np.array(reaches[:count])[::-1], np.array(runs[:count])[::-1]
-    state.scalar[SLID] = f_d
-    return _summed(state, count, velocity)
-
-
-def _empty(model: Model, delays: Delays, room: int, rate_before: float) -> State:
-    """Make room for a state; contacts broke at this rate before."""
-    wide = max(model.node.size, 1)
-    broken = np.zeros((2, 1024))
-    memory = max([1.0, *delays.time])
-    broken[:, 0] = -memory, -rate_before * memory
-    run = np.zeros((room, wide))
-    return State(
-        np.zeros(SCALARS), np.zeros((ROWS, room)), run, run.copy(), broken, np.zeros(delays.time.size, np.int64),
-        np.array([0, 2], np.int64),
-    )  # fmt: skip
-
-
-def _summed(state: State, count: int, velocity: float) -> State:
-    scalar, alive, x = state.scalar, state.cohort[ALIVE, :count], -state.cohort[BIRTH, :count]
-    state.used[0] = count
-    scalar[VELOCITY], scalar[NEXT_STEP] = velocity, math.inf
-    scalar[FORCE], scalar[ATTACHED] = float((alive * x).sum()), float(alive.sum())
-    out = 1.0 - scalar[ATTACHED]
-    scalar[OUTSIDE] = out
-    scalar[FRICTION] = scalar[FORCE] + out * scalar[SLID]
-    scalar[STORED] = 0.5 * float((alive * x * x).sum()) + 0.5 * out * scalar[SLID] ** 2
-    return state
 
 
 class Progress(NamedTuple):

@@ -55,6 +55,43 @@ class MasterEquation:
         instance("MasterEquation.memoryless", self.memoryless, bool, "True or False")
 
 
+@dataclass(frozen=True)
+class Population:
+    """Method: any number of contacts, counted by cohorts, at a cost that does not depend on their number.
+
+    Contacts that attached together are one cohort, and how many of them break is drawn: binomial numbers, from the
+    distribution of thresholds. Mean, variance, spectrum and cycles are those of `Contacts`, to the tolerance; single
+    contacts, and what tells one from another, are not followed.
+
+    Parameters
+    ----------
+    count : int
+        Number of contacts ``N``.
+    seed : int
+        The same seed gives the same run, bit for bit, whatever is recorded. (Where a piece of the drive ends on a
+        condition, other times of recording may give another run of the same distribution.)
+    rtol : float
+        Error of the mean motion in a step, as for `MasterEquation`; that of the fluctuations follows it.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
+    >>> slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0)
+    >>> run = ss.simulate(ss.Rig(interface, slider, ss.constant(1.0, duration=1.0)), method=ss.Population(1_000_000))
+    >>> float(run.attached[0])
+    1.0
+    """
+
+    # Beyond, a double no longer counts, and the survival of thresholds is not known to one contact.
+    count: Annotated[int, Number(at_least=1, at_most=1_000_000_000, hint="number of contacts N")] = 1_000_000
+    seed: Annotated[int, Number(at_least=0, at_most=2**128)] = 0
+    rtol: Annotated[float, Number(at_least=1e-6, at_most=0.1, hint="error of the force")] = 1e-4
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
 @dataclass(frozen=True, kw_only=True)
 class PaperClosure:
     """Method: the paper's own equations for ageing thresholds, Eqs. (1)-(3) with (18); for comparison only.
@@ -99,7 +136,10 @@ class QuasiStatic:
         check(self)
 
 
-Method = Contacts | MasterEquation | PaperClosure | QuasiStatic
+DRAWN = (Contacts, Population, QuasiStatic)
+"""The methods with a number of contacts and a seed."""
+
+Method = Contacts | MasterEquation | PaperClosure | Population | QuasiStatic
 
 
 @dataclass(frozen=True, kw_only=True)

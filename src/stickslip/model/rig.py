@@ -20,6 +20,7 @@ from stickslip.model.methods import (
     Method,
     Output,
     PaperClosure,
+    Population,
     Prestressed,
     QuasiStatic,
     Start,
@@ -108,7 +109,7 @@ class Rig(Answer):
         stability of smooth sliding any mechanical impedance of `stickslip.stability` will do.
     drive : Drive
         How the far end of the spring moves.
-    method : Contacts, MasterEquation, QuasiStatic or PaperClosure
+    method : Contacts, MasterEquation, Population, QuasiStatic or PaperClosure
         How the rig is simulated, unless `simulate` is told otherwise; so with `start` and `output`.
     start : FromRest, FromSliding or Prestressed
         The state that a run starts from.
@@ -163,7 +164,7 @@ class Rig(Answer):
                 f"Rig.slider = {self.slider!r}: must be a Slider, a Chain or a Sheet, or an impedance: a function of s"
             )
         instance("Rig.drive", self.drive, Drive, "a drive, made with constant() or ramp()")
-        methods = (Contacts, MasterEquation, QuasiStatic, PaperClosure)
+        methods = (Contacts, MasterEquation, QuasiStatic, Population, PaperClosure)
         instance("Rig.method", self.method, methods, "Contacts(...) or MasterEquation(...)")
         instance(
             "Rig.start",

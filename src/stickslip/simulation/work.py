@@ -25,6 +25,7 @@ from stickslip.model import (
     FromSliding,
     Langevin,
     MasterEquation,
+    PaperClosure,
     QuasiStatic,
     Slider,
 )
@@ -213,7 +214,8 @@ def estimate(rig: Rig) -> Work:
                           seconds=each * count * lives, bytes=_CONTACT * count))  # fmt: skip
     else:
         # The kinetic equation is of second order, panels are of fifth.
-        finer = 1e-4 / rig.method.rtol if isinstance(rig.method, MasterEquation) else (rig.method.cells / 400.0) ** 2
+        method = rig.method
+        finer = (method.cells / 400.0) ** 2 if isinstance(method, PaperClosure) else 1e-4 / method.rtol
         cohorts = 400.0 * math.sqrt(finer)
         if ageing is None:
             oscillating = ringing if delay > 0 else 0.0

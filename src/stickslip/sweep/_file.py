@@ -21,10 +21,12 @@ from stickslip.model import (
     FromSliding,
     MasterEquation,
     Method,
+    Population,
     QuasiStatic,
     Rig,
     Start,
 )
+from stickslip.model.methods import DRAWN
 from stickslip.model.parameters import BY_NAME
 from stickslip.model.units import engineering
 from stickslip.simulation import check_method
@@ -89,7 +91,7 @@ def _axis(rig: Rig, name: str) -> Any:
 
 
 class _Run(Part):
-    method: Literal["contacts", "master equation"] | None = None
+    method: Literal["contacts", "population", "master equation"] | None = None
     contacts: int | None = None
     rtol: float | None = None
     seed: int | None = None
@@ -135,15 +137,15 @@ class Document(Part):
         if refinement is not None:
             self._check_refinement(given)
         method = study.rig.method
-        seed = method.seed if isinstance(method, Contacts | QuasiStatic) else 0
-        if isinstance(method, Contacts | QuasiStatic):
+        seed = method.seed if isinstance(method, DRAWN) else 0
+        if isinstance(method, DRAWN):
             study = replace(study, rig=study.rig.replace(method=replace(method, seed=0)))
         return {
             "name": self.name,
             "study": study,
             "axes": axes,
             "logarithmic": logarithmic,
-            "measures": self._measures(own_seed="seed" not in given and isinstance(method, Contacts | QuasiStatic)),
+            "measures": self._measures(own_seed="seed" not in given and isinstance(method, DRAWN)),
             "seed": seed,
             "refinement": refinement,
             "max_cases": self.run.max_cases,
@@ -176,15 +178,15 @@ class Document(Part):
 
     def _method(self, given: Method) -> Method:
         run = self.run
-        kind = run.method or {Contacts: "contacts", QuasiStatic: "quasi-static"}.get(type(given), "master equation")
-        if kind != "master equation":
-            if run.rtol is not None:
+        kinds: dict[str, type[Method]] = {"contacts": Contacts, "population": Population, "quasi-static": QuasiStatic}
+        made = kinds.get(run.method or "", type(given)) if run.method != "master equation" else MasterEquation
+        if issubclass(made, DRAWN):
+            if run.rtol is not None and made is not Population:
                 raise InputError("run.rtol: belongs to method = 'master equation'")
-            usual = given if isinstance(given, Contacts | QuasiStatic) else Contacts()
-            made = Contacts if kind == "contacts" else QuasiStatic
-            return made(
-                usual.count if run.contacts is None else run.contacts, usual.seed if run.seed is None else run.seed
-            )
+            usual = given if isinstance(given, DRAWN) else Contacts()
+            chosen = given if type(given) is made else made(usual.count, usual.seed)
+            asked: dict[str, Any] = {"count": run.contacts, "seed": run.seed, "rtol": run.rtol}
+            return replace(chosen, **{name: value for name, value in asked.items() if value is not None})
         for key in ("contacts", "seed"):
             if getattr(run, key) is not None:
                 raise InputError(f"run.{key}: belongs to method = 'contacts'")

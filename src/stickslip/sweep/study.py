@@ -8,7 +8,8 @@ from typing import Any, get_args
 
 from stickslip.measure import Regime, regime
 from stickslip.measure.verdict import Kind
-from stickslip.model import Contacts, FromRest, FromSliding, Method, QuasiStatic, Rig, Slider, Start, constant
+from stickslip.model import FromRest, FromSliding, Method, Rig, Slider, Start, constant
+from stickslip.model.methods import DRAWN
 from stickslip.simulation import simulate
 
 KINDS: tuple[str, ...] = get_args(Kind)
@@ -55,7 +56,7 @@ class Study:
         seed = seed >> 10 if seed >= 2**53 else seed
         start, count = values.pop("start", self.start), values.pop("contacts", None)
         method = self.rig.method
-        if isinstance(method, Contacts | QuasiStatic):
+        if isinstance(method, DRAWN):
             method = replace(method, count=method.count if count is None else count, seed=seed)
         varied = self.rig.replace(**values)
         rig = replace(varied.natural, method=method, start=_beginning(start, method))
@@ -89,7 +90,7 @@ def _numbers(seen: Regime) -> dict[str, float]:
 def _beginning(start: str, method: Method) -> Start:
     if start == FROM_REST:
         return FromRest()
-    return FromSliding() if isinstance(method, Contacts | QuasiStatic) else FromSliding(perturbation=PERTURBATION)
+    return FromSliding() if isinstance(method, DRAWN) else FromSliding(perturbation=PERTURBATION)
 
 
 MEASURES: dict[str, tuple[str, str]] = {

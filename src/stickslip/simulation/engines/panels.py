@@ -1,4 +1,4 @@
-"""Infinitely many contacts: the master equation, Eqs. (1)-(4), on the panels of `stickslip.kernels.panels`."""
+"""The master equation, Eqs. (1)-(4), on the panels of `stickslip.kernels.panels`: for N contacts or infinitely many."""
 
 from __future__ import annotations
 
@@ -6,28 +6,21 @@ import copy
 import math
 from functools import lru_cache
 from itertools import pairwise
+from types import ModuleType
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
-from stickslip.model import DelayModel, Interface, MasterEquation, OnArrest, Slider
+from stickslip.model import DelayModel, Interface, MasterEquation, OnArrest, Population, Slider
 from stickslip.model.distribution import check_density
-from stickslip.model.distributions import Distribution, SteadyState
+from stickslip.model.distributions import Distribution
+from stickslip.model.newborn import mean_life, stretching_nodes
 from stickslip.model.quadrature import hashable
-from stickslip.simulation.engines.base import (
-    COLUMNS,
-    Advance,
-    Beginning,
-    Engine,
-    Leg,
-    Stretchings,
-    looks_aside,
-    slider_constants,
-    solves,
-)
+from stickslip.simulation.engines.base import Beginning, Leg, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import end_and_knots, survival_of
+from stickslip.simulation.engines.cohorts import Cohorts
 
 if TYPE_CHECKING:
     from stickslip.kernels import panel_state as kernel
@@ -40,61 +33,80 @@ _SAFETY = 1e-4, 0.87
 """Tolerance of a step for an error of 1e-4, and the power by which it falls: errors of steps fall a little faster."""
 _AT_KNOTS = 0.3
 """Part of the tolerance of a step that is left where the survival has knots."""
+_BROKEN = 0.02
+"""Fraction of all contacts that may break in a step where they are counted, for an error of 1e-4."""
+_GRAIN = 0.15
+"""Distance of contacts that may count as if they had attached at one place, in standard deviations of thresholds."""
 _FINE = 2.5e-3
 """Distance of the stretchings shown, in ``x_s``."""
 
 
 @solves(MasterEquation)
-class Panels(Engine):
-    """Groups of contacts that attached in the same step."""
+@solves(Population)
+class Panels(Cohorts):
+    """Groups of contacts that attached in the same step: fractions of infinitely many, or counted."""
 
-    columns = COLUMNS
-    angle = 0.1
-    mechanisms = frozenset({"on_arrest"})
+    mechanisms = frozenset({"sliding_force", "newborn", "track_scatter", "on_arrest"})
 
-    def __init__(self, beginning: Beginning, method: MasterEquation) -> None:
+    def __init__(self, beginning: Beginning, method: MasterEquation | Population) -> None:
         from stickslip.kernels import panel_state as kernel
+        from stickslip.kernels.lots import counted
 
         self._interface, self._method = beginning.interface, method
-        distribution = beginning.interface.threshold_distribution
-        self._thresholds, self._accuracy = (
-            survival_of(distribution),
-            _accuracy(hashable(distribution), method.rtol),
-        )
-        self._delays = _delays(hashable(beginning.interface.delay), method)
+        interface, count = beginning.interface, method.count if isinstance(method, Population) else 0
+        distribution = interface.threshold_distribution
+        self._thresholds = survival_of(distribution)
+        self._accuracy = _accuracy(hashable(distribution), method.rtol, count)
+        self._delays = _delays(hashable(interface.delay), method)
+        self._newborn = _newborn(hashable(distribution), hashable(interface.newborn), method.rtol)
         self.slider = slider_constants(beginning.slider)
+        attached, rate = 1.0, 0.0
         if beginning.sliding:
-            initial: Distribution = SteadyState(thresholds=distribution)
             attached = beginning.attached
-            rate = attached * beginning.velocity / distribution.moment(1)
+            rate = attached * beginning.velocity / mean_life(interface).path
+            x, fraction = _lives_met(distribution, self._newborn, self._accuracy)
         else:
-            initial, attached, rate = beginning.interface.initial, 1.0, 0.0
-        x, fraction = _nodes(initial, distribution, self._accuracy)
+            x, fraction = _nodes(interface.initial, distribution, self._accuracy)
         self._state = kernel.initial_state(
-            self._thresholds, self._delays, x, attached * fraction, velocity=beginning.slider_velocity, rate=rate
+            self._thresholds,
+            self._delays,
+            x,
+            attached * fraction,
+            velocity=beginning.slider_velocity,
+            rate=rate,
+            element=interface.sliding_force if beginning.sliding else 0.0,
         )
+        self._lot = kernel.UNCOUNTED
+        if isinstance(method, Population):
+            grain = _GRAIN * distribution.standard_deviation() * min(math.sqrt(method.rtol / 1e-4), 2.0)
+            self._lot = kernel.Lot(float(count), np.random.default_rng(method.seed), grain)
+            self._state = counted(self._state, self._thresholds, self._delays, count, self._lot.rng)
 
     @staticmethod
-    def check(interface: Interface, method: MasterEquation) -> None:  # noqa: ARG004
-        """Raise `InputError` for thresholds without a density."""
+    def check(interface: Interface, method: MasterEquation | Population) -> None:
+        """Raise `InputError` for thresholds without a density, and for what has no meaning or no equation."""
         check_density(interface.threshold_distribution)
+        name = type(method).__name__
+        if interface.track_scatter:
+            raise InputError(
+                f"Interface.track_scatter = {interface.track_scatter}: {name} has one distribution of thresholds for "
+                "all slips, not another one drawn for each; use Contacts",
+                "Interface.track_scatter",
+            )
+        if isinstance(method, MasterEquation) and method.memoryless:
+            for field in sorted(interface.mechanisms & {"newborn", "sliding_force"}):
+                raise InputError(
+                    f"Interface.{field} = {getattr(interface, field)}: not available with the approximation "
+                    "MasterEquation(memoryless=True); leave one of them out",
+                    f"Interface.{field}",
+                )
 
-    @property
-    def state(self) -> kernel.State:
-        """What the kernel goes on from; it never changes one."""
-        return self._state
+    @staticmethod
+    def module() -> ModuleType:
+        """Return the module of the state."""
+        from stickslip.kernels import panel_state
 
-    def here(self) -> tuple[float, float]:
-        """Time, and position of the slider."""
-        from stickslip.kernels import panel_state as kernel
-
-        return float(self._state.scalar[kernel.TIME]), float(self._state.scalar[kernel.POSITION])
-
-    def contact_force(self) -> float:
-        """Force of the contacts now, per contact."""
-        from stickslip.kernels import panel_state as kernel
-
-        return float(self._state.scalar[kernel.CONTACT_FORCE])
+        return panel_state
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts now, those that attached in one step spread over its panel."""
@@ -108,12 +120,11 @@ class Panels(Engine):
         kept = fraction > 0.0
         return Stretchings(self.here()[1] - place[kept], fraction[kept], cells=True)
 
-    def advance(self, leg: Leg) -> Advance:
-        """Go on by some steps."""
+    def go_on(self, leg: Leg) -> tuple[kernel.State, Array, int]:
+        """Follow a leg for some steps."""
         from stickslip.kernels import panel_state as kernel
         from stickslip.kernels.panels import advance
 
-        before = self.copy()
         done = advance(
             self._state,
             self._thresholds,
@@ -123,21 +134,22 @@ class Panels(Engine):
             until=leg.end,
             times=leg.times,
             accuracy=self._accuracy,
+            newborn=self._newborn,
+            sliding_force=self._interface.sliding_force,
+            lot=self._lot,
             stop=leg.stop,
             max_steps=_STEPS,
         )
-        self._state = done.state
         sampled = [kernel.POSITION, kernel.VELOCITY, kernel.CONTACT_FORCE, kernel.ATTACHED]
         energies = [kernel.STORED, kernel.WORK, kernel.DAMPED, kernel.LOST]
-        return Advance(
-            done.rows[:, sampled + energies],
-            looks_aside(before, leg, self.here()[0]),
-            over=done.reason != kernel.PAUSED,
-        )
+        return done.state, done.rows[:, sampled + energies], done.reason
 
     def copy(self) -> Self:
         """Return an engine in the same state that goes its own way."""
-        return copy.copy(self)  # what the kernel takes, it leaves as it is
+        other = super().copy()  # what the kernel takes, it leaves as it is, but for random numbers
+        if self._lot.contacts:
+            other._lot = copy.deepcopy(self._lot)
+        return other
 
     def turned(self, interface: Interface, slider: Slider) -> Self:
         """Return an engine that goes on with other contacts and another slider; forces, positions and masses stay.
@@ -168,7 +180,7 @@ class Panels(Engine):
         if interface.thresholds != self._interface.thresholds:
             distribution = interface.threshold_distribution
             turned._thresholds = survival_of(distribution)
-            turned._accuracy = _accuracy(hashable(distribution), self._method.rtol)
+            turned._accuracy = _accuracy(hashable(distribution), self._method.rtol, 0)
             n = state.used[kernel.GROUPS]
             reach, mass = state.groups[REACH, :n], state.groups[MASS, :n]
             old, new = (
@@ -208,25 +220,31 @@ def _tolerance(rtol: float) -> float:
 
 
 @lru_cache(maxsize=64)
-def _accuracy(distribution: Distribution, rtol: float) -> kernel.Accuracy:
-    """Tolerance of a step, and the widest panel on which a sum over nodes is good to it."""
+def _accuracy(distribution: Distribution, rtol: float, count: int) -> kernel.Accuracy:
+    """Tolerance of a step, and the widest panel on which a sum over nodes is good to it.
+
+    Of counted contacts, births are as rough as the breaks were, and what fluctuates does so a few breaks at a time.
+    """
     from stickslip.kernels.panel_state import Accuracy
     from stickslip.kernels.survival import widest
 
     table, tolerance = survival_of(distribution), _tolerance(rtol)
     if table.knots.size:  # where the order is lost, and again a delay later
         tolerance *= _AT_KNOTS
-    return Accuracy(tolerance, widest(table, tolerance, 0.3 * distribution.moment(1), order=1))
+    width = widest(table, tolerance, 0.3 * distribution.moment(1), order=1)
+    if not count:
+        return Accuracy(tolerance, width)
+    return Accuracy(tolerance, width, 1.0 / math.sqrt(count), _BROKEN * math.sqrt(rtol / 1e-4))
 
 
 @lru_cache(maxsize=64)
-def _delays(delay: DelayModel, method: MasterEquation) -> kernel.Delays:
+def _delays(delay: DelayModel, method: MasterEquation | Population) -> kernel.Delays:
     """Times until a broken contact re-attaches, as the kernel takes them."""
     from stickslip.kernels.panel_state import Delays
     from stickslip.kernels.survival import EMPTY, tabulate, widest
 
     mean, arrest = delay.moment(1), isinstance(delay, OnArrest)
-    if method.memoryless:
+    if isinstance(method, MasterEquation) and method.memoryless:
         return Delays(np.zeros(1), np.ones(1), EMPTY, 0.0, 1.0, mean, arrest, True)
     (time, weight), spread = delay.parts()
     if not spread:
@@ -240,6 +258,55 @@ def _delays(delay: DelayModel, method: MasterEquation) -> kernel.Delays:
     table = tabulate(survival, top, np.empty(0))
     grain = widest(table, _tolerance(method.rtol), 0.3 * mean, order=0)
     return Delays(time, weight, table, share, grain, mean, arrest, False)
+
+
+@lru_cache(maxsize=64)
+def _newborn(thresholds: Distribution, newborn: Distribution | None, rtol: float) -> kernel.Newborn:
+    """Stretchings of contacts that attach: as few as give their force to the tolerance, however far they are pulled."""
+    from stickslip.kernels.groups import gauss_rule
+    from stickslip.kernels.panel_state import UNSTRETCHED, Newborn
+
+    if newborn is None:
+        return UNSTRETCHED
+    x, weight = stretching_nodes(newborn, thresholds, finer=4)
+    way = np.linspace(0.0, 2.0 * end_and_knots(thresholds)[0], 200)[:, None]
+
+    def survival(x: Array) -> Array:
+        return np.maximum(thresholds.survival(np.abs(x)), 1e-300)
+
+    def pulled(x: Array, weight: Array) -> Array:
+        far = way + x
+        held = thresholds.survival(np.maximum(np.abs(far), np.abs(x))) / survival(x)
+        return np.asarray((held * far) @ weight)
+
+    exact, tolerance = pulled(x, weight), _tolerance(rtol)
+    for count in (1, 2, 3, 4, 6, 8, 12, 16, 24, 32):
+        if count >= x.size:
+            break
+        nodes, share = gauss_rule(x, weight, count)
+        if np.abs(pulled(nodes, share) - exact).max() < tolerance:
+            x, weight = nodes, share
+            break
+    return Newborn(x, weight, weight / survival(x))
+
+
+def _lives_met(thresholds: Distribution, newborn: kernel.Newborn, accuracy: kernel.Accuracy) -> tuple[Array, Array]:
+    """Nodes, and weights of sum 1, of the stretchings in steady sliding: those on the way from each newborn one."""
+    from stickslip.kernels.rules import GAUSS, WEIGHT
+
+    end, parts = end_and_knots(thresholds)[0], []
+    for begin, mass in zip(newborn.stretching, newborn.mass, strict=True):
+        knots = {abs(begin), 0.0, *thresholds.knots, *(-knot for knot in thresholds.knots)}
+        edges = [float(begin), *(knot for knot in sorted(knots) if begin < knot < end), end]
+        for a, b in pairwise(edges):
+            edge = np.linspace(a, b, math.ceil((b - a) / accuracy.width) + 1)
+            x = edge[:-1, None] + np.diff(edge)[:, None] * GAUSS
+            parts.append(
+                (x, mass * np.diff(edge)[:, None] * WEIGHT * thresholds.survival(np.maximum(np.abs(x), abs(begin))))
+            )
+    x, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
+    kept = weight.sum(axis=1) > 1e-17
+    return x[kept], weight[kept] / weight[kept].sum()
 
 
 def _nodes(initial: Distribution, thresholds: Distribution, accuracy: kernel.Accuracy) -> tuple[Array, Array]:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from functools import lru_cache
-from typing import TYPE_CHECKING, Self
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,18 +24,9 @@ from stickslip.model import (
 from stickslip.model.distribution import check_density
 from stickslip.model.distributions import Distribution
 from stickslip.model.quadrature import hashable
-from stickslip.simulation.engines.base import (
-    COLUMNS,
-    Advance,
-    Beginning,
-    Engine,
-    Leg,
-    Stretchings,
-    looks_aside,
-    slider_constants,
-    solves,
-)
+from stickslip.simulation.engines.base import Beginning, Leg, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import initial_nodes, survival_of
+from stickslip.simulation.engines.cohorts import Cohorts
 from stickslip.simulation.engines.thermal import check_newborns, growth_of
 
 if TYPE_CHECKING:
@@ -51,15 +42,14 @@ _NODES = 240
 
 
 @solves(MasterEquation, type(None), ExponentialGrowth, LogarithmicGrowth, temperature=(Bell, Parabolic, Barrier))
-class ThermalPopulation(Engine):
+class ThermalPopulation(Cohorts):
     """Cohorts of contacts that attached together and break by thermal activation."""
 
-    columns = COLUMNS
-    angle = 0.1
     mechanisms = frozenset({"temperature", "sliding_force"})
 
     def __init__(self, beginning: Beginning, method: MasterEquation) -> None:
         from stickslip.kernels import thermal_cohorts as kernel
+        from stickslip.kernels.thermal_beginnings import initial_state, sliding_state
 
         interface = beginning.interface
         self._interface, self._f_d = interface, interface.sliding_force
@@ -74,12 +64,12 @@ class ThermalPopulation(Engine):
         if beginning.sliding:
             self._cap(beginning.velocity)
             step = 0.5 * reach * self._model.width
-            self._state = kernel.sliding_state(self._model, self._delays, beginning.velocity, step, self._f_d)
+            self._state = sliding_state(self._model, self._delays, beginning.velocity, step, self._f_d)
             self._state.scalar[kernel.VELOCITY] = beginning.slider_velocity
         else:
             since = -math.inf if isinstance(interface.ageing, ExponentialGrowth) else 0.0
             nodes = initial_nodes(interface)
-            self._state = kernel.initial_state(self._model, self._delays, *nodes, since, beginning.slider_velocity)
+            self._state = initial_state(self._model, self._delays, *nodes, since, beginning.slider_velocity)
 
     @staticmethod
     def check(interface: Interface, method: MasterEquation) -> None:
@@ -97,17 +87,12 @@ class ThermalPopulation(Engine):
         if not self._model.capped and velocity > hazard.scale * hazard.attempts / 40.0:
             self._model = self._model._replace(capped=True)
 
-    def here(self) -> tuple[float, float]:
-        """Time, and position of the slider."""
-        from stickslip.kernels import thermal_cohorts as kernel
+    @staticmethod
+    def module() -> ModuleType:
+        """Return the module of the state."""
+        from stickslip.kernels import thermal_cohorts
 
-        return float(self._state.scalar[kernel.TIME]), float(self._state.scalar[kernel.POSITION])
-
-    def contact_force(self) -> float:
-        """Friction force now, per contact."""
-        from stickslip.kernels import thermal_cohorts as kernel
-
-        return float(self._state.scalar[kernel.FRICTION])
+        return thermal_cohorts
 
     @property
     def mass(self) -> float:
@@ -125,12 +110,11 @@ class ThermalPopulation(Engine):
         x = self._state.scalar[kernel.POSITION] - cohort[kernel.BIRTH]
         return Stretchings(np.asarray(x), cohort[kernel.ALIVE].copy(), cells=True)
 
-    def advance(self, leg: Leg) -> Advance:
-        """Go on by some steps."""
+    def go_on(self, leg: Leg) -> tuple[kernel.State, Array, int]:
+        """Follow a leg for some steps."""
         from stickslip.kernels import thermal_cohorts as kernel
 
         self._cap(self._fastest(leg))
-        before = self.copy()
         done = kernel.advance(
             self._state,
             self._model,
@@ -144,8 +128,7 @@ class ThermalPopulation(Engine):
             stop=leg.stop,
             max_steps=_STEPS,
         )
-        self._state = done.state
-        return Advance(done.rows, looks_aside(before, leg, self.here()[0]), over=done.reason != kernel.PAUSED)
+        return done.state, done.rows, done.reason
 
     def _fastest(self, leg: Leg) -> float:
         """Largest velocity that the slider may come to."""
@@ -156,10 +139,6 @@ class ThermalPopulation(Engine):
             return math.inf
         most = self._interface.threshold_distribution.support[1]
         return drive + most * math.sqrt((1.0 + 1.0 / self.slider.stiffness) / self.slider.mass)
-
-    def copy(self) -> Self:
-        """Return an engine in the same state that goes its own way."""
-        return copy.copy(self)  # what the kernel takes, it leaves as it is
 
 
 def _model(interface: Interface) -> kernel.Model:

@@ -1,0 +1,322 @@
+"""Contacts counted by cohorts: as contact by contact, in mean and fluctuation, and none is ever lost."""
+
+import math
+from dataclasses import replace
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import stickslip as ss
+from stickslip.errors import InputError
+from stickslip.io import rig_files
+from stickslip.kernels import panel_state as kernel
+from stickslip.kernels.groups import COUNT
+from stickslip.simulation.engines import Beginning, engine_of
+from stickslip.simulation.follow import follow
+
+TENTH = ss.Gaussian(mean=1.0, std=0.1)
+RELAXED = ss.Gaussian(mean=0.0, std=0.01)
+CYCLING = ss.Interface(thresholds=TENTH, initial=RELAXED, delay=ss.Delay(0.2))
+SLIDER = ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0)
+THERE_AND_BACK = ss.ramp(2, -2, duration=2).then(ss.ramp(-2, 2, duration=2))
+
+
+class Several(ss.model.DelayModel):
+    """None for half of the contacts, and a given one for the others."""
+
+    def moment(self, order):
+        return 1.0 if order == 0 else 0.5 * 0.1**order
+
+    def laplace(self, s):
+        return 0.5 + 0.5 * np.exp(-0.1 * np.asarray(s, complex))
+
+    def sample(self, rng, size):
+        return rng.choice([0.0, 0.1], size)
+
+    def quadrature(self):
+        return np.array([0.0, 0.1]), np.array([0.5, 0.5])
+
+    def __repr__(self):
+        return "Several()"
+
+
+DELAYS = [
+    ss.Delay(0.0),
+    ss.Delay(0.2),
+    ss.Delay(math.inf),
+    ss.RandomDelay(mean=0.2, std=0.05),
+    ss.RandomDelay(mean=0.1, std=0.1),
+    ss.OnArrest(),
+    Several(),
+]
+
+
+def engine_for(interface, method, slider=SLIDER, start=ss.FromRest(), velocity=1.0):
+    return engine_of(interface, method, slider)(Beginning(interface, slider, velocity, start), method)
+
+
+def imbalance(run):
+    """How far the energies miss the work of the drive, over the largest of either."""
+    parts = ("kinetic_energy", "spring_energy", "contact_energy", "damped_energy", "broken_energy")
+    energy = sum(run[name].to_numpy() for name in parts)
+    work = run["work"].to_numpy()
+    return np.max(np.abs(energy - energy[0] - work)) / np.max(np.abs(work))
+
+
+# ---------------------------------------------------------------- conservation
+
+interfaces = st.builds(
+    ss.Interface,
+    thresholds=st.sampled_from([TENTH, ss.Uniform(low=0.5, high=1.5), ss.Exponential(mean=1.0)]),
+    initial=st.just(RELAXED),
+    delay=st.sampled_from(DELAYS),
+    sliding_force=st.sampled_from([0.0, 0.3]),
+    newborn=st.sampled_from([None, ss.Gaussian(mean=0.2, std=0.1)]),
+)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    interfaces,
+    st.sampled_from([THERE_AND_BACK, ss.constant(1.0, duration=3), ss.constant(-0.5, duration=4)]),
+    st.sampled_from([10, 1_000, 10**9]),
+    st.sampled_from([20.0, 200.0]),
+)
+def test_every_contact_is_attached_or_waits(interface, drive, count, damping):
+    engine = engine_for(interface, ss.Population(count, seed=1, rtol=1e-3), replace(SLIDER, damping=damping))
+    for end in (0.3, 0.7, 1.0):
+        follow(engine, drive if end == 1.0 else ss.constant(1.0, duration=end), 0.0, np.linspace(0, end, 5))
+        state = engine.state
+        attached = state.groups[COUNT, : state.used[kernel.GROUPS]]
+        waiting = state.panels[: state.used[kernel.PANELS], kernel.WAITING :]
+        assert np.array_equal(attached, np.round(attached))
+        assert np.array_equal(waiting, np.round(waiting))
+        assert attached.min(initial=0.0) >= 0.0
+        assert waiting.min(initial=0.0) >= 0.0
+        if math.isfinite(interface.delay.moment(1)):
+            assert attached.sum() + waiting.sum() == count
+        assert attached.sum() == round(count * state.scalar[kernel.MASS_IN])
+        engine = engine_for(interface, ss.Population(count, seed=2, rtol=1e-3), replace(SLIDER, damping=damping))
+
+
+@pytest.mark.parametrize("delay", DELAYS, ids=lambda delay: str(delay)[:20])
+@pytest.mark.parametrize("count", [10, 1_000, 10**8])
+@pytest.mark.parametrize(("sliding_force", "newborn"), [(0.0, None), (0.3, ss.Gaussian(mean=0.2, std=0.1))])
+def test_energy_closes_to_the_tolerance(delay, count, sliding_force, newborn):
+    interface = replace(CYCLING, delay=delay, sliding_force=sliding_force, newborn=newborn)
+    rig = ss.Rig(interface, SLIDER, THERE_AND_BACK)
+    assert imbalance(ss.simulate(rig, method=ss.Population(count, seed=1))) < 1e-4
+
+
+def test_the_same_seed_gives_the_same_run_whatever_is_recorded():
+    rig = ss.Rig(CYCLING, SLIDER, ss.constant(1.0, duration=3), method=ss.Population(1_000, seed=7))
+    coarse = ss.simulate(rig, output=ss.Output(interval=0.1, snapshots=(1.5,)))
+    fine = ss.simulate(rig, output=ss.Output(interval=0.01))
+    assert np.array_equal(coarse.spring_force, fine.spring_force[::10])
+    other = ss.simulate(rig, method=ss.Population(1_000, seed=8), output=ss.Output(interval=0.01))
+    assert not np.array_equal(other.spring_force, fine.spring_force)
+    assert ss.rerun(coarse).identical(coarse)
+
+
+# ---------------------------------------------------------------- the limit of many
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"delay": ss.Delay(0.0)},
+        {"delay": ss.RandomDelay(mean=0.2, std=0.05)},
+        {"delay": Several()},
+        {"delay": ss.OnArrest()},
+        {"thresholds": ss.Uniform(low=0.7, high=1.3)},
+        {"sliding_force": 0.2, "newborn": ss.Gaussian(mean=0.2, std=0.1)},
+    ],
+    ids=str,
+)
+def test_very_many_contacts_are_infinitely_many(changes):
+    rig = ss.Rig(
+        replace(CYCLING, **changes), SLIDER, ss.constant(1.0, duration=2.0).then(ss.constant(-1.0, duration=1))
+    )
+    out = ss.Output(interval=0.01)
+    exact = ss.simulate(rig, method=ss.MasterEquation(rtol=1e-6), output=out)
+    for count, slack in ((10**9, 3e-4), (10**6, 3e-3)):
+        run = ss.simulate(rig, method=ss.Population(count, seed=1), output=out)
+        for name in ("spring_force", "friction_force", "attached", "contact_energy", "broken_energy"):
+            assert float(np.sqrt(((run[name] - exact[name]) ** 2).mean())) < slack, (name, count)
+
+
+# ---------------------------------------------------------------- fluctuations
+
+
+def rigidly(interface, count, lives, seed, start=ss.FromSliding(), rtol=1e-4):
+    """Friction force and attached fraction in rigid sliding at velocity 1, sampled every 0.037."""
+    method = ss.Population(count, seed=seed, rtol=rtol)
+    times = np.arange(0.0, lives, 0.037)
+    track = follow(engine_for(interface, method, None, start), ss.constant(1.0, duration=lives), 0.0, times)
+    return track["friction_force"], track["attached"]
+
+
+def moments(interface):
+    """Variances, times N, of friction force and attached fraction in rigid sliding at velocity 1."""
+    m1, m2, m3 = (interface.threshold_distribution.moment(order) for order in (1, 2, 3))
+    cycle = m1 + interface.delay.moment(1)
+    return m3 / (3 * cycle) - (m2 / (2 * cycle)) ** 2, m1 / cycle * (1 - m1 / cycle)
+
+
+@pytest.mark.parametrize("delay", [ss.Delay(0.0), ss.Delay(0.2), ss.RandomDelay(mean=0.2, std=0.1), Several()], ids=str)
+@pytest.mark.parametrize("count", [10, 1_000, 10**8])
+def test_fluctuations_in_rigid_sliding(delay, count):
+    interface, lives = replace(CYCLING, delay=delay), 600.0
+    force, attached = moments(interface)
+    F, A = rigidly(interface, count, lives, 1)
+    # A contact's force forgets in a life: so many independent values, of a variance with a relative error of sqrt(2/n).
+    slack = 4 * math.sqrt(2 / lives)
+    assert F.var() * count == pytest.approx(force, rel=slack)
+    assert F.mean() == pytest.approx(
+        ss.kinetic_friction(interface, 1.0), abs=4 * math.sqrt(force / count / lives) + 1e-5
+    )
+    assert A.var() * count == pytest.approx(attached, rel=slack, abs=1e-12)
+
+
+@pytest.mark.slow
+def test_the_variance_of_the_force_in_rigid_sliding():
+    """.0883 per contact for the paper's thresholds without delay, as from `Contacts`."""
+    exact = moments(replace(CYCLING, delay=ss.Delay(0.0)))[0]
+    assert exact == pytest.approx(0.0883, abs=5e-5)
+    for count in (10, 100, 10_000, 10**8):
+        runs = [rigidly(replace(CYCLING, delay=ss.Delay(0.0)), count, 4_000.0, seed)[0].var() for seed in range(4)]
+        assert 0.0859 < np.mean(runs) * count < 0.0911, count
+
+
+@pytest.mark.slow
+def test_the_spectrum_in_rigid_sliding_is_that_of_contacts():
+    """In octaves up to the frequency of the samples: as many values each as make its error 2 %."""
+    lives, times = 4_000.0, np.arange(0.0, 4_000.0, 0.037)
+
+    def octaves(method):
+        track = follow(
+            engine_for(CYCLING, method, None, ss.FromSliding()), ss.constant(1.0, duration=lives), 0.0, times
+        )
+        F = track["friction_force"]
+        power = np.abs(np.fft.rfft(F - F.mean())) ** 2 / F.size * method.count
+        edges = (power.size * 0.5 ** np.arange(7)).astype(int)
+        return np.array([power[low:high].mean() for high, low in pairwise(edges)]), edges
+
+    exact, edges = octaves(ss.Contacts(1_000, seed=1))
+    found, _ = octaves(ss.Population(1_000, seed=1))
+    assert np.all(np.abs(found / exact - 1) < 4 * math.sqrt(2) / np.sqrt(-np.diff(edges)) + 0.02)
+
+
+def cycles(method, duration):
+    """Mean and standard deviation of period and drop after the first cycles, from one run of Fig. 4c."""
+    run = ss.simulate(ss.Rig(CYCLING, SLIDER, ss.constant(1.0, duration=duration)), method=method)
+    drops = ss.drops(run)
+    period, drop = np.diff(drops["start"].to_numpy())[2:], drops["drop"].to_numpy()[2:]
+    return period.mean(), period.std(ddof=1), drop.mean(), drop.std(ddof=1), period.size
+
+
+def compare_cycles(count, seeds, duration):
+    """Statistics of cycles from two methods, each a mean over seeds, in standard errors of their difference."""
+    found = [
+        np.array([cycles(method(count, seed=seed), duration)[:4] for seed in range(seeds)])
+        for method in (ss.Contacts, ss.Population)
+    ]
+    means = [part.mean(axis=0) for part in found]
+    errors = np.sqrt(sum(part.var(axis=0, ddof=1) / seeds for part in found))
+    return (means[1] - means[0]) / errors, means, errors
+
+
+@pytest.mark.parametrize("count", [100, 3_000])
+def test_cycles_are_those_of_contacts(count):
+    off, means, errors = compare_cycles(count, 12, 30.0)
+    assert np.all(np.abs(off) < 4.5), (means, errors)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [100, 3_000])
+def test_cycles_of_two_hundred_seeds(count):
+    off, means, errors = compare_cycles(count, 200, 30.0)
+    assert np.all(np.abs(off) < 3.5), (means, errors)
+
+
+# ---------------------------------------------------------------- drives, files, refusals
+
+
+def test_pieces_that_end_on_a_condition_end_there():
+    drive = (
+        ss.constant(1.0, duration=9.0)
+        .until(ss.ForceAbove(0.5))
+        .then(ss.constant(-1.0, duration=9.0).until(ss.ForceBelow(0.1)))
+    )
+    run = ss.simulate(
+        ss.Rig(CYCLING, SLIDER, drive), method=ss.Population(1_000, seed=1), output=ss.Output(interval=1e-3)
+    )
+    force = run.spring_force.to_numpy()
+    top = int(np.argmax(force >= 0.5))
+    assert force[top] == pytest.approx(0.5, abs=2e-3)
+    assert np.all(force[:top] < 0.5)
+    assert force[-1] == pytest.approx(0.1, abs=2e-3)
+    assert imbalance(run) < 1e-4
+
+
+def test_snapshots_are_those_of_contacts():
+    rig = ss.Rig(CYCLING, SLIDER, ss.constant(1.0, duration=1.0), output=ss.Output(snapshots=(0.9,), bins=20))
+    one, two = (
+        ss.simulate(rig, method=method) for method in (ss.Contacts(20_000, seed=1), ss.Population(10**8, seed=1))
+    )
+    there = two.stretching_density.interp(stretching=one.stretching, kwargs={"fill_value": 0.0})
+    assert float(abs(there - one.stretching_density).max()) < 0.1 * float(one.stretching_density.max())
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (partial(ss.Population, 0), "Population.count = 0: must be .* at least 1"),
+        (partial(ss.Population, 10**10), "Population.count = 10000000000: must be .* at most"),
+        (partial(ss.Population, 10, rtol=1e-9), "Population.rtol = 1e-09: must be .* at least 1e-06"),
+        (
+            lambda: engine_for(replace(CYCLING, track_scatter=0.1), ss.Population(10)),
+            "track_scatter = 0.1: Population has",
+        ),
+        (
+            lambda: engine_for(replace(CYCLING, track_scatter=0.1), ss.MasterEquation()),
+            "track_scatter = 0.1: MasterEquation has one distribution",
+        ),
+        (
+            lambda: engine_for(replace(CYCLING, temperature=ss.Bell(width=0.05, attempts=1e-3)), ss.Population(10)),
+            "temperature = .*not available with Population",
+        ),
+        (
+            lambda: engine_for(replace(CYCLING, sliding_force=0.1), ss.MasterEquation(memoryless=True)),
+            "sliding_force = 0.1: not available with the approximation",
+        ),
+        (
+            lambda: engine_for(CYCLING, ss.Population(10), ss.Chain(blocks=3, coupling=1.0, mass=1.0, damping=0.1)),
+            "method = Population: is not for a Chain",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(make, words):
+    with pytest.raises(InputError, match=words) as caught:
+        make()
+    assert "\n" not in str(caught.value)
+
+
+def test_rig_files_name_the_method():
+    rig = ss.example("precision_stage").replace(method=ss.Population(10**8, seed=3, rtol=1e-3))
+    text = rig_files.to_toml(rig)
+    assert 'method = "population"' in text
+    assert rig_files.from_text(text).method == rig.method
+
+
+def test_a_sweep_keeps_the_method_and_changes_its_count():
+    rig = ss.Rig(CYCLING, SLIDER, ss.constant(1.0, duration=1.0), method=ss.Population(10**6, seed=3))
+    table = ss.sweep(rig, {"contacts": [100, 10**6], "seed": [1, 2]})
+    force = table["mean_force"].to_numpy()
+    assert force.shape == (2, 2)
+    assert abs(force[0, 0] - force[0, 1]) > abs(force[1, 0] - force[1, 1]) > 0.0
