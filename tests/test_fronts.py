@@ -1,7 +1,9 @@
 """Elastic sliders: slip fronts, precursors and the modes of smooth sliding, in theory and in pictures."""
 
 import importlib.util
+import json
 import math
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -10,6 +12,7 @@ import pytest
 from scipy.optimize import brentq
 
 import stickslip as ss
+from stickslip.measure.front_map import front_summary
 
 NEVER = ss.Delay(math.inf)
 STILL = ss.constant(velocity=0.0, duration=1.0)
@@ -624,9 +627,48 @@ def test_slip_profiles_are_what_blocks_moved(pulled):
         assert line.get_ydata() == pytest.approx((moved.sel(time=end) - moved.sel(time=start)).values)
 
 
+def test_a_run_as_plain_data_for_a_page(passing):
+    found = json.loads(json.dumps(front_summary(passing, most=80)))
+    shown, velocity = found["map"], np.abs(passing["velocity"].values)
+    values = np.array(shown["values"])
+    assert values.shape == (80, 80) == (len(shown["time"]) - 1, len(shown["block"]) - 1)
+    assert values.max() == velocity.max()
+    # Each pixel holds the largest of the samples inside its edges.
+    inside = (passing["time"].values >= shown["time"][17]) & (passing["time"].values < shown["time"][18])
+    blocks = (np.arange(300) > shown["block"][40]) & (np.arange(300) < shown["block"][41])
+    assert values[17, 40] == velocity[np.ix_(inside, blocks)].max()
+    table = ss.fronts(passing)
+    assert [row["blocks"] for row in found["fronts"]] == table["blocks"].values.tolist()
+    assert found["fronts"][0]["front_speed"] == float(table["front_speed"][0])
+    assert found["sound_speed"] == pytest.approx(1.0)
+    assert found["trace"]["time"][-1] == float(passing["time"][-1])
+    assert len(found["blocks"]["speed"]) == 300
+
+
+def test_a_mean_over_pixels_keeps_the_mean_of_all(pulled):
+    found = front_summary(pulled.isel(time=slice(None, 4000)), "attached", most=50)
+    values = np.array(found["map"]["values"])
+    whole = pulled["attached"].isel(time=slice(None, 4000)).values
+    assert values.shape == (50, 24)
+    assert np.diff(found["map"]["time"])[:-1] @ values[:-1] == pytest.approx(whole[:3920].sum(axis=0) * 60.0, rel=1e-12)
+    assert len(front_summary(pulled, most=10)["events"]) == 10
+
+
+def test_a_front_that_stops_inside_the_bar_is_arrested():
+    rig = bar(0.04, 0.01, 0.2, blocks=120)
+    start = ss.Prestressed(stretching=(0.8,) * 60 + (0.1,) * 60, push=3.0, pushed_blocks=3)
+    run = ss.simulate(replace(rig, drive=ss.constant(0.0, duration=400.0), method=ss.Contacts(20), start=start))
+    (front,) = front_summary(run)["fronts"]
+    assert front["arrested"]
+    assert 60 <= front["last_block"] < 75
+
+
 @pytest.mark.parametrize(
     ("ask", "message"),
     [
+        (lambda run: front_summary(run, "heat"), r"^front_summary: what = 'heat': must be one of velocity"),
+        (lambda run: front_summary(run, most=1), r"^front_summary: most"),
+        (lambda run: front_summary(run.isel(block=0)), r"^front_summary: this Dataset has no velocity of each block"),
         (lambda run: ss.plot.spacetime(run, "heat"), r"^spacetime: what = 'heat': must be one of attached"),
         (lambda run: ss.plot.spacetime(run.isel(block=0)), r"^plot: this Dataset has no attached of each block"),
         (lambda run: ss.plot.spacetime(run.isel(time=[0])), r"^plot: the run holds fewer than two samples"),
