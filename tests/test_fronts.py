@@ -658,7 +658,7 @@ def test_a_front_that_stops_inside_the_bar_is_arrested():
     rig = bar(0.04, 0.01, 0.2, blocks=120)
     start = ss.Prestressed(stretching=(0.8,) * 60 + (0.1,) * 60, push=3.0, pushed_blocks=3)
     run = ss.simulate(replace(rig, drive=ss.constant(0.0, duration=400.0), method=ss.Contacts(20), start=start))
-    (front,) = front_summary(run)["fronts"]
+    front = front_summary(run)["fronts"][0]
     assert front["arrested"]
     assert 60 <= front["last_block"] < 75
 
