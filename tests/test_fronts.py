@@ -9,9 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.optimize import brentq
 
 import stickslip as ss
+from stickslip import cli
+from stickslip.io import rig_files
 from stickslip.measure.front_map import front_summary
 
 NEVER = ss.Delay(math.inf)
@@ -712,3 +715,40 @@ def test_a_slow_front_by_slow_slip_and_none_without_a_sliding_force():
     stopped = ss.simulate(module.rig(sliding_force=0.0))["first_break"]
     assert int(np.isfinite(stopped).sum()) == 114
     assert float(stopped.max()) < 250
+
+
+def test_what_the_command_line_says_of_a_run_of_a_chain(tmp_path, capsys):
+    rig = bar(0.04, 0.01, 0.2, blocks=60)
+    start = ss.Prestressed(stretching=0.8, push=3.0, pushed_blocks=3)
+    rig = replace(rig, drive=ss.constant(0.0, duration=100.0), method=ss.Contacts(20, seed=1), start=start)
+    place, kept = tmp_path / "rig.toml", str(tmp_path / "run.nc")
+    place.write_text(rig_files.to_toml(rig))
+    assert cli.main(["simulate", str(place), "-o", kept, "--plot", str(tmp_path / "run.png")]) == 0
+    (front,) = ss.fronts(ss.simulate(rig))["front_speed"].values
+    line = f"blocks 0 to 59, the end; {front:.3g} blocks/time, {front:.3g} of the speed of sound\n1 event of at least 3"
+    assert line in capsys.readouterr().out
+    assert cli.main(["measure", kept]) == 0
+    assert line in capsys.readouterr().out
+    for kind in ("spacetime", "fronts", "precursors", "slips"):
+        assert cli.main(["plot", kept, str(tmp_path / f"{kind}.png"), "--kind", kind]) == 0
+        assert (tmp_path / f"{kind}.png").stat().st_size > 5_000
+    again = str(tmp_path / "again.nc")
+    assert cli.main(["rerun", kept, "-o", again]) == 0
+    assert xr.load_dataset(again).identical(xr.load_dataset(kept))
+
+
+def test_a_sweep_over_a_chain_in_a_file(tmp_path):
+    rig = replace(bar(0.05, blocks=4, leaf=0.05, std=0.1, delay=ss.Delay(0.5)), drive=ss.constant(1.0, duration=10.0))
+    (tmp_path / "rig.toml").write_text(rig_files.to_toml(rig))
+    (tmp_path / "sweep.toml").write_text(
+        'rig = "rig.toml"\n[axes]\nvelocity = { values = [0.5, 1.0] }\n[run]\ndistance = 10.0\ncycles = 0\n'
+    )
+    assert cli.main(["sweep", str(tmp_path / "sweep.toml"), "--store", str(tmp_path / "s.sqlite")]) == 0
+
+
+def test_an_overview_of_a_chain_shows_all_blocks(pulled):
+    upper, lower, bar_of_colours = ss.plot.overview(pulled).axes
+    assert drawn(upper)
+    assert lower.get_ylim() == (-0.5, 23.5)
+    assert upper.get_xlim() == lower.get_xlim()
+    assert "velocity" in bar_of_colours.get_ylabel()

@@ -12,13 +12,19 @@ from stickslip.answers import plain
 from stickslip.errors import InputError, instance, number, shown
 from stickslip.measure.arrays import Array, check_numbers
 from stickslip.measure.fronts import events, fronts
-from stickslip.model import ElasticBody
+from stickslip.model import Chain, ElasticBody
 from stickslip.simulation import rig_of
 
 Field = Literal["velocity", "attached", "force", "displacement"]
 
 FIELDS = {"velocity": "velocity", "attached": "attached", "force": "friction_force", "displacement": "displacement"}
 """What can be mapped, and the variable of a run that holds it."""
+
+
+_TOLD = 5
+"""Fronts that are told of."""
+_FEWEST = 3
+"""Blocks of the smallest event that is."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,12 +138,53 @@ def front_summary(run: xr.Dataset, what: Field = "velocity", *, most: int = 300)
     return told
 
 
+def in_words(run: xr.Dataset) -> list[str]:
+    """Say the fronts and events of an elastic slider in a line each; nothing of other data."""
+    if "first_break" not in run:
+        return []
+    rig, unit = rig_of(run), str(run["time"].attrs.get("units", ""))
+    body, last = rig.natural.slider, run.sizes["block"] - 1
+    said = []
+    if isinstance(body, Chain):
+        sound = body.sound_speed * rig.unit("1/time")
+        found = [row for row in _rows(fronts(run), "front", most=_TOLD) if np.isfinite(row["front_speed"])]
+        for row in found:
+            stop = "arrested there" if 0 < row["last_block"] < last else "the end"
+            said.append(
+                f"front from t = {row['start']:.4g}{_with(unit)}: blocks {row['first_block']} to {row['last_block']}, "
+                f"{stop}; {row['front_speed']:.3g} blocks/{unit or 'time'}, "
+                f"{row['front_speed'] / sound:.3g} of the speed of sound"
+            )
+    large = [row for row in _rows(events(run), "event", most=run.sizes["time"]) if row["blocks"] >= _FEWEST]
+    text = f"{len(large)} event{'s' * (len(large) != 1)} of at least {_FEWEST} blocks"
+    if large:
+        longest = max(large, key=lambda row: float(row["blocks"]))
+        force = str(run["spring_force"].attrs.get("units", ""))
+        text += (
+            f"; the longest of {longest['blocks']} of {last + 1} blocks at t = {longest['start']:.4g}{_with(unit)}, "
+            f"force drop {longest['drop']:.3g}{_with(force)}"
+        )
+    return [*said, text]
+
+
+def _with(unit: str) -> str:
+    return f" {unit}" if unit else ""
+
+
 def _rows(table: xr.Dataset, along: str, *, most: int) -> list[dict[str, Any]]:
     """One dict for each row of a table, at most so many; the longest ones if there are more."""
     columns = {str(name): column.values for name, column in table.data_vars.items() if column.dims == (along,)}
     size = table.sizes[along]
     chosen = np.arange(size) if size <= most else np.sort(np.argsort(columns["blocks"], kind="stable")[-most:])
     return [{name: column[i].item() for name, column in columns.items()} for i in chosen]
+
+
+def is_of_a_chain(run: xr.Dataset) -> bool:
+    """Whether a Dataset is a run of a chain, or of one row of a sheet."""
+    across = run.coords.get("across")
+    return (
+        {"broken", "velocity"} <= set(run) and "block" in run.dims and (across is None or across.max() == across.min())
+    )
 
 
 def on_blocks(run: xr.Dataset, name: str, who: str) -> xr.DataArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Literal, get_args
 
@@ -10,6 +11,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from stickslip import measure
@@ -31,6 +33,7 @@ from stickslip.plot.style import (
     label,
     legend_above,
     new_axes,
+    new_figure,
     variable,
 )
 from stickslip.simulation import rig_of
@@ -38,12 +41,14 @@ from stickslip.simulation import rig_of
 What = Literal["attached", "velocity", "force"]
 
 _MOST_ROWS = 1200
+_APART = 0.02
+"""Of the time of a run: how close together two numbers may stand."""
 _DECADES = 4.0
 """Of slip velocity in a picture, below the largest."""
 
 
 @house_style()
-def spacetime(run: xr.Dataset, what: What = "attached", ax: Axes | None = None) -> Axes:
+def spacetime(run: xr.Dataset, what: What = "attached", ax: Axes | None = None, *, upright: bool = True) -> Axes:
     """Draw what happens on each block of an elastic slider, blocks to the right and time upwards.
 
     Parameters
@@ -56,6 +61,8 @@ def spacetime(run: xr.Dataset, what: What = "attached", ax: Axes | None = None) 
         the blocks, in decades; or friction force.
     ax : Axes, optional
         Where to draw; by default a new figure.
+    upright : bool
+        False to have time to the right and blocks upwards.
 
     Raises
     ------
@@ -88,11 +95,31 @@ def spacetime(run: xr.Dataset, what: What = "attached", ax: Axes | None = None) 
     else:
         norm, cmap, text = Normalize(float(drawn.min()), float(drawn.max())), "cividis", label(field, most=32)
     ax = new_axes(COLUMN * 1.35, 3.2) if ax is None else ax
-    mesh = ax.pcolormesh(found.block, found.time, drawn, norm=norm, cmap=cmap, shading="flat", rasterized=True)
+    edges = (found.block, found.time, drawn) if upright else (found.time, found.block, drawn.T)
+    mesh = ax.pcolormesh(*edges, norm=norm, cmap=cmap, shading="flat", rasterized=True)
     ax.figure.colorbar(mesh, ax=ax, pad=0.02, label=text)
-    dress(ax.yaxis, field["time"])
-    ax.set_xlabel("block")
+    times, blocks = (ax.yaxis, ax.xaxis) if upright else (ax.xaxis, ax.yaxis)
+    dress(times, field["time"])
+    blocks.set_label_text("block")
     return ax
+
+
+@house_style()
+def elastic_overview(run: xr.Dataset) -> Figure:
+    """Draw a run of a chain at a glance: driving force with its events, and the velocity of all blocks in time.
+
+    Parameters
+    ----------
+    run : Dataset
+        A run of a `Chain`, or one row of a `Sheet`.
+    """
+    figure = new_figure(PAGE, 4.8)
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    precursors(run, upper)
+    spacetime(run, "velocity", lower, upright=False)
+    upper.set_xlabel("")
+    upper.set_xlim(*lower.get_xlim())
+    return figure
 
 
 @house_style()
@@ -113,6 +140,9 @@ def fronts(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     ax.semilogy(speed["block"].values[seen], speed.values[seen], ".", color=BLUE, markersize=3, label="first breaks")
     sound = _chain(rig).sound_speed * rig.unit("1/time")
     ax.axhline(sound, color=GREY, linewidth=0.9, linestyle=(0, (4, 2)), label="sound")
+    low, high = ax.get_ylim()
+    if high < 10.0 * low:
+        ax.set_ylim(10.0 ** math.floor(math.log10(low)), 10.0 ** math.ceil(math.log10(high)))
     stops = found.isel(front=found["blocks"].values[: found.sizes["front"]] > 0)
     ends = [int(x) for x in stops["last_block"].values[:-1]]
     for end in ends:
@@ -189,8 +219,12 @@ def precursors(run: xr.Dataset, ax: Axes | None = None, *, fewest: int = 3) -> A
     for kind, colour, text in ((~whole, BLUE, "precursor, with its length"), (whole, VERMILLION, "slip of all blocks")):
         if kind.any():
             ax.plot(found["start"].values[kind], at[kind], "o", color=colour, markersize=3.5, label=text)
-    for x, y, blocks in zip(found["start"].values[~whole], at[~whole], reach[~whole], strict=True):
-        ax.annotate(f"{blocks}", (x, y), (0, 4), textcoords="offset points", ha="center", fontsize=7)
+    told: list[float] = []  # of events close together, the longest
+    for i in np.argsort(-reach, kind="stable"):
+        x = float(found["start"][i])
+        if not whole[i] and all(abs(x - other) > _APART * float(run["time"][-1]) for other in told):
+            ax.annotate(f"{reach[i]}", (x, at[i]), (0, 4), textcoords="offset points", ha="center", fontsize=7)
+            told.append(x)
     dress(ax.xaxis, run["time"])
     dress(ax.yaxis, force)
     ax.margins(x=0.01)
