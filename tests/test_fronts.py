@@ -696,6 +696,31 @@ def gallery(name):
     return module
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+def test_smooth_sliding_invades_stick_slip_on_a_long_bar(seed):
+    """At the same drive the rigid slider keeps whichever of the two it started in."""
+    case = gallery("side_by_side")
+    count = case.in_stick_slip(case.run(64, 58, duration=36.0, seed=seed))
+    assert count[0] == 58
+    assert count[-1] <= 6
+    assert 1.8 < case.speed(count, 64) < 2.7
+
+
+@pytest.mark.parametrize(("blocks", "left"), [(8, 8), (16, 0)])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_stick_slip_takes_a_short_bar_and_smooth_sliding_a_longer_one(blocks, left, seed):
+    case = gallery("side_by_side")
+    count = case.in_stick_slip(case.run(blocks, blocks // 2, duration=30.0, seed=seed))
+    assert count[-1] == left
+
+
+@pytest.mark.parametrize(("at_rest", "before"), [(0, 0), (12, 12)])
+def test_on_its_own_either_stays(at_rest, before):
+    case = gallery("side_by_side")
+    count = case.in_stick_slip(case.run(12, at_rest, duration=30.0))
+    assert count[0] == count[-1] == before
+
+
 @pytest.mark.parametrize("name", sorted(path.stem for path in GALLERY.glob("*.py")))
 def test_gallery(name, tmp_path):
     assert f"``python examples/elastic/{name}.py " in (GALLERY / f"{name}.py").read_text()

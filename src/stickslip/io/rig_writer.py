@@ -215,8 +215,8 @@ class RigWriter:
 
     def _simulation(self) -> Document:
         method, start, output = self.rig.method, self.rig.start, self.rig.output
-        if isinstance(start, FromSliding) and start.perturbation:
-            raise self._refuse("a start with a perturbation")
+        if isinstance(start, FromSliding) and start != FromSliding():
+            raise self._refuse(f"the start {shown(start)}")
         if isinstance(method, Contacts | QuasiStatic):
             name = "contacts" if isinstance(method, Contacts) else "quasi-static"
             found: Document = {"method": name, "contacts": method.count, "seed": method.seed}
