@@ -777,3 +777,91 @@ def test_an_overview_of_a_chain_shows_all_blocks(pulled):
     assert lower.get_ylim() == (-0.5, 23.5)
     assert upper.get_xlim() == lower.get_xlim()
     assert "velocity" in bar_of_colours.get_ylabel()
+
+
+# ---------------------------------------------------------------- which wavelength slips first, and at which speeds
+
+
+def test_predict_tells_which_wave_grows_and_at_which_speeds():
+    """All modes meet the same contacts, so at the end of a wave's range of speeds its stiffness is the critical one."""
+    rig = sliding(blocks=32, coupling=20.0, leaf=1.0)
+    found = ss.predict(rig)
+    table = ss.modes(rig)
+    assert found.growing == int((table["growth"] > 0).sum()) == 3
+    assert [wave.wavelength for wave in found.waves] == table["wavelength"].values[:5].tolist()
+    assert [wave.growth for wave in found.waves] == pytest.approx(table["growth"].values[:5].tolist(), rel=1e-9)
+    for wave in found.waves:
+        for edge in {end for pair in wave.speeds for end in pair} - set(found.speeds_searched):
+            at = replace(rig, slider=ss.Slider(stiffness=1.0, mass=1e-4, damping=42.426), drive=ss.constant(edge))
+            assert ss.stability.critical_spring(at) == pytest.approx(wave.stiffness, rel=1e-5)
+    longest, *others = found.waves
+    assert "all blocks alike" in str(found)
+    assert all(longest.speeds[0][0] < wave.speeds[0][0] for wave in others)
+    assert found.speeds == longest.speeds
+    assert found.to_dict()["waves"][0]["wavelength"] is None  # infinite
+    assert [tick.get_text() for tick in found.plot().axes[0].get_yticklabels()] == [wave.name for wave in found.waves]
+
+
+def test_predict_of_a_bar_in_si_units_on_the_command_line(tmp_path, capsys):
+    rig = rig_files.from_text(
+        '[chain]\nblocks = 12\ncoupling = "80 MN/m"\nmass = "1 g"\nside = "40 MN/m"\ndamping = "1000 1/s"\n'
+        '[interface]\ncontact_strength = "120 N"\nbreaking_displacement = "1 um"\ndelay = "2 ms"\n'
+        'thresholds = { distribution = "gaussian", std = 0.1 }\n[drive]\nvelocity = "0.1 mm/s"\n'
+    )
+    (tmp_path / "bar.toml").write_text(rig_files.to_toml(rig))
+    assert cli.main(["predict", str(tmp_path / "bar.toml"), "--plot", str(tmp_path / "bar.png")]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("rig: ")
+    assert "By wavelength, the softest first (linear stability)" in said
+    assert f"critical stiffness {rig.in_units(ss.critical_length(rig).stiffness / rig.unit('k'), 'stiffness')}" in said
+    assert cli.main(["predict", str(tmp_path / "bar.toml"), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["units"] == {"velocity": "m/s", "stiffness": "N/m", "wavelength": "blocks"}
+    assert told["waves"][0]["growth"] == pytest.approx(float(ss.modes(rig)["growth"][0]))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda rig: replace(rig, drive=ss.constant(0.0, duration=1.0)), "the speed is 0"),
+        (lambda rig: replace(rig, slider=replace(rig.slider, leaf=0.0)), "nothing holds the slider"),
+    ],
+)
+def test_what_cannot_be_predicted(change, words):
+    with pytest.raises(ss.InputError, match=words):
+        ss.predict(change(sliding(blocks=8, coupling=20.0, leaf=1.0)))
+
+
+def test_contacts_that_come_back_at_once_have_nothing_that_grows():
+    rig = sliding(blocks=8, coupling=20.0, leaf=1.0)
+    found = ss.predict(replace(rig, interface=replace(rig.interface, delay=ss.Delay(0.0))))
+    assert found.verdict.startswith("undecided: contacts re-attach at once and do not age")
+    assert found.plot().axes
+
+
+@pytest.mark.parametrize(
+    ("method", "tolerance"), [(ss.MasterEquation(), 1e-3), (ss.Contacts(1), 1e-3), (ss.QuasiStatic(1), 1e-12)]
+)
+def test_a_mirrored_bar_runs_mirrored(method, tolerance):
+    """Contacts all alike: no random number tells the ends apart."""
+    std = 0.1 if isinstance(method, ss.MasterEquation) else 0.0
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=std), delay=ss.Delay(0.7), sliding_force=0.3)
+    chain = ss.Chain(blocks=17, coupling=7.0, mass=0.3, damping=0.5, leaf=0.4)
+    profile = tuple(0.2 + 0.6 * np.linspace(0.0, 1.0, 17) ** 2)
+    left, right = (
+        ss.simulate(
+            ss.Rig(
+                interface, chain, ss.constant(0.3, duration=8.0), method=method, start=ss.Prestressed(stretching=way)
+            ),
+            output=ss.Output(interval=0.1),
+        )
+        for way in (profile, profile[::-1])
+    )
+    for name in ("displacement", "velocity", "friction_force", "attached"):
+        assert right[name].values[:, ::-1] == pytest.approx(left[name].values, abs=1e-7)
+    assert left["attached"].values.min() < 0.5
+    for run in (left, right):
+        energies = ("kinetic", "spring", "bulk", "contact", "damped", "viscous", "broken")
+        total = sum(run[f"{name}_energy"] for name in energies)
+        defect = total - total[0] - run["work"]
+        assert float(np.abs(defect).max()) < tolerance * float(run["broken_energy"].max())

@@ -129,7 +129,7 @@ def predict(
     described = rigs.read_rig(rig)
     with bar("predicting") as progress:
         found = advise.predict(described, fast=True, progress=progress)
-    if not fast:
+    if not fast and isinstance(found, advise.Prediction):
         if sys.stderr.isatty():
             print(f"{found.verdict}\n... looking for mitigations", file=sys.stderr)
         with bar("predicting") as progress:

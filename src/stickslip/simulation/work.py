@@ -28,7 +28,6 @@ from stickslip.model import (
     QuasiStatic,
     Slider,
 )
-from stickslip.model.delays import OnArrest
 from stickslip.model.drive import Piece, Travel
 from stickslip.model.rig import Rig
 from stickslip.model.units import Quantity
@@ -216,7 +215,8 @@ def estimate(rig: Rig) -> Work:
         words = f"{turns:.2g} rad of the slider's oscillation"
         parts.append(Part(key="slider.mass", value=slider.mass, quantity="mass", power=-0.5, what=words,
                           seconds=radian * turns))  # fmt: skip
-    lives = _lives(rig, path)
+    mean = rig.interface.threshold_distribution.moment(1)
+    lives = path / mean
     if rig.interface.temperature is not None:
         parts.append(_thermal(rig, path, lives, min(turns, ringing)))
     elif isinstance(rig.method, Contacts | QuasiStatic):
@@ -250,11 +250,17 @@ def estimate(rig: Rig) -> Work:
     return Work(rig=rig, parts=tuple(parts))
 
 
+def _lives(piece: Piece, mean: float, delay: float) -> float:
+    """How often each contact breaks in a piece of the drive: it is stretched, and detached for the delay."""
+    way, speed = _way(piece), 0.5 * (abs(piece.start) + abs(piece.end))
+    return way / (mean + speed * delay) if math.isfinite(delay) else min(way / mean, 1.0)
+
+
 def _of_blocks(rig: Rig, body: ElasticBody) -> Work:
     """What a run of an elastic slider would take."""
     duration, method = rig.drive.duration, rig.method
-    path = sum(_way(piece) for piece in rig.drive.pieces)
-    lives = _lives(rig, path)
+    mean, delay = rig.interface.threshold_distribution.moment(1), rig.interface.delay.moment(1)
+    lives = max(sum(_lives(piece, mean, delay) for piece in rig.drive.pieces), 1.0)
     mean_coupling = 2.0 * float(body.links[1].sum()) / body.size
     fastest = math.sqrt((float(body.pulled.max()) + 2.0 * mean_coupling + 1.0) / body.mass)
     steps = 0.0 if isinstance(method, QuasiStatic) else body.size * duration * fastest / ANGLE
@@ -297,14 +303,6 @@ def _thermal(rig: Rig, path: float, lives: float, turns: float) -> Part:
     return Part(key="interface.temperature", value=width, quantity=None, power=-2.0,
                 what=f"about {steps:.2g} steps of {cohorts:.2g} cohorts",
                 seconds=_THERMAL_COHORT * steps * work, bytes=16.0 * work)  # fmt: skip
-
-
-def _lives(rig: Rig, path: float) -> float:
-    """How often a contact breaks on a path: on every mean threshold and what the drive goes while it waits."""
-    interface = rig.interface
-    speed = sum(_way(piece) for piece in rig.drive.pieces) / rig.drive.duration
-    waits = 0.0 if isinstance(interface.delay, OnArrest) or not speed else speed * interface.delay.moment(1)
-    return max(path / (interface.threshold_distribution.moment(1) + waits), 1.0)
 
 
 def _way(piece: Piece) -> float:

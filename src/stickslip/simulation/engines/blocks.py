@@ -348,6 +348,7 @@ class BalancedBlocks(BlocksOfContacts):
                 "Chain.leaf = 0 and Chain.side = 0: nothing holds it in balance; give one, or use Contacts"
             )
         super().__init__(beginning, method)
+        self._network = self._network._replace(mass=0.0)  # creep has a velocity, but no kinetic energy
         self._ring = body.ends == "periodic" and body.blocks > 2
         self._room = np.zeros((7, body.blocks))
 
