@@ -1,15 +1,21 @@
 """Elastic sliders: slip fronts, precursors and the modes of smooth sliding, in theory and in pictures."""
 
 import importlib.util
+import json
 import math
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.optimize import brentq
 
 import stickslip as ss
+from stickslip import cli
+from stickslip.io import rig_files
+from stickslip.measure.front_map import front_summary
 
 NEVER = ss.Delay(math.inf)
 STILL = ss.constant(velocity=0.0, duration=1.0)
@@ -624,9 +630,48 @@ def test_slip_profiles_are_what_blocks_moved(pulled):
         assert line.get_ydata() == pytest.approx((moved.sel(time=end) - moved.sel(time=start)).values)
 
 
+def test_a_run_as_plain_data_for_a_page(passing):
+    found = json.loads(json.dumps(front_summary(passing, most=80)))
+    shown, velocity = found["map"], np.abs(passing["velocity"].values)
+    values = np.array(shown["values"])
+    assert values.shape == (80, 80) == (len(shown["time"]) - 1, len(shown["block"]) - 1)
+    assert values.max() == velocity.max()
+    # Each pixel holds the largest of the samples inside its edges.
+    inside = (passing["time"].values >= shown["time"][17]) & (passing["time"].values < shown["time"][18])
+    blocks = (np.arange(300) > shown["block"][40]) & (np.arange(300) < shown["block"][41])
+    assert values[17, 40] == velocity[np.ix_(inside, blocks)].max()
+    table = ss.fronts(passing)
+    assert [row["blocks"] for row in found["fronts"]] == table["blocks"].values.tolist()
+    assert found["fronts"][0]["front_speed"] == float(table["front_speed"][0])
+    assert found["sound_speed"] == pytest.approx(1.0)
+    assert found["trace"]["time"][-1] == float(passing["time"][-1])
+    assert len(found["blocks"]["speed"]) == 300
+
+
+def test_a_mean_over_pixels_keeps_the_mean_of_all(pulled):
+    found = front_summary(pulled.isel(time=slice(None, 4000)), "attached", most=50)
+    values = np.array(found["map"]["values"])
+    whole = pulled["attached"].isel(time=slice(None, 4000)).values
+    assert values.shape == (50, 24)
+    assert np.diff(found["map"]["time"])[:-1] @ values[:-1] == pytest.approx(whole[:3920].sum(axis=0) * 60.0, rel=1e-12)
+    assert len(front_summary(pulled, most=10)["events"]) == 10
+
+
+def test_a_front_that_stops_inside_the_bar_is_arrested():
+    rig = bar(0.04, 0.01, 0.2, blocks=120)
+    start = ss.Prestressed(stretching=(0.8,) * 60 + (0.1,) * 60, push=3.0, pushed_blocks=3)
+    run = ss.simulate(replace(rig, drive=ss.constant(0.0, duration=400.0), method=ss.Contacts(20), start=start))
+    front = front_summary(run)["fronts"][0]
+    assert front["arrested"]
+    assert 55 <= front["last_block"] < 70
+
+
 @pytest.mark.parametrize(
     ("ask", "message"),
     [
+        (lambda run: front_summary(run, "heat"), r"^front_summary: what = 'heat': must be one of velocity"),
+        (lambda run: front_summary(run, most=1), r"^front_summary: most"),
+        (lambda run: front_summary(run.isel(block=0)), r"^front_summary: this Dataset has no velocity of each block"),
         (lambda run: ss.plot.spacetime(run, "heat"), r"^spacetime: what = 'heat': must be one of attached"),
         (lambda run: ss.plot.spacetime(run.isel(block=0)), r"^plot: this Dataset has no attached of each block"),
         (lambda run: ss.plot.spacetime(run.isel(time=[0])), r"^plot: the run holds fewer than two samples"),
@@ -651,6 +696,31 @@ def gallery(name):
     return module
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+def test_smooth_sliding_invades_stick_slip_on_a_long_bar(seed):
+    """At the same drive the rigid slider keeps whichever of the two it started in."""
+    case = gallery("side_by_side")
+    count = case.in_stick_slip(case.run(64, 58, duration=36.0, seed=seed))
+    assert count[0] == 58
+    assert count[-1] <= 6
+    assert 1.8 < case.speed(count, 64) < 2.7
+
+
+@pytest.mark.parametrize(("blocks", "left"), [(8, 8), (16, 0)])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_stick_slip_takes_a_short_bar_and_smooth_sliding_a_longer_one(blocks, left, seed):
+    case = gallery("side_by_side")
+    count = case.in_stick_slip(case.run(blocks, blocks // 2, duration=30.0, seed=seed))
+    assert count[-1] == left
+
+
+@pytest.mark.parametrize(("at_rest", "before"), [(0, 0), (12, 12)])
+def test_on_its_own_either_stays(at_rest, before):
+    case = gallery("side_by_side")
+    count = case.in_stick_slip(case.run(12, at_rest, duration=30.0))
+    assert count[0] == count[-1] == before
+
+
 @pytest.mark.parametrize("name", sorted(path.stem for path in GALLERY.glob("*.py")))
 def test_gallery(name, tmp_path):
     assert f"``python examples/elastic/{name}.py " in (GALLERY / f"{name}.py").read_text()
@@ -670,3 +740,128 @@ def test_a_slow_front_by_slow_slip_and_none_without_a_sliding_force():
     stopped = ss.simulate(module.rig(sliding_force=0.0))["first_break"]
     assert int(np.isfinite(stopped).sum()) == 114
     assert float(stopped.max()) < 250
+
+
+def test_what_the_command_line_says_of_a_run_of_a_chain(tmp_path, capsys):
+    rig = bar(0.04, 0.01, 0.2, blocks=60)
+    start = ss.Prestressed(stretching=0.8, push=3.0, pushed_blocks=3)
+    rig = replace(rig, drive=ss.constant(0.0, duration=100.0), method=ss.Contacts(20, seed=1), start=start)
+    place, kept = tmp_path / "rig.toml", str(tmp_path / "run.nc")
+    place.write_text(rig_files.to_toml(rig))
+    assert cli.main(["simulate", str(place), "-o", kept, "--plot", str(tmp_path / "run.png")]) == 0
+    (front,) = ss.fronts(ss.simulate(rig))["front_speed"].values
+    line = f"blocks 0 to 59, the end; {front:.3g} blocks/time, {front:.3g} of the speed of sound\n1 event of at least 3"
+    assert line in capsys.readouterr().out
+    assert cli.main(["measure", kept]) == 0
+    assert line in capsys.readouterr().out
+    for kind in ("spacetime", "fronts", "precursors", "slips"):
+        assert cli.main(["plot", kept, str(tmp_path / f"{kind}.png"), "--kind", kind]) == 0
+        assert (tmp_path / f"{kind}.png").stat().st_size > 5_000
+    again = str(tmp_path / "again.nc")
+    assert cli.main(["rerun", kept, "-o", again]) == 0
+    assert xr.load_dataset(again).identical(xr.load_dataset(kept))
+
+
+def test_a_sweep_over_a_chain_in_a_file(tmp_path):
+    rig = replace(bar(0.05, blocks=4, leaf=0.05, std=0.1, delay=ss.Delay(0.5)), drive=ss.constant(1.0, duration=10.0))
+    (tmp_path / "rig.toml").write_text(rig_files.to_toml(rig))
+    (tmp_path / "sweep.toml").write_text(
+        'rig = "rig.toml"\n[axes]\nvelocity = { values = [0.5, 1.0] }\n[run]\ndistance = 10.0\ncycles = 0\n'
+    )
+    assert cli.main(["sweep", str(tmp_path / "sweep.toml"), "--store", str(tmp_path / "s.sqlite")]) == 0
+
+
+def test_an_overview_of_a_chain_shows_all_blocks(pulled):
+    upper, lower, bar_of_colours = ss.plot.overview(pulled).axes
+    assert drawn(upper)
+    assert lower.get_ylim() == (-0.5, 23.5)
+    assert upper.get_xlim() == lower.get_xlim()
+    assert "velocity" in bar_of_colours.get_ylabel()
+
+
+# ---------------------------------------------------------------- which wavelength slips first, and at which speeds
+
+
+def test_predict_tells_which_wave_grows_and_at_which_speeds():
+    """All modes meet the same contacts, so at the end of a wave's range of speeds its stiffness is the critical one."""
+    rig = sliding(blocks=32, coupling=20.0, leaf=1.0)
+    found = ss.predict(rig)
+    table = ss.modes(rig)
+    assert found.growing == int((table["growth"] > 0).sum()) == 3
+    assert [wave.wavelength for wave in found.waves] == table["wavelength"].values[:5].tolist()
+    assert [wave.growth for wave in found.waves] == pytest.approx(table["growth"].values[:5].tolist(), rel=1e-9)
+    for wave in found.waves:
+        for edge in {end for pair in wave.speeds for end in pair} - set(found.speeds_searched):
+            at = replace(rig, slider=ss.Slider(stiffness=1.0, mass=1e-4, damping=42.426), drive=ss.constant(edge))
+            assert ss.stability.critical_spring(at) == pytest.approx(wave.stiffness, rel=1e-5)
+    longest, *others = found.waves
+    assert "all blocks alike" in str(found)
+    assert all(longest.speeds[0][0] < wave.speeds[0][0] for wave in others)
+    assert found.speeds == longest.speeds
+    assert found.to_dict()["waves"][0]["wavelength"] is None  # infinite
+    assert [tick.get_text() for tick in found.plot().axes[0].get_yticklabels()] == [wave.name for wave in found.waves]
+
+
+def test_predict_of_a_bar_in_si_units_on_the_command_line(tmp_path, capsys):
+    rig = rig_files.from_text(
+        '[chain]\nblocks = 12\ncoupling = "80 MN/m"\nmass = "1 g"\nside = "40 MN/m"\ndamping = "1000 1/s"\n'
+        '[interface]\ncontact_strength = "120 N"\nbreaking_displacement = "1 um"\ndelay = "2 ms"\n'
+        'thresholds = { distribution = "gaussian", std = 0.1 }\n[drive]\nvelocity = "0.1 mm/s"\n'
+    )
+    (tmp_path / "bar.toml").write_text(rig_files.to_toml(rig))
+    assert cli.main(["predict", str(tmp_path / "bar.toml"), "--plot", str(tmp_path / "bar.png")]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("rig: ")
+    assert "By wavelength, the softest first (linear stability)" in said
+    assert f"critical stiffness {rig.in_units(ss.critical_length(rig).stiffness / rig.unit('k'), 'stiffness')}" in said
+    assert cli.main(["predict", str(tmp_path / "bar.toml"), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["units"] == {"velocity": "m/s", "stiffness": "N/m", "wavelength": "blocks"}
+    assert told["waves"][0]["growth"] == pytest.approx(float(ss.modes(rig)["growth"][0]))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda rig: replace(rig, drive=ss.constant(0.0, duration=1.0)), "the speed is 0"),
+        (lambda rig: replace(rig, slider=replace(rig.slider, leaf=0.0)), "nothing holds the slider"),
+    ],
+)
+def test_what_cannot_be_predicted(change, words):
+    with pytest.raises(ss.InputError, match=words):
+        ss.predict(change(sliding(blocks=8, coupling=20.0, leaf=1.0)))
+
+
+def test_contacts_that_come_back_at_once_have_nothing_that_grows():
+    rig = sliding(blocks=8, coupling=20.0, leaf=1.0)
+    found = ss.predict(replace(rig, interface=replace(rig.interface, delay=ss.Delay(0.0))))
+    assert found.verdict.startswith("undecided: contacts re-attach at once and do not age")
+    assert found.plot().axes
+
+
+@pytest.mark.parametrize(
+    ("method", "tolerance"), [(ss.MasterEquation(), 1e-3), (ss.Contacts(1), 1e-3), (ss.QuasiStatic(1), 1e-12)]
+)
+def test_a_mirrored_bar_runs_mirrored(method, tolerance):
+    """Contacts all alike: no random number tells the ends apart."""
+    std = 0.1 if isinstance(method, ss.MasterEquation) else 0.0
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=std), delay=ss.Delay(0.7), sliding_force=0.3)
+    chain = ss.Chain(blocks=17, coupling=7.0, mass=0.3, damping=0.5, leaf=0.4)
+    profile = tuple(0.2 + 0.6 * np.linspace(0.0, 1.0, 17) ** 2)
+    left, right = (
+        ss.simulate(
+            ss.Rig(
+                interface, chain, ss.constant(0.3, duration=8.0), method=method, start=ss.Prestressed(stretching=way)
+            ),
+            output=ss.Output(interval=0.1),
+        )
+        for way in (profile, profile[::-1])
+    )
+    for name in ("displacement", "velocity", "friction_force", "attached"):
+        assert right[name].values[:, ::-1] == pytest.approx(left[name].values, abs=1e-7)
+    assert left["attached"].values.min() < 0.5
+    for run in (left, right):
+        energies = ("kinetic", "spring", "bulk", "contact", "damped", "viscous", "broken")
+        total = sum(run[f"{name}_energy"] for name in energies)
+        defect = total - total[0] - run["work"]
+        assert float(np.abs(defect).max()) < tolerance * float(run["broken_energy"].max())

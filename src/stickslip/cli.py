@@ -129,7 +129,7 @@ def predict(
     described = rigs.read_rig(rig)
     with bar("predicting") as progress:
         found = advise.predict(described, fast=True, progress=progress)
-    if not fast:
+    if not fast and isinstance(found, advise.Prediction):
         if sys.stderr.isatty():
             print(f"{found.verdict}\n... looking for mitigations", file=sys.stderr)
         with bar("predicting") as progress:
@@ -229,6 +229,7 @@ def _keep_run(run: xr.Dataset, output: Path | None, plot: Path | None, *, json: 
     """Write a run and its picture, and say what it did."""
     from stickslip import measure
     from stickslip.io import datasets as store
+    from stickslip.measure import front_map
 
     if output is not None:
         store.save(run, output)
@@ -240,7 +241,7 @@ def _keep_run(run: xr.Dataset, output: Path | None, plot: Path | None, *, json: 
     if json:
         console.print_json({"regime": plain(seen), "output": str(output) if output else None})
         return
-    print(seen)
+    print(seen, *front_map.in_words(run), sep="\n")
     for what, where in (("run", output), ("picture", plot)):
         if where is not None:
             print(f"{what}: {where}")
@@ -275,6 +276,7 @@ def measure(
     """
     from stickslip import measure as measures
     from stickslip.io import files
+    from stickslip.measure import front_map
 
     _check_outputs(events, plot, read=data)
     trace = _read_data(data, force, time, step, displacement=displacement, load=load, flip=flip)
@@ -305,7 +307,7 @@ def measure(
             }
         )
         return
-    print(seen)
+    print(seen, *front_map.in_words(trace), sep="\n")
     print()
     print(f"{catalogue.attrs['count']} slips; mean ± standard deviation:")
     for name, text in measures.statistics(catalogue):
@@ -322,7 +324,9 @@ def plot(
     data: Path,
     output: Path,
     *,
-    kind: Literal["overview", "phase", "stretchings", "energy"] = "overview",
+    kind: Literal[
+        "overview", "phase", "stretchings", "energy", "spacetime", "fronts", "precursors", "slips"
+    ] = "overview",
     beside: Annotated[Path | None, Parameter(help="Another run: draw both forces on one scale.")] = None,
     force: str | None = None,
     time: str | None = None,
@@ -339,7 +343,7 @@ def plot(
     output
         The picture: .png, .svg or .pdf.
     kind
-        What to draw of a run.
+        What to draw of a run; the last four, of one of a chain.
     """
     from stickslip import plot as drawing
     from stickslip.sweep import is_store
@@ -358,8 +362,8 @@ def plot(
     elif kind == "overview":
         figure = drawing.overview(trace)
     else:
-        draw = {"phase": drawing.phase_portrait, "stretchings": drawing.stretchings, "energy": drawing.energy}[kind]
-        figure = draw(trace).get_figure(root=True)
+        names = {"phase": "phase_portrait", "slips": "slip_profiles"}
+        figure = getattr(drawing, names.get(kind, kind))(trace).get_figure(root=True)
     drawing.save(figure, output)
     print(f"picture: {output}")
 

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip.errors import InputError
-from stickslip.progress import bar
+from stickslip.progress import bar, in_time
 
 if TYPE_CHECKING:
-    from stickslip.advise import Prediction
+    from stickslip.advise import ElasticPrediction, Prediction
     from stickslip.sweep import Progress
 
 
@@ -46,8 +46,6 @@ def progress_of(title: str) -> Iterator[Callable[[Progress], None]]:
         return
     import time
 
-    from stickslip.sweep import in_words
-
     begin = time.monotonic()
     due = begin
 
@@ -59,7 +57,7 @@ def progress_of(title: str) -> Iterator[Callable[[Progress], None]]:
         due = now + _LINES_EVERY
         words = f"{p.finished} of {p.total} cases" + (f", {p.failed} failed" if p.failed else "")
         if fresh := p.finished - p.found:
-            words += f", about {in_words((now - begin) * (p.total - p.finished) / fresh)} left"
+            words += f", about {in_time((now - begin) * (p.total - p.finished) / fresh)} left"
         print(time.strftime("%Y-%m-%d %H:%M:%S"), f"{title}: {words}", file=sys.stderr, flush=True)
 
     yield line
@@ -125,11 +123,13 @@ def print_json(value: Any) -> None:
     print(jsonlib.dumps(value, indent=2))
 
 
-def print_prediction(found: Prediction, picture: Path | None) -> None:
+def print_prediction(found: Prediction | ElasticPrediction, picture: Path | None) -> None:
     """Print an answer: the sentence, its evidence, margins, mitigations, and what was assumed."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
+
+    from stickslip.advise import ElasticPrediction
 
     # In a pipe nobody knows the width of the page: sentences are wrapped, the lines of a table kept whole. What users
     # write is no markup.
@@ -152,7 +152,30 @@ def print_prediction(found: Prediction, picture: Path | None) -> None:
                 say(f"- {line}")
 
     rig = found.rig
+
+    def close() -> None:
+        if rig.assumed:
+            console.print()
+            say(", not measured", "Assumed")
+            table = Table(box=None, pad_edge=False)
+            # Widths are said: left to itself, the table wraps its cells wider than it prints them, and cuts them off.
+            key_width = max(len(key) for key in rig.assumed)
+            said_width = min(max(len(item.said) for item in rig.assumed.values()), (console.width - key_width) // 2)
+            table.add_column("key", width=key_width)
+            table.add_column("assumed", width=max(said_width, len("assumed")))
+            table.add_column("how to measure it", width=max(console.width - key_width - said_width - 4, 17))
+            for key, item in rig.assumed.items():
+                table.add_row(Text(key), Text(item.said), Text(item.how))
+            console.print(table)
+        bullets("Fitted", " to a trace, with 90 % intervals", (f"{key}: {item}" for key, item in rig.fitted.items()))
+        if picture is not None:
+            console.print(f"\npicture: {picture}", soft_wrap=True)
+
     say(f": {found.verdict}", rig.name)
+    if isinstance(found, ElasticPrediction):
+        bullets("By wavelength", ", the softest first (linear stability)", found.lines())
+        close()
+        return
     console.print()
     if not found.judged:
         say(f"To measure it, {found.measure_note()}")
@@ -179,22 +202,7 @@ def print_prediction(found: Prediction, picture: Path | None) -> None:
     if note := found.search_note():
         console.print()
         say(note)
-    if rig.assumed:
-        console.print()
-        say(", not measured", "Assumed")
-        table = Table(box=None, pad_edge=False)
-        # Widths are said: left to itself, the table wraps its cells wider than it prints them, and cuts them off.
-        key_width = max(len(key) for key in rig.assumed)
-        said_width = min(max(len(item.said) for item in rig.assumed.values()), (console.width - key_width) // 2)
-        table.add_column("key", width=key_width)
-        table.add_column("assumed", width=max(said_width, len("assumed")))
-        table.add_column("how to measure it", width=max(console.width - key_width - said_width - 4, 17))
-        for key, item in rig.assumed.items():
-            table.add_row(Text(key), Text(item.said), Text(item.how))
-        console.print(table)
-    bullets("Fitted", " to a trace, with 90 % intervals", (f"{key}: {item}" for key, item in rig.fitted.items()))
-    if picture is not None:
-        console.print(f"\npicture: {picture}", soft_wrap=True)
+    close()
 
 
 _PIPE_WIDTH = 80

@@ -11,8 +11,21 @@ differ:
 
 from stickslip.advise.answer import Margin, Prediction, amount
 from stickslip.advise.chart import chart
+from stickslip.advise.elastic import ElasticPrediction, WaveAnswer
 from stickslip.advise.mitigations import Attempt, Mitigation
 from stickslip.advise.prediction import complete, predict
 from stickslip.advise.speeds import Band
 
-__all__ = ["Attempt", "Band", "Margin", "Mitigation", "Prediction", "amount", "chart", "complete", "predict"]
+__all__ = [
+    "Attempt",
+    "Band",
+    "ElasticPrediction",
+    "Margin",
+    "Mitigation",
+    "Prediction",
+    "WaveAnswer",
+    "amount",
+    "chart",
+    "complete",
+    "predict",
+]

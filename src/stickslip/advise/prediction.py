@@ -11,6 +11,7 @@ from stickslip import stability
 from stickslip.advise import mitigations as changes
 from stickslip.advise import speeds
 from stickslip.advise.answer import Margin, Prediction
+from stickslip.advise.elastic import ElasticPrediction, predict_waves
 from stickslip.advise.judging import Budget, at_speed, cost_of, cycle_of, length_of
 from stickslip.advise.linear import stable_ranges
 from stickslip.advise.mitigations import Attempt, Mitigation
@@ -40,7 +41,7 @@ _DELAYS = (0.01, 10.0)
 """Delays tried where a rig names no mechanism, in breaking displacements over the speed."""
 
 
-def predict(rig: Rig, *, fast: bool = False, progress: Progress | bool | None = None) -> Prediction:
+def predict(rig: Rig, *, fast: bool = False, progress: Progress | bool | None = None) -> Prediction | ElasticPrediction:
     """Say at which speeds a rig stick-slips, what it does at its own, how safely, and what would stop it.
 
     Parameters
@@ -54,7 +55,8 @@ def predict(rig: Rig, *, fast: bool = False, progress: Progress | bool | None = 
     Returns
     -------
     Prediction
-        It prints as a short text, and has ``plot()`` and ``to_dict()``. Every number is in the rig's own units.
+        It prints as a short text, and has ``plot()`` and ``to_dict()``. Every number is in the rig's own units. Of a
+        `Chain` or a `Sheet`, `ElasticPrediction`: what linear theory says of each wavelength.
 
     Raises
     ------
@@ -69,6 +71,8 @@ def predict(rig: Rig, *, fast: bool = False, progress: Progress | bool | None = 
     ('stick-slip', 2)
     """
     with reporting(progress, "predict") as report:
+        if isinstance(rig, Rig) and isinstance(rig.natural.slider, ElasticBody):
+            return predict_waves(rig, report)
         found = _verdict(rig, lambda share: report(share if fast else 0.3 * share))
         return found if fast else complete(found, progress=lambda share: report(0.3 + 0.7 * share))
 
@@ -77,9 +81,6 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
     """Linear theory and one run."""
     instance("rig", rig, Rig, "a Rig(interface, slider, drive), such as read_rig() returns")
     setting = rig.natural
-    if isinstance(setting.slider, ElasticBody):
-        name = type(setting.slider).__name__
-        raise InputError(f"Rig.slider: a {name} has no verdict yet; use simulate() and regime(), or modes()")
     if setting.velocity <= 0:
         raise InputError(f"drive: the speed is {setting.velocity:g}: a prediction needs a speed above 0")
     without = setting.interface.ageing is None and setting.interface.delay.moment(1) == 0

@@ -60,7 +60,8 @@ class CriticalLength(Answer):
         if not math.isfinite(self.wavelength):
             return "smooth sliding is stable at every wavelength"
         said = f"waves longer than {self.wavelength:.4g} blocks grow"
-        return said + (f"; pulled at one end, unstable from {self.blocks} blocks on" if self.blocks else "")
+        plural = "s" * (self.blocks > 1)
+        return said + (f"; pulled at one end, unstable from {self.blocks} block{plural} on" if self.blocks else "")
 
 
 def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
@@ -103,14 +104,9 @@ def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
 
     body = _elastic(rig, "modes")
     wanted = whole("count", count, at_least=1, hint="number of modes")
-    stiffness, coupling, wavelength = _springs(body, wanted)
-    if not stiffness[0] > 0:
-        raise InputError(
-            f"Rig.slider = {body!r}: nothing holds the slider, a mode has no stiffness; give leaf or side springs"
-        )
+    stiffness, coupling, wavelength, each = sliders_of(body, wanted)
     natural = rig.natural
     roots: dict[SpringMassDamper, complex] = {}  # modes come in pairs of one stiffness
-    each = [_mode(body, s, c) for s, c in zip(stiffness.tolist(), coupling.tolist(), strict=True)]
     for slider in each:
         if slider not in roots:
             roots[slider] = rightmost_root(replace(natural, slider=slider))
@@ -129,6 +125,23 @@ def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
         },
         coords={"mode": np.arange(len(each))},
     )
+
+
+def sliders_of(body: Chain | Sheet, count: int) -> tuple[Array, Array, Array, list[SpringMassDamper]]:
+    """Return stiffness, the bulk's part of it, wavelength and the equivalent rigid slider of each mode, softest first.
+
+    Raises
+    ------
+    InputError
+        If nothing holds the body.
+    """
+    stiffness, coupling, wavelength = _springs(body, count)
+    if not stiffness[0] > 0:
+        raise InputError(
+            f"Rig.slider = {body!r}: nothing holds the slider, a mode has no stiffness; give leaf or side springs"
+        )
+    each = [_mode(body, s, c) for s, c in zip(stiffness.tolist(), coupling.tolist(), strict=True)]
+    return stiffness, coupling, wavelength, each
 
 
 def critical_length(rig: Rig) -> CriticalLength:

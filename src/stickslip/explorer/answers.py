@@ -401,6 +401,7 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
     documents.check_size(rig, _seconds(request))
     documents.check_thresholds(rig)
     found = advise.predict(rig, progress=watch)
+    assert isinstance(found, advise.Prediction)  # elastic sliders have a page of their own
     mitigations = []
     for mitigation, words in zip(found.mitigations, found.mitigation_lines(), strict=True):
         trouble = "stick-slip" if found.regime.kind == "stick-slip" else "the oscillation"

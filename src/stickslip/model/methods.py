@@ -181,11 +181,16 @@ class FromSliding:
     perturbation : float or tuple of float
         Added to the slider's velocity, as a fraction of it: whether it decays or grows tells the stability. For an
         elastic slider one number for all blocks, or one for each.
+    at_rest : int
+        Of an elastic slider, how many of the first blocks are at rest instead, in balance, their contacts with the
+        interface's initial distribution: stick-slip and smooth sliding side by side.
     """
 
     perturbation: float | tuple[float, ...] = 0.0
+    at_rest: Annotated[int, Number(at_least=0, hint="number of blocks")] = 0
 
     def __post_init__(self) -> None:
+        check(self)
         object.__setattr__(self, "perturbation", _profile("FromSliding.perturbation", self.perturbation))
 
 

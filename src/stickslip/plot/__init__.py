@@ -14,8 +14,9 @@ Every function draws what the Dataset holds, a run of the model or a measured tr
 Figures are plain `matplotlib.figure.Figure` objects, unknown to pyplot: nothing to close, no window system needed.
 """
 
-from stickslip.plot.answers import chart, prediction
+from stickslip.plot.answers import chart, prediction, waves
 from stickslip.plot.elastic import (
+    elastic_overview,
     front_curve,
     fronts,
     precursor_lengths,
@@ -77,6 +78,7 @@ __all__ = [
     "attached",
     "chart",
     "dress",
+    "elastic_overview",
     "energy",
     "fitted",
     "force_trace",
@@ -104,4 +106,5 @@ __all__ = [
     "unit_text",
     "velocity",
     "velocity_step",
+    "waves",
 ]

@@ -256,3 +256,36 @@ def _places(x: Any, y: Any, across: xr.DataArray, up: xr.DataArray, written: lis
             written.append((float(u[i]), float(v[i])))
             found.append(i)
     return found
+
+
+@house_style()
+def waves(answer: Any) -> Figure:
+    """Draw at which speeds each wave on an elastic slider grows.
+
+    Parameters
+    ----------
+    answer : ElasticPrediction
+        What `stickslip.predict` returns of a `Chain` or a `Sheet`.
+    """
+    figure = new_figure(PAGE, 1.4 + 0.3 * max(len(answer.waves), 1))
+    ax = figure.add_subplot()
+    low, high = answer.speeds_searched
+    for row, wave in enumerate(answer.waves):
+        ax.barh(row, high - low, left=low, height=0.62, color=_COLOURS["smooth sliding"], linewidth=0)
+        for begin, end in wave.speeds:
+            ax.barh(row, end - begin, left=begin, height=0.62, color=_COLOURS["unstable"], linewidth=0)
+    ax.axvline(answer.rig.velocity, color=BLACK, linewidth=1.6)
+    speeds = xr.DataArray(
+        np.array([low, high]), attrs={"long_name": "speed", "units": answer.rig.unit_name("x_s/time"), "spacing": "log"}
+    )
+    axis_of_parameter(ax.xaxis, speeds)
+    ax.set(xlim=(low, high), ylim=(max(len(answer.waves), 1) - 0.5, -0.5))
+    ax.set_yticks(range(len(answer.waves)), [wave.name for wave in answer.waves])
+    ax.tick_params(axis="y", length=0)
+    ax.spines["left"].set_visible(False)
+    figure.suptitle(_title(answer), x=0.01, ha="left", fontsize=9)
+    colours = ((_COLOURS["unstable"], "grows (linear)"), (_COLOURS["smooth sliding"], "decays"))
+    legend_below(
+        figure, [Patch(facecolor=colour, label=name, edgecolor=GREY, linewidth=0.5) for colour, name in colours]
+    )
+    return figure

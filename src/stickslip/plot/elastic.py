@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, get_args
 
 import matplotlib as mpl
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from stickslip import measure
 from stickslip.elastic import Front, front_speed, front_threshold, precursor_force
 from stickslip.errors import InputError, shown
-from stickslip.measure.arrays import check_numbers
+from stickslip.measure.front_map import front_map, on_blocks
 from stickslip.model import Chain, Delay, Gaussian, Prestressed, Rig
 from stickslip.plot.style import (
     BLACK,
@@ -31,20 +33,22 @@ from stickslip.plot.style import (
     label,
     legend_above,
     new_axes,
+    new_figure,
     variable,
 )
 from stickslip.simulation import rig_of
 
 What = Literal["attached", "velocity", "force"]
 
-_FIELDS = {"attached": "attached", "velocity": "velocity", "force": "friction_force"}
 _MOST_ROWS = 1200
+_APART = 0.02
+"""Of the time of a run: how close together two numbers may stand."""
 _DECADES = 4.0
 """Of slip velocity in a picture, below the largest."""
 
 
 @house_style()
-def spacetime(run: xr.Dataset, what: What = "attached", ax: Axes | None = None) -> Axes:
+def spacetime(run: xr.Dataset, what: What = "attached", ax: Axes | None = None, *, upright: bool = True) -> Axes:
     """Draw what happens on each block of an elastic slider, blocks to the right and time upwards.
 
     Parameters
@@ -57,6 +61,8 @@ def spacetime(run: xr.Dataset, what: What = "attached", ax: Axes | None = None) 
         the blocks, in decades; or friction force.
     ax : Axes, optional
         Where to draw; by default a new figure.
+    upright : bool
+        False to have time to the right and blocks upwards.
 
     Raises
     ------
@@ -73,39 +79,47 @@ def spacetime(run: xr.Dataset, what: What = "attached", ax: Axes | None = None) 
     >>> ss.plot.spacetime(ss.simulate(rig)).get_xlabel()
     'block'
     """
-    if what not in _FIELDS:
-        raise InputError(f"spacetime: what = {shown(what)}: must be one of {', '.join(_FIELDS)}")
-    field = _on_blocks(run, _FIELDS[what])
-    time = np.asarray(field["time"].values, dtype=float)
-    values = np.asarray(field.values, dtype=float)
-    rows = max(1, -(-time.size // _MOST_ROWS))
-    starts = np.arange(0, time.size, rows)
-    pick = np.maximum if what == "velocity" else np.add
-    values = np.abs(values) if what == "velocity" else values
-    drawn = pick.reduceat(values, starts, axis=0)
-    if what != "velocity":
-        drawn /= np.diff(np.append(starts, time.size))[:, None]
+    if what not in get_args(What):
+        raise InputError(f"spacetime: what = {shown(what)}: must be one of {', '.join(get_args(What))}")
+    found = front_map(run, what, most=(_MOST_ROWS, run.sizes.get("block", 1)), who="plot")
+    field, drawn = found.variable, found.values
     norm: Normalize
     if what == "velocity":
         top = float(drawn.max()) or 1.0
         norm, cmap, text = LogNorm(top / 10.0**_DECADES, top), "inferno", label(field, most=32)
         drawn = np.maximum(drawn, top / 10.0**_DECADES)
     elif what == "attached":
-        before = np.where(values[0] > 0, values[0], 1.0)
-        drawn = drawn / before
+        before = field.values[0]
+        drawn = drawn / np.where(before > 0, before, 1.0)
         norm, cmap, text = Normalize(float(drawn.min()), float(drawn.max())), "cividis", "attached, relative to before"
     else:
         norm, cmap, text = Normalize(float(drawn.min()), float(drawn.max())), "cividis", label(field, most=32)
     ax = new_axes(COLUMN * 1.35, 3.2) if ax is None else ax
-    edges = np.append(time[starts], time[-1])
-    block = np.asarray(field["block"].values, dtype=float)
-    mesh = ax.pcolormesh(
-        np.append(block, block[-1] + 1) - 0.5, edges, drawn, norm=norm, cmap=cmap, shading="flat", rasterized=True
-    )
+    edges = (found.block, found.time, drawn) if upright else (found.time, found.block, drawn.T)
+    mesh = ax.pcolormesh(*edges, norm=norm, cmap=cmap, shading="flat", rasterized=True)
     ax.figure.colorbar(mesh, ax=ax, pad=0.02, label=text)
-    dress(ax.yaxis, field["time"])
-    ax.set_xlabel("block")
+    times, blocks = (ax.yaxis, ax.xaxis) if upright else (ax.xaxis, ax.yaxis)
+    dress(times, field["time"])
+    blocks.set_label_text("block")
     return ax
+
+
+@house_style()
+def elastic_overview(run: xr.Dataset) -> Figure:
+    """Draw a run of a chain at a glance: driving force with its events, and the velocity of all blocks in time.
+
+    Parameters
+    ----------
+    run : Dataset
+        A run of a `Chain`, or one row of a `Sheet`.
+    """
+    figure = new_figure(PAGE, 4.8)
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    precursors(run, upper)
+    spacetime(run, "velocity", lower, upright=False)
+    upper.set_xlabel("")
+    upper.set_xlim(*lower.get_xlim())
+    return figure
 
 
 @house_style()
@@ -126,6 +140,9 @@ def fronts(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     ax.semilogy(speed["block"].values[seen], speed.values[seen], ".", color=BLUE, markersize=3, label="first breaks")
     sound = _chain(rig).sound_speed * rig.unit("1/time")
     ax.axhline(sound, color=GREY, linewidth=0.9, linestyle=(0, (4, 2)), label="sound")
+    low, high = ax.get_ylim()
+    if high < 10.0 * low:
+        ax.set_ylim(10.0 ** math.floor(math.log10(low)), 10.0 ** math.ceil(math.log10(high)))
     stops = found.isel(front=found["blocks"].values[: found.sizes["front"]] > 0)
     ends = [int(x) for x in stops["last_block"].values[:-1]]
     for end in ends:
@@ -202,8 +219,12 @@ def precursors(run: xr.Dataset, ax: Axes | None = None, *, fewest: int = 3) -> A
     for kind, colour, text in ((~whole, BLUE, "precursor, with its length"), (whole, VERMILLION, "slip of all blocks")):
         if kind.any():
             ax.plot(found["start"].values[kind], at[kind], "o", color=colour, markersize=3.5, label=text)
-    for x, y, blocks in zip(found["start"].values[~whole], at[~whole], reach[~whole], strict=True):
-        ax.annotate(f"{blocks}", (x, y), (0, 4), textcoords="offset points", ha="center", fontsize=7)
+    told: list[float] = []  # of events close together, the longest
+    for i in np.argsort(-reach, kind="stable"):
+        x = float(found["start"][i])
+        if not whole[i] and all(abs(x - other) > _APART * float(run["time"][-1]) for other in told):
+            ax.annotate(f"{reach[i]}", (x, at[i]), (0, 4), textcoords="offset points", ha="center", fontsize=7)
+            told.append(x)
     dress(ax.xaxis, run["time"])
     dress(ax.yaxis, force)
     ax.margins(x=0.01)
@@ -255,7 +276,7 @@ def slip_profiles(run: xr.Dataset, ax: Axes | None = None, *, fewest: int = 3) -
     fewest : int
         Blocks of the smallest event that is drawn.
     """
-    moved = _on_blocks(run, "displacement")
+    moved = on_blocks(run, "displacement", "plot")
     found = _events(run, fewest)
     if found.sizes["event"] == 0:
         raise InputError(f"slip_profiles: the run holds no event of {fewest} blocks or more; run it for longer")
@@ -274,7 +295,7 @@ def _events(run: xr.Dataset, fewest: int) -> xr.Dataset:
     """Events of at least so many blocks, with `reach`: up to which block, counted from 1, contacts broke in each."""
     found = measure.events(run)
     found = found.isel(event=np.flatnonzero(found["blocks"].values >= fewest))
-    broken, reach = _on_blocks(run, "broken"), []
+    broken, reach = on_blocks(run, "broken", "plot"), []
     for start, end in zip(found["start"].values, found["end"].values, strict=True):
         gone = broken.sel(time=end, method="nearest").values - broken.sel(time=start, method="nearest").values
         reach.append(int(np.flatnonzero(gone >= 0.5).max(initial=-1)) + 1)
@@ -290,16 +311,3 @@ def _chain(rig: Rig) -> Chain:
     if not isinstance(body, Chain):
         raise InputError(f"plot: Rig.slider = {body!r}: this picture is of a Chain")
     return body
-
-
-def _on_blocks(run: xr.Dataset, name: str) -> xr.DataArray:
-    """Take a variable of each block along time, or complain."""
-    if name not in run or set(run[name].dims) != {"time", "block"}:
-        raise InputError(f"plot: this Dataset has no {name} of each block; give a run of a Chain")
-    if run.sizes["time"] < 2:
-        raise InputError("plot: the run holds fewer than two samples; select a longer time")
-    across = run.coords.get("across")
-    if across is not None and np.unique(across).size > 1:
-        raise InputError("plot: a Sheet has many rows; select one: run.isel(block=run.across == 0)")
-    check_numbers("plot", run[name])
-    return run[name].transpose("time", "block")

@@ -15,7 +15,9 @@ from matplotlib.ticker import FuncFormatter
 from stickslip.errors import InputError
 from stickslip.measure import drops, regime
 from stickslip.measure.arrays import check_numbers
+from stickslip.measure.front_map import is_of_a_chain
 from stickslip.model.units import engineering
+from stickslip.plot.elastic import elastic_overview
 from stickslip.plot.style import (
     BLACK,
     BLUE,
@@ -238,6 +240,8 @@ def energy(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 def overview(run: xr.Dataset, *, events: xr.Dataset | None = None) -> Figure:
     """Draw a run at a glance: force with its slips marked, velocities, attached fraction; whatever of these there is.
 
+    Of a chain, the force with its events, and the velocity of every block.
+
     Parameters
     ----------
     run : Dataset
@@ -251,6 +255,8 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None) -> Figure:
         If the Dataset has no spring force, or too little of it to look for slips.
     """
     variable(run, "spring_force", "time")
+    if events is None and is_of_a_chain(run):
+        return elastic_overview(run)
     seen = regime(run)
     if events is None and seen.kind == "stick-slip":
         events = drops(run)

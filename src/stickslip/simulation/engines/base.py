@@ -122,6 +122,10 @@ class Beginning:
             raise InputError(
                 "FromSliding.perturbation: one number for each block is for an elastic slider; give one number"
             )
+        blocks = self.slider.size if isinstance(self.slider, ElasticBody) else 0
+        if self.start.at_rest > blocks:
+            few = f"there are {blocks} blocks" if elastic else "it is for an elastic slider, a Chain or a Sheet"
+            raise InputError(f"FromSliding.at_rest = {self.start.at_rest}: {few}; give fewer", "FromSliding.at_rest")
         if self.velocity <= 0:
             raise InputError(
                 f"FromSliding: the drive starts at velocity {self.velocity:g}: steady sliding needs one above 0"
@@ -133,6 +137,11 @@ class Beginning:
     def sliding(self) -> bool:
         """Whether the slider is in steady sliding from the beginning."""
         return isinstance(self.start, FromSliding)
+
+    @property
+    def at_rest(self) -> int:
+        """How many of the first blocks of an elastic slider stand still while the others slide."""
+        return self.start.at_rest if isinstance(self.start, FromSliding) else 0
 
     @property
     def slider_velocity(self) -> float:
@@ -154,8 +163,10 @@ class Beginning:
         if self.slider is None or not self.sliding:
             return 0.0
         drag = self.slider.mass * self.slider.damping * self.velocity
-        pulled = self.slider.stiffness if isinstance(self.slider, Slider) else float(self.slider.pulled.mean())
-        return (contact_force + drag) / pulled
+        if isinstance(self.slider, Slider):
+            return (contact_force + drag) / self.slider.stiffness
+        drag *= 1.0 - self.at_rest / self.slider.size
+        return (contact_force + drag) / float(self.slider.pulled.mean())
 
 
 class Engine(Protocol):

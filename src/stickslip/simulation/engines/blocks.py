@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +16,7 @@ from stickslip.model import (
     Contacts,
     Delay,
     ElasticBody,
+    FromRest,
     Interface,
     MasterEquation,
     Prestressed,
@@ -115,7 +117,7 @@ def settled(beginning: Beginning, friction: Array) -> Array:
     assert isinstance(body, ElasticBody)
     if not beginning.sliding:
         return np.zeros(body.size)
-    force = friction + body.mass * body.damping * beginning.velocity
+    force = friction + body.mass * body.damping * beginning.velocity * slides(beginning, body)
     pairs, stiffness = body.links
     rows, columns = np.concatenate([pairs, pairs[:, ::-1]]).T
     coupling = sparse.coo_array((np.tile(stiffness, 2), (rows, columns)), shape=(body.size, body.size)).tocsc()
@@ -135,7 +137,12 @@ def first_velocities(beginning: Beginning, body: ElasticBody) -> Array:
     if not beginning.sliding:
         return np.zeros(body.size)
     perturbation = per_block("FromSliding.perturbation", getattr(beginning.start, "perturbation", 0.0), body)
-    return np.asarray(beginning.velocity * (1.0 + perturbation))
+    return np.asarray(beginning.velocity * (1.0 + perturbation) * slides(beginning, body))
+
+
+def slides(beginning: Beginning, body: ElasticBody) -> NDArray[np.bool_]:
+    """Whether each block slides at the start."""
+    return np.full(body.size, beginning.sliding) & (np.arange(body.size) >= beginning.at_rest)
 
 
 def longest_step(network: Network) -> float:
@@ -195,13 +202,14 @@ def contacts_of(beginning: Beginning, streams: Streams, count: int, prestress: A
     x, threshold = np.empty((2, body.size, count))
     waiting = np.full((body.size, count), np.inf)
     distribution = beginning.interface.threshold_distribution
+    still = replace(beginning, start=FromRest())
     for j in range(body.size):
         rng = streams.of(j, 0)
         if isinstance(beginning.start, Prestressed):
             x[j] = prestress[j]
             threshold[j] = distribution.sample_beyond(rng, np.abs(x[j]))
         else:
-            x[j], threshold[j], pending = first_contacts(beginning, count, rng)
+            x[j], threshold[j], pending = first_contacts(still if j < beginning.at_rest else beginning, count, rng)
             waiting[j, count - pending.size :] = pending
     return x, threshold, waiting
 
@@ -280,7 +288,7 @@ class BlocksOfContacts(ElasticEngine):
         self._sliding = beginning.interface.sliding_force
         self._streams = Streams(beginning.interface, method.seed, body.size)
         x, threshold, waiting = contacts_of(beginning, self._streams, method.count, prestress)
-        anchored = np.full(body.size, self._sliding) if beginning.sliding else prestress
+        anchored = self._sliding * slides(beginning, body) if beginning.sliding else prestress
         element = np.clip(anchored, -self._sliding, self._sliding)
         X = settled(beginning, np.where(threshold > 0, x, element[:, None]).mean(axis=1))
         V = first_velocities(beginning, body)
@@ -340,6 +348,7 @@ class BalancedBlocks(BlocksOfContacts):
                 "Chain.leaf = 0 and Chain.side = 0: nothing holds it in balance; give one, or use Contacts"
             )
         super().__init__(beginning, method)
+        self._network = self._network._replace(mass=0.0)  # creep has a velocity, but no kinetic energy
         self._ring = body.ends == "periodic" and body.blocks > 2
         self._room = np.zeros((7, body.blocks))
 
@@ -374,6 +383,10 @@ class BlocksOfCohorts(ElasticEngine):
         body, interface = beginning.slider, beginning.interface
         assert isinstance(body, ElasticBody)
         self.slider, self._sliding = body, interface.sliding_force
+        if beginning.at_rest:
+            raise InputError(
+                f"FromSliding.at_rest = {beginning.at_rest}: not available with MasterEquation; use Contacts"
+            )
         load, push, prestress = balanced(beginning)
         self._network = network_of(body, load, push)
         distribution = interface.threshold_distribution

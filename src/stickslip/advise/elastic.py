@@ -1,0 +1,244 @@
+"""Which wavelength of an elastic slider slips first, and at which speeds: the answer of linear theory, mode by mode."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+from stickslip.advise.linear import stable_ranges
+from stickslip.answers import Answer, plain
+from stickslip.elastic.modes import CriticalLength, critical_length, sliders_of
+from stickslip.errors import InputError, UndecidedError
+from stickslip.model import Chain, ElasticBody
+from stickslip.model.drive import constant
+from stickslip.model.parameters import VELOCITY
+from stickslip.model.rig import Rig
+from stickslip.progress import Progress
+from stickslip.stability import count_unstable
+from stickslip.stability.impedances import SpringMassDamper
+from stickslip.stability.modes import rightmost_root
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_MODES = 5
+"""Modes that are told of, of different stiffness, the softest first."""
+_MOST = 64
+"""Modes among which those that grow are counted."""
+_RANGE, _AGED_RANGE = 100.0, 10.0
+"""Speeds are looked at within this factor of those of the drive."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WaveAnswer:
+    """What smooth sliding does to waves of one length; in the rig's own units.
+
+    Attributes
+    ----------
+    name : str
+        The wave, in words.
+    wavelength : float
+        In blocks, along the drive; infinite where blocks in a row move alike, NaN where a wave does not reach into it.
+    stiffness : float
+        Of the rigid slider that the mode amounts to.
+    growth, frequency : float or None
+        Growth rate and frequency (in cycles per time) at the rig's speed; None where nothing decays exponentially.
+    speeds : tuple of (float, float)
+        Ranges of speed in which it grows.
+    """
+
+    name: str
+    wavelength: float
+    stiffness: float
+    growth: float | None
+    frequency: float | None
+    speeds: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class ElasticPrediction(Answer):
+    """What `predict` found of an elastic slider, by linear theory; every number in the rig's own units.
+
+    Attributes
+    ----------
+    rig : Rig
+    growing : int
+        Modes that grow at the rig's speed, among the 64 softest.
+    waves : tuple of WaveAnswer
+        Of the five softest modes.
+    critical : CriticalLength or None
+        Of a chain: below which stiffness modes grow, and from which length on.
+    theory_note : str
+        Why the theory has nothing to say, or nothing.
+    speeds_searched : (float, float)
+    """
+
+    rig: Rig
+    growing: int
+    waves: tuple[WaveAnswer, ...]
+    critical: CriticalLength | None
+    theory_note: str
+    speeds_searched: tuple[float, float]
+
+    @property
+    def speeds(self) -> tuple[tuple[float, float], ...]:
+        """Ranges of speed in which any mode grows."""
+        joined: list[tuple[float, float]] = []
+        for low, high in sorted(pair for wave in self.waves for pair in wave.speeds):
+            if joined and low <= joined[-1][1]:
+                joined[-1] = joined[-1][0], max(high, joined[-1][1])
+            else:
+                joined.append((low, high))
+        return tuple(joined)
+
+    @property
+    def verdict(self) -> str:
+        """The answer in one sentence."""
+        if self.theory_note:
+            return f"undecided: {self.theory_note}"
+        low, high = (self._speed(end) for end in self.speeds_searched)
+        if not self.speeds:
+            where = f"linearly stable at all speeds from {low} (or less) to {high} (or more)"
+        else:
+            where = f"linearly unstable, so stick-slip or oscillation, {' and '.join(map(self._span, self.speeds))}"
+        here = f"at {self._speed(self.rig.velocity)}: "
+        if self.growing:
+            first = max(self.waves, key=lambda wave: wave.growth if wave.growth is not None else -math.inf)
+            count = f"{self.growing}{' or more' if self.growing == _MOST else ''}"
+            here += f"{count} mode{'s' * (self.growing > 1)} of smooth sliding grow{'s' * (self.growing == 1)}, "
+            here += f"{first.name} fastest"
+        else:
+            here += "smooth sliding is linearly stable at every wavelength"
+        return f"{where}; {here}"
+
+    def lines(self) -> list[str]:
+        """Each wave in words, and the critical length."""
+        per, rig = self.rig.unit_name("1/time").replace("1/time", "per time unit"), self.rig
+        hertz = "Hz" if rig.scales is not None else "cycles per time unit"
+        said = []
+        for wave in self.waves:
+            rate = "no exponential decay"
+            if wave.growth is not None and wave.frequency is not None:
+                rate = f"{'growth' if wave.growth > 0 else 'decay'} rate {abs(wave.growth):.4g} {per}"
+                rate += f" at {wave.frequency:.4g} {hertz}" if wave.frequency else ", non-oscillatory"
+            spans = f"unstable {' and '.join(map(self._span, wave.speeds))}" if wave.speeds else "stable at all speeds"
+            stiffness = rig.in_units(wave.stiffness / rig.unit("k"), "stiffness")
+            said.append(f"{wave.name} (stiffness {stiffness}): {rate}; {spans}")
+        if self.critical is not None:
+            stiffness = rig.in_units(self.critical.stiffness / rig.unit("k"), "stiffness")
+            said.append(f"critical stiffness {stiffness} at this speed: {self.critical}")
+        return said
+
+    def __str__(self) -> str:
+        return "\n".join([f"{self.rig.name}: {self.verdict}", *(f"- {line}" for line in self.lines())])
+
+    def plot(self) -> Figure:
+        """Draw at which speeds each wave grows."""
+        from stickslip import plot
+
+        return plot.waves(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the answer as plain numbers, texts and lists, as JSON takes them; what is not finite is None."""
+        kept = {
+            name: getattr(self, name) for name in ("growing", "waves", "critical", "theory_note", "speeds_searched")
+        }
+        own = {"rig": self.rig.name, "verdict": self.verdict, "velocity": self.rig.velocity, "speeds": self.speeds}
+        units = {
+            "velocity": self.rig.unit_name("x_s/time"),
+            "stiffness": self.rig.unit_name("k"),
+            "wavelength": "blocks",
+        }
+        found: dict[str, Any] = plain(own | {"units": units} | kept)
+        return found
+
+    def _span(self, pair: tuple[float, float]) -> str:
+        low, high = self.speeds_searched
+        less, more = (" (or less)" if pair[0] <= low else ""), (" (or more)" if pair[1] >= high else "")
+        return f"from {self._speed(pair[0])}{less} to {self._speed(pair[1])}{more}"
+
+    def _speed(self, value: float) -> str:
+        natural = value / self.rig.unit("x_s/time")
+        return self.rig.in_units(float(f"{natural:.3g}") if self.rig.scales is None else natural, "velocity")
+
+
+def predict_waves(rig: Rig, report: Progress = lambda _share: None) -> ElasticPrediction:
+    """Say which waves of an elastic slider grow at the speed of its drive, and at which speeds.
+
+    Raises
+    ------
+    InputError
+        If the speed is not above 0, or nothing holds the slider.
+    """
+    setting = rig.natural
+    body, interface, velocity = setting.slider, setting.interface, setting.velocity
+    assert isinstance(body, ElasticBody)
+    if velocity <= 0:
+        raise InputError(f"drive: the speed is {velocity:g}: a prediction needs a speed above 0")
+    stiffness, coupling, wavelength, sliders = sliders_of(body, _MOST)
+    through = [abs(v) for piece in setting.drive.pieces for v in (piece.start, piece.end) if v != 0]
+    through += [*setting.operation.speeds, *(setting.operation.between or ())]
+    widest = _RANGE if interface.ageing is None else _AGED_RANGE
+    low, high = min(through) / widest, max(through) * widest
+    speed, note = rig.unit("x_s/time"), ""
+    growing, waves, critical = 0, list[WaveAnswer](), None
+
+    def slides(slider: SpringMassDamper) -> Rig:
+        return replace(setting, slider=slider, drive=constant(velocity))
+
+    try:
+        if interface.ageing is None and interface.delay.moment(1) == 0:
+            raise UndecidedError("contacts re-attach at once and do not age: nothing can grow at any speed")
+        alike = Counter(sliders)  # modes come in pairs of one stiffness
+        growing = sum(count for slider, count in alike.items() if count_unstable(slides(slider)))
+        told: set[SpringMassDamper] = set()
+        for i, slider in enumerate(sliders):
+            if slider in told or len(told) == _MODES:
+                continue
+            told.add(slider)
+            root = _root(slides(slider))
+            stable = stable_ranges(VELOCITY, slides(slider), low, high)
+            ends = [low, *(end for pair in stable for end in pair), high]
+            ranges = [(a, b) for a, b in pairwise(ends) if b > a and not any(c <= a and b <= d for c, d in stable)]
+            waves.append(
+                WaveAnswer(
+                    name=_name(float(wavelength[i]), float(coupling[i])),
+                    wavelength=float(wavelength[i]),
+                    stiffness=float(stiffness[i]) * rig.unit("k"),
+                    growth=None if root is None else root.real * rig.unit("1/time"),
+                    frequency=None if root is None else abs(root.imag) / (2 * math.pi) * rig.unit("1/time"),
+                    speeds=tuple((a * speed, b * speed) for a, b in ranges),
+                )
+            )
+            report(len(told) / _MODES)
+        critical = critical_length(rig) if isinstance(body, Chain) else None
+    except UndecidedError as reason:
+        note = str(reason)
+    report(1.0)
+    return ElasticPrediction(
+        rig=rig,
+        growing=growing,
+        waves=tuple(waves),
+        critical=critical,
+        theory_note=note,
+        speeds_searched=(low * speed, high * speed),
+    )
+
+
+def _root(rig: Rig) -> complex | None:
+    """The rightmost root; None if nothing decays exponentially."""
+    try:
+        return rightmost_root(rig)
+    except UndecidedError:
+        return None
+
+
+def _name(wavelength: float, coupling: float) -> str:
+    if math.isnan(wavelength):
+        return "a wave held to the end with the spring"
+    if math.isfinite(wavelength):
+        return f"waves of {wavelength:.3g} blocks"
+    return "all blocks alike" if coupling == 0.0 else "waves across the drive"

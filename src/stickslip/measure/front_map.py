@@ -1,0 +1,200 @@
+"""What happens along an elastic slider in time, in as few numbers as a screen shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import xarray as xr
+
+from stickslip.answers import plain
+from stickslip.errors import InputError, instance, number, shown
+from stickslip.measure.arrays import Array, check_numbers
+from stickslip.measure.fronts import events, fronts
+from stickslip.model import Chain, ElasticBody
+from stickslip.simulation import rig_of
+
+Field = Literal["velocity", "attached", "force", "displacement"]
+
+FIELDS = {"velocity": "velocity", "attached": "attached", "force": "friction_force", "displacement": "displacement"}
+"""What can be mapped, and the variable of a run that holds it."""
+
+
+_TOLD = 5
+"""Fronts that are told of."""
+_FEWEST = 3
+"""Blocks of the smallest event that is."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrontMap:
+    """A quantity of all blocks in time, averaged over pixels; of the velocity, the largest size in each.
+
+    Attributes
+    ----------
+    values : ndarray, shape (times, places)
+    time, block : ndarray, shapes (times + 1,) and (places + 1,)
+        Edges of the pixels; block ``j`` lies from ``j - 0.5`` to ``j + 0.5``.
+    variable : DataArray
+        Of the run, for its name and unit.
+    """
+
+    values: Array
+    time: Array
+    block: Array
+    variable: xr.DataArray
+
+
+def front_map(
+    run: xr.Dataset, what: Field = "velocity", *, most: tuple[int, int] = (300, 300), who: str = "front_map"
+) -> FrontMap:
+    """Reduce what a run holds of each block to at most so many times and places.
+
+    Raises
+    ------
+    InputError
+        If it is no run of a chain, or one row of a sheet; the message begins with `who`.
+    """
+    if what not in FIELDS:
+        raise InputError(f"{who}: what = {shown(what)}: must be one of {', '.join(FIELDS)}")
+    field = on_blocks(run, FIELDS[what], who)
+    values = np.asarray(field.values, dtype=float)
+    values = np.abs(values) if what == "velocity" else values
+    time, block = (np.asarray(field[name].values, dtype=float) for name in ("time", "block"))
+    pixels = []
+    for axis, pieces in enumerate(most):
+        size = values.shape[axis]
+        starts = np.unique(np.linspace(0, size, min(pieces, size) + 1).astype(int))
+        if what == "velocity":
+            values = np.maximum.reduceat(values, starts[:-1], axis=axis)
+        else:
+            shares = np.diff(starts).reshape((-1, 1) if axis == 0 else (1, -1))
+            values = np.add.reduceat(values, starts[:-1], axis=axis) / shares
+        pixels.append(starts)
+    return FrontMap(
+        values=values,
+        time=np.append(time, time[-1])[pixels[0]],
+        block=np.append(block, block[-1] + 1)[pixels[1]] - 0.5,
+        variable=field,
+    )
+
+
+def front_summary(run: xr.Dataset, what: Field = "velocity", *, most: int = 300) -> dict[str, Any]:
+    """Return all that a page shows of a run of a chain, as plain numbers, texts and lists.
+
+    Parameters
+    ----------
+    run : Dataset
+        Of a `Chain`, or one row of a `Sheet`, as `simulate` returns it.
+    what : {"velocity", "attached", "force", "displacement"}
+        What the map shows; of the velocity, the largest size within a pixel, else the mean.
+    most : int
+        Pixels of the map each way, and points of the force trace.
+
+    Returns
+    -------
+    dict
+        ``map``: ``what``, ``units``, ``values`` (a row per time, from the start on), ``time`` and ``block`` (edges of
+        the pixels). ``fronts`` and ``events``: a dict for each, with the columns of `fronts` and `events`; fronts also
+        with ``arrested``, whether they stopped inside the bar. ``blocks``: for each block its ``first_break`` and the
+        ``speed`` of the front there. ``trace``: ``time``, ``spring_force`` and ``units``. ``sound_speed``, blocks per
+        time; ``time_units``. What is not there is None.
+
+    Raises
+    ------
+    InputError
+        If it is no run of a chain.
+    """
+    instance("front_summary: run", run, xr.Dataset, "a Dataset, as simulate() returns it")
+    most = int(number("front_summary: most", most, at_least=2, at_most=5_000))
+    picture = front_map(run, what, most=(most, most), who="front_summary")
+    found = fronts(run)
+    last = run.sizes["block"] - 1
+    rig = rig_of(run)
+    body = rig.natural.slider
+    force = run["spring_force"]
+    time, trace = np.asarray(run["time"].values, dtype=float), np.asarray(force.values, dtype=float)
+    kept = np.unique(np.linspace(0, time.size - 1, min(time.size, most)).round().astype(int))
+    told: dict[str, Any] = plain(
+        {
+            "map": {
+                "what": what,
+                "units": picture.variable.attrs.get("units", ""),
+                "values": picture.values,
+                "time": picture.time,
+                "block": picture.block,
+            },
+            "fronts": [
+                row | {"arrested": bool(0 < row["last_block"] < last)} for row in _rows(found, "front", most=most)
+            ],
+            "events": _rows(events(run), "event", most=most) if time.size > 2 else [],
+            "blocks": {"first_break": found["first_break"].values, "speed": found["speed"].values},
+            "trace": {"time": time[kept], "spring_force": trace[kept], "units": force.attrs.get("units", "")},
+            "sound_speed": body.sound_speed * rig.unit("1/time") if isinstance(body, ElasticBody) else None,
+            "time_units": run["time"].attrs.get("units", ""),
+        }
+    )
+    return told
+
+
+def in_words(run: xr.Dataset) -> list[str]:
+    """Say the fronts and events of an elastic slider in a line each; nothing of other data."""
+    if "first_break" not in run:
+        return []
+    rig, unit = rig_of(run), str(run["time"].attrs.get("units", ""))
+    body, last = rig.natural.slider, run.sizes["block"] - 1
+    said = []
+    if isinstance(body, Chain):
+        sound = body.sound_speed * rig.unit("1/time")
+        found = [row for row in _rows(fronts(run), "front", most=_TOLD) if np.isfinite(row["front_speed"])]
+        for row in found:
+            stop = "arrested there" if 0 < row["last_block"] < last else "the end"
+            said.append(
+                f"front from t = {row['start']:.4g}{_with(unit)}: blocks {row['first_block']} to {row['last_block']}, "
+                f"{stop}; {row['front_speed']:.3g} blocks/{unit or 'time'}, "
+                f"{row['front_speed'] / sound:.3g} of the speed of sound"
+            )
+    large = [row for row in _rows(events(run), "event", most=run.sizes["time"]) if row["blocks"] >= _FEWEST]
+    text = f"{len(large)} event{'s' * (len(large) != 1)} of at least {_FEWEST} blocks"
+    if large:
+        longest = max(large, key=lambda row: float(row["blocks"]))
+        force = str(run["spring_force"].attrs.get("units", ""))
+        text += (
+            f"; the longest of {longest['blocks']} of {last + 1} blocks at t = {longest['start']:.4g}{_with(unit)}, "
+            f"force drop {longest['drop']:.3g}{_with(force)}"
+        )
+    return [*said, text]
+
+
+def _with(unit: str) -> str:
+    return f" {unit}" if unit else ""
+
+
+def _rows(table: xr.Dataset, along: str, *, most: int) -> list[dict[str, Any]]:
+    """One dict for each row of a table, at most so many; the longest ones if there are more."""
+    columns = {str(name): column.values for name, column in table.data_vars.items() if column.dims == (along,)}
+    size = table.sizes[along]
+    chosen = np.arange(size) if size <= most else np.sort(np.argsort(columns["blocks"], kind="stable")[-most:])
+    return [{name: column[i].item() for name, column in columns.items()} for i in chosen]
+
+
+def is_of_a_chain(run: xr.Dataset) -> bool:
+    """Whether a Dataset is a run of a chain, or of one row of a sheet."""
+    across = run.coords.get("across")
+    return (
+        {"broken", "velocity"} <= set(run) and "block" in run.dims and (across is None or across.max() == across.min())
+    )
+
+
+def on_blocks(run: xr.Dataset, name: str, who: str) -> xr.DataArray:
+    """Take a variable of each block along time, or complain; the message begins with `who`."""
+    if name not in run or set(run[name].dims) != {"time", "block"}:
+        raise InputError(f"{who}: this Dataset has no {name} of each block; give a run of a Chain")
+    if run.sizes["time"] < 2:
+        raise InputError(f"{who}: the run holds fewer than two samples; select a longer time")
+    across = run.coords.get("across")
+    if across is not None and np.unique(across).size > 1:
+        raise InputError(f"{who}: a Sheet has many rows; select one: run.isel(block=run.across == 0)")
+    check_numbers(who, run[name])
+    return run[name].transpose("time", "block")
