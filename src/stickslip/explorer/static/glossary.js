@@ -1,7 +1,6 @@
-"use strict";
 /* What each quantity is, and its unit: for the help beside the fields, and for the glossary. */
 
-const Glossary = [
+export const Glossary = [
   { key: "slider.stiffness", term: "Driving spring, K", unit: "N/m; natural: k per contact",
     text: "The stiffness of all that lies between the drive and the slider. Stick-slip needs a spring that is soft against the contacts." },
   { key: "drive.velocity", term: "Speed, v", unit: "m/s; natural: xₛ per time unit",

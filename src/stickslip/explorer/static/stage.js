@@ -1,9 +1,8 @@
-"use strict";
 /* The drawing: slider, spring and base, and the contacts as bristles. It replays frames of a run that the server has
    made: where each contact is in a frame was computed, nothing is made up. Between two frames a contact that holds in
    both moves evenly. Frames lie closer together in slips, so that an even pace of frames slows down there. */
 
-const Stage = (() => {
+export const Stage = (() => {
   const PER_SECOND = 30, ATTACHED = 1, RENEWED = 2, FLASH = 0.3, GAP = 46, TOP = 18, BLOCK = 44;
   const KINDS = { f4: Float32Array, i2: Int16Array, u1: Uint8Array };
   function unpack({ dtype, bdata }) {
