@@ -22,7 +22,7 @@ import xarray as xr
 
 from stickslip import advise, cycles, measure, plot, rigid, stability, theory
 from stickslip.errors import InputError, UndecidedError, instance, number, shown
-from stickslip.explorer import documents, measured, replay
+from stickslip.explorer import bars, documents, measured, replay
 from stickslip.explorer.packing import Array, Plain, along_path, packed
 from stickslip.explorer.plain import PREFIXES, axis, floats, force_trace, name_of
 from stickslip.io import datasets as store
@@ -491,10 +491,11 @@ ANSWERS: Mapping[str, Callable[..., Iterator[Any]]] = {
     "fit": measured.fit,
     "posterior": measured.posterior,
     "download": download,
+    "fronts": bars.fronts,
     "sample": measured.sample,
 }
 """What a worker can be asked; the last argument of each is its watch."""
-QUICK, SLOW = ("run", "stretchings", "contacts", "edit"), ("chart", "band", "advice")
+QUICK, SLOW = ("run", "stretchings", "contacts", "edit"), ("chart", "band", "advice", "fronts")
 """Questions of a window."""
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from stickslip.errors import InputError, number, shown
 from stickslip.io import rig_files as rigs
-from stickslip.model import Contacts, Drive, constant, parameter_named
+from stickslip.model import Contacts, Drive, Slider, constant, parameter_named
 from stickslip.model.distributions import Empirical
 from stickslip.model.rig import Rig
 from stickslip.model.units import Quantity, Scales, quantity
@@ -197,7 +197,7 @@ def check_size(rig: Rig, seconds: float = LONGEST) -> None:
     """Raise `InputError` if a run would keep the page waiting."""
     pieces = rig.drive.pieces
     elsewhere = "for longer ones use `stickslip simulate`"
-    _check_decades(rig)
+    check_decades(rig)
     if len(pieces) > MOST_PIECES:
         raise InputError(
             f"drive.pieces: must be at most {MOST_PIECES}, here {len(pieces)}, to stay live; {elsewhere}",
@@ -230,14 +230,13 @@ def check_size(rig: Rig, seconds: float = LONGEST) -> None:
     estimate(rig).check(seconds, otherwise="use `stickslip simulate`")
 
 
-def _check_decades(rig: Rig) -> None:
+def check_decades(rig: Rig) -> None:
     """Raise `InputError` if a number is so far from the scales of the interface that arithmetic fails."""
-    interface, slider, ageing = rig.interface, rig.slider, rig.interface.ageing
+    interface, ageing = rig.interface, rig.interface.ageing
     delay, thresholds = interface.delay, interface.thresholds
+    body = "slider" if isinstance(rig.slider, Slider) else "chain"
     found = {
-        "slider.stiffness": [slider.stiffness],
-        "slider.mass": [slider.mass],
-        "slider.damping": [slider.damping],
+        **{f"{body}.{name}": [value] for name, value in vars(rig.slider).items() if isinstance(value, float)},
         "drive.velocity": [speed for piece in rig.drive.pieces for speed in (piece.start, piece.end)],
         "drive.duration": [piece.duration for piece in rig.drive.pieces],
         "interface.delay": [value for value in vars(delay).values() if isinstance(value, float)],
@@ -409,6 +408,30 @@ def presets() -> tuple[dict[str, Any], ...]:
         title, document = f"Fig. {figure}: {words}", paper(case, f"Fig. {figure}")
         found.append({"group": "The paper, in natural units", "title": title, "document": document})
     return tuple(found)
+
+
+def bars() -> tuple[dict[str, Any], ...]:
+    """Return the elastic sliders that the page Fronts begins with: a title and a document."""
+    contacts = {
+        "thresholds": {"distribution": "gaussian", "mean": 1.0, "std": 0.05},
+        "delay": {"mean": 20.0, "std": 6.0, "negative": "clip"},
+        "sliding_force": 0.425,
+    }
+    pulled = {
+        "name": "Precursors of sliding",
+        "units": "natural",
+        "chain": {"blocks": 60, "coupling": 36.0, "mass": 1.0, "damping": 0.1, "side": 6.0},
+        "interface": contacts,
+        "drive": {"velocity": 0.01, "duration": 6000.0},
+        "simulation": {"contacts": 50, "seed": 1},
+    }
+    top = {
+        **pulled,
+        "name": "A bar moved along its top",
+        "chain": {"blocks": 60, "coupling": 36.0, "mass": 1.0, "damping": 0.1, "leaf": 0.1, "side": 0.0},
+        "drive": {"velocity": 0.01, "duration": 3000.0},
+    }
+    return ({"title": "Pulled at one end", "document": pulled}, {"title": "Moved along its top", "document": top})
 
 
 def first() -> Document:

@@ -162,7 +162,9 @@ class _House:
         self.quick = Crew("quick", max(2, cores))
         # More than there are cores: the system shares them out, so that a long search holds up nobody's map.
         self.slow = Crew("slow", max(4, 2 * cores), niceness=10)
-        self.hello = json.dumps({"kind": "hello", "document": begin, "presets": documents.presets()})
+        # A bar is shown on the page Fronts; the other pages have a rig with one slider.
+        mine = {"document": documents.first(), "chain": begin} if "chain" in begin else {"document": begin}
+        self.hello = json.dumps({"kind": "hello", **mine, "presets": documents.presets(), "bars": documents.bars()})
         self.windows: Counter[str] = Counter()
         self.files: Counter[str] = Counter()
 

@@ -10,6 +10,7 @@ import "./map.js";
 import "./stop.js";
 import "./trace.js";
 import "./fit.js";
+import "./fronts.js";
 import "./tour.js";
 
 const PAGES = [...document.querySelectorAll("[role=tab]")].map((tab) => tab.dataset.page);

@@ -1,13 +1,13 @@
 /* Plots in the colours of the page. */
 
 import { $, element, state, word } from "./page.js";
+import { unpacked } from "./unpack.js";
 
 const Plotly = window.Plotly;
 const CONFIG = { displayModeBar: false, displaylogo: false, responsive: true, showSendToCloud: false, plotlyServerURL: "",
   doubleClick: "reset" };
 
 export const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
-export const numbers = ({ bdata }) => new Float32Array(Uint8Array.from(atob(bdata), (c) => c.charCodeAt(0)).buffer);
 
 export function label({ title, unit }) {
   const shownUnit = unit === "time" ? "time units" : unit === "1" ? "" : word(unit);
@@ -55,7 +55,7 @@ export function forceTraces(run, friction) {
 const keptBeside = (run) => (run === state.shown.run ? state.before : null);
 /* A kept trace in the units of the one that is shown; "time" and "force" may have another prefix. */
 function scaled(kept, run) {
-  const turn = (packed, factor) => numbers(packed).map((value) => value * factor);
+  const turn = (packed, factor) => unpacked(packed).map((value) => value * factor);
   if (kept.time.unit.slice(-1) !== run.time.unit.slice(-1)) return { x: [], y: [] };
   return { x: turn(kept.time.values, kept.time.factor / run.time.factor), y: turn(kept.force.values, kept.force.factor / run.force.factor) };
 }

@@ -15,9 +15,9 @@ export const state = {
   shown: { run: null, friction: null, chart: null, bands: [], advice: null, trace: null, fronts: null },
 };
 
-/* The parts of the page, by name. What they may have is called as things happen: `open`, `close` (a page), `changed` (the
-   rig is another), `drawn` (its run has come; whether it is the last of it), `refused`, `chosen` (a preset), `measured`
-   (a trace was read), `recolour`. */
+/* The parts of the page, by name. What they have of these is called as things happen: `greeted` (the server said hello),
+   `open` and `close` (a page), `changed` (the rig is another), `drawn` (its run has come; whether it is the last of it),
+   `refused`, `chosen` (a preset), `measured` (a trace was read), `recolour`. */
 export const parts = {};
 export function tellParts(what, ...content) {
   for (const part of Object.values(parts)) part[what]?.(...content);

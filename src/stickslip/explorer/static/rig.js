@@ -14,8 +14,10 @@ on("hello", (reply) => {
   if (state.doc) return changed(); // connected again
   state.presets = reply.presets;
   fillPresets();
+  tellParts("greeted", reply);
   const linked = fromAddress();
   state.doc = linked ?? reply.document;
+  if (reply.chain && !linked) state.page = "fronts";
   state.began = structuredClone(state.doc);
   // What a link holds was written by somebody else: it is shown, and computed on a click. A reload goes on.
   wait(linked !== null && sessionStorage.getItem("here") !== location.hash);

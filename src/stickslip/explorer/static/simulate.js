@@ -1,11 +1,12 @@
 /* The page Simulate: the run, its pictures, and the drawing of the slider on its contacts. */
 
-import { colour, cursorOver, draw, axis, forceLayout, forceTraces, label, numbers, timeAt, upright } from "./figures.js";
+import { colour, cursorOver, draw, axis, forceLayout, forceTraces, label, timeAt, upright } from "./figures.js";
 import { short } from "./fields.js";
 import { $, list, mark, parts, pretty, progress, showRegime, state, tellParts } from "./page.js";
 import { anyTyped, complain, settle, showPreset } from "./rig.js";
 import { Stage } from "./stage.js";
 import { ask, drop, isNewest, on, saying } from "./talk.js";
+import { unpacked } from "./unpack.js";
 
 const { shown } = state;
 const point = cursorOver("plot-force");
@@ -111,8 +112,8 @@ on("contacts", (reply) => {
   frames = reply.frames;
   mark("drawing", "");
   stage.show(frames);
-  frames.clock = Array.from(numbers(frames.times));
-  frames.pull = Array.from(numbers(frames.force));
+  frames.clock = Array.from(unpacked(frames.times));
+  frames.pull = Array.from(unpacked(frames.force));
   const shownOf = frames.shown < frames.of ? `${frames.shown} of the ${frames.of} contacts` : `all ${frames.of} contacts`;
   $("stage-words").textContent = frames.exact ? shownOf : frames.own ? `${shownOf}, of another run of the same rig (purple line)`
     : `${shownOf}, of a run with contacts of the same rig (purple line)`;
