@@ -98,7 +98,7 @@ def test_commands_come_with_all_their_options(house):
 def test_every_key_of_a_rig_file_has_a_meaning_an_example_and_what_is_taken_if_it_is_left_out(house):
     text = house.rig_keys()
     rows = re.findall(r"^\| `.*$", text, re.MULTILINE)
-    tables = [rig_keys.TOP, *rig_keys.TABLES.values(), rig_keys.PIECE, rig_keys.RANDOM_DELAY]
+    tables = [rig_keys.TOP, *rig_keys.TABLES.values(), rig_keys.PIECE, rig_keys.RANDOM_DELAY, rig_keys.START]
     tables += [rig_keys.keys_of(record) for record in (*DISTRIBUTIONS.values(), *AGEING_MODELS.values())]
     tables += [rig_keys.BELL if kind == "bell" else rig_keys.keys_of(kind_of) for kind, kind_of in ACTIVATIONS.items()]
     assert len(rows) == sum(map(len, tables)) >= 60
@@ -112,7 +112,7 @@ def test_every_key_of_a_rig_file_has_a_meaning_an_example_and_what_is_taken_if_i
 
 
 def test_every_example_of_a_key_is_a_value_that_it_can_have():
-    for table in (*rig_keys.TABLES.values(), rig_keys.PIECE, rig_keys.RANDOM_DELAY):
+    for table in (*rig_keys.TABLES.values(), rig_keys.PIECE, rig_keys.RANDOM_DELAY, rig_keys.START):
         for name, key in table.items():
             assert key.is_table or key.read(key.example, name, natural=False)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -509,6 +510,94 @@ def test_a_bar_in_si_units_becomes_a_chain_and_comes_back() -> None:
     assert run.spring_force.attrs["units"] == "N"
     assert 326.4 < float(run.spring_force.max()) < 768.0
     assert energy_defect(run) < 1e-5
+
+
+PLATE = """
+[sheet]
+along = 8
+across = 3
+spacing = "2.5 mm"
+width = "5 mm"
+height = "10 mm"
+youngs_modulus = "3 GPa"
+shear_modulus = "1.1 GPa"
+density = "1180 kg/m^3"
+leaf = "4 MN/m"
+damping = "1000 1/s"
+[interface]
+contact_strength = "240 N"
+breaking_displacement = "1 um"
+thresholds = { distribution = "gaussian", std = 0.05 }
+delay = "never"
+[drive]
+velocity = "0 m/s"
+duration = "0.2 ms"
+[simulation]
+contacts = 20
+start = { stretching = [{ blocks = 8, stretching = 0.8 }, { blocks = 16, stretching = 0.4 }], push = "20 N" }
+"""
+
+
+def test_a_plate_in_si_units_becomes_a_sheet_and_comes_back() -> None:
+    rig = rig_files.from_text(PLATE)
+    sheet, k = rig.slider, 240.0 / 24 / 1e-6
+    assert (sheet.along, sheet.across) == (8, 3)
+    assert sheet.coupling == pytest.approx(3e9 * 5e-3 * 10e-3 / 2.5e-3 / k)
+    assert sheet.shear == pytest.approx(1.1e9 * 10e-3 * 2.5e-3 / 5e-3 / k)
+    assert sheet.leaf == pytest.approx(4e6 / k)
+    assert sheet.mass * rig.unit("f_s time^2/x_s") == pytest.approx(1180 * 5e-3 * 10e-3 * 2.5e-3)
+    # The push is that on each block, whose contacts have 10 N together.
+    assert rig.start == ss.Prestressed(stretching=(0.8,) * 8 + (0.4,) * 16, push=2.0, pushed_blocks=1)
+    assert rig.method == ss.Contacts(20, seed=1)
+    again = rig_files.from_text(rig_files.to_toml(rig))
+    assert again == rig
+    run = ss.simulate(rig)
+    assert run.identical(ss.simulate(again))
+    assert run.identical(ss.rerun(run))
+    assert energy_defect(run) < 1e-4
+    assert float(run.broken[-1].max()) == 1.0
+
+
+@pytest.mark.parametrize("stretching", [0.5, (0.1, 0.2, 0.3, 0.2, 0.1, 0.6), (0.5, 0.5, 0.5, 0.5, 0.2, 0.2)])
+@pytest.mark.parametrize("push", [0.0, 3.0])
+def test_prestressed_starts_come_back_from_a_file(stretching: float | tuple[float, ...], push: float) -> None:
+    rig = replace(small(), start=ss.Prestressed(stretching=stretching, push=push, pushed_blocks=2))
+    assert rig_files.from_text(rig_files.to_toml(rig)) == rig
+
+
+@pytest.mark.parametrize(
+    ("line", "instead", "message"),
+    [
+        ("along = 8", "", r"sheet.along: is missing; write, for example, sheet.along = 60"),
+        ("across = 3", "across = 0", r"sheet.across: is 0; give at least 1"),
+        ('shear_modulus = "1.1 GPa"', "", r"sheet.shear_modulus: is missing"),
+        ('shear_modulus = "1.1 GPa"', 'shear = "1 MN/m"\nshear_modulus = "1.1 GPa"', "give shear or shear_modulus"),
+        ('height = "10 mm"', "", r"sheet.height: is missing"),
+        ("blocks = 16, ", "blocks = 15, ", r"simulation.start.stretching: is of 23 blocks, but there are 24; give one"),
+        (
+            "blocks = 16, ",
+            "blocks = 9e9, ",
+            r"simulation.start.stretching\[1\] = .*: must be a number, or blocks alike",
+        ),
+        ("blocks = 16, ", "blocks = 9000000000000, ", r"is of 9000000000008 blocks, but there are 24"),
+        ("stretching = 0.4", 'stretching = "0.4"', r"simulation.start.stretching\[1\] = '0.4': must be a number"),
+        ('push = "20 N"', "push = 20", r"simulation.start.push = 20: has no unit"),
+        ('push = "20 N"', "pushes = 20", r"simulation.start.pushes: unknown key; did you mean 'push'?"),
+        ('push = "20 N"', "pushed_blocks = 0", r"simulation.start.pushed_blocks = 0"),
+        ("[sheet]", "[chain]\nblocks = 3\n[sheet]", "give chain or sheet, not both"),
+        ("[sheet]", "[sheets]", r"sheets: unknown key; did you mean 'sheet'?"),
+    ],
+)
+def test_mistakes_in_the_table_of_a_plate_are_told(line: str, instead: str, message: str) -> None:
+    with pytest.raises(ss.InputError, match=message) as caught:
+        rig_files.from_text(PLATE.replace(line, instead))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_rigid_slider_takes_no_prestressed_start() -> None:
+    text = rig_files.to_toml(ss.example("brake_pad")).replace('start = "from rest"', "start = { stretching = 0.5 }")
+    with pytest.raises(ss.InputError, match=r"simulation.start: as a table is for chain or sheet; write \"from rest"):
+        rig_files.from_text(text)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """Work is estimated before it starts: what would take hours is refused in one line, unless it is asked for."""
 
+import subprocess
+import sys
 import time
 
 import pytest
@@ -97,3 +99,42 @@ def test_the_command_line_refuses_in_one_line(tmp_path, capsys, key, value):
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert "--long" in error
+
+
+@pytest.mark.parametrize(("least", "lines"), [(60.0, 0), (1e-9, 1)])
+def test_a_run_of_more_than_a_minute_is_announced_in_one_line(tmp_path, least, lines):
+    place = tmp_path / "rig.toml"
+    place.write_text(rig_files.to_toml(RIG.replace(drive=ss.constant(1.0, duration=0.1))))
+    program = (
+        "import sys; from stickslip import cli; from stickslip.simulation import work; "
+        f"work.ANNOUNCED = {least}; sys.exit(cli.main(['simulate', {str(place)!r}]))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stderr.count("\n") == lines
+    assert not lines or done.stderr.startswith("rig: about ")
+    assert not lines or done.stderr.endswith(" on one core: about 1e+02 breaks of 1e+02 contacts\n")
+
+
+def test_a_long_run_in_a_pipe_says_how_far_it_is(monkeypatch, capsys):
+    from stickslip import progress
+
+    monkeypatch.setattr(progress, "LINES_EVERY", 0.05)
+    with progress.bar("simulating") as report:
+        report(0.1)
+        time.sleep(0.06)
+        report(0.25)
+        report(0.3)
+        time.sleep(0.06)
+        report(1.0)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.endswith(" left")
+    assert "simulating: 25 %, about 0." in line
+
+
+@pytest.mark.parametrize(("delay", "breaks"), [(0.0, 1000), (1.0, 500), (float("inf"), 1)])
+def test_contacts_that_wait_break_less_often(delay, breaks):
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(delay))
+    body = ss.Chain(blocks=10, coupling=1.0, mass=1.0, damping=1.0, leaf=1.0)
+    rig = ss.Rig(interface, body, ss.constant(1.0, duration=1000.0), method=ss.Contacts(100))
+    part = next(part for part in estimate(rig).parts if part.key == "simulation.contacts")
+    assert f"about {1000 * breaks:.2g} breaks" in part.what

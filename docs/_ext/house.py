@@ -77,6 +77,8 @@ def rig_keys() -> str:
                 lines += [f'#### `interface.temperature` with `kind = "{kind}"`', "", *_table(table)]
         if name == "drive":
             lines += ["#### Each of `drive.pieces`", "", *_table(keys.PIECE)]
+        if name == "simulation":
+            lines += ["#### `simulation.start` as a table", "", *_table(keys.START)]
     return "\n".join(lines)
 
 
@@ -115,7 +117,7 @@ def _kind(key: Any) -> str:
         words = [f"a quantity in {_si(key)}{f', {key.sign}' if key.sign else ''}", *map(_code, key.words)]
         return " or ".join([*words, "a table, see below"] if key.or_table else words)
     if key.choices:
-        return " or ".join(map(_code, key.choices))
+        return " or ".join([*map(_code, key.choices), *(["a table, see below"] if key.or_table else [])])
     if key.is_table:
         return "list of tables, see below" if isinstance(key.example, list) else "a table, see below"
     kinds = {str: "text", int: "whole number", list: "list of numbers", tuple: "list of numbers"}

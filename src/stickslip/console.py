@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip.errors import InputError
-from stickslip.progress import bar
+from stickslip.progress import bar, in_time
 
 if TYPE_CHECKING:
     from stickslip.advise import Prediction
@@ -46,8 +46,6 @@ def progress_of(title: str) -> Iterator[Callable[[Progress], None]]:
         return
     import time
 
-    from stickslip.sweep import in_words
-
     begin = time.monotonic()
     due = begin
 
@@ -59,7 +57,7 @@ def progress_of(title: str) -> Iterator[Callable[[Progress], None]]:
         due = now + _LINES_EVERY
         words = f"{p.finished} of {p.total} cases" + (f", {p.failed} failed" if p.failed else "")
         if fresh := p.finished - p.found:
-            words += f", about {in_words((now - begin) * (p.total - p.finished) / fresh)} left"
+            words += f", about {in_time((now - begin) * (p.total - p.finished) / fresh)} left"
         print(time.strftime("%Y-%m-%d %H:%M:%S"), f"{title}: {words}", file=sys.stderr, flush=True)
 
     yield line

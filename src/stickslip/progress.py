@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -12,12 +13,18 @@ from stickslip.errors import InputError, shown
 Progress = Callable[[float], None]
 """Called with the fraction of the work that is done."""
 
+LINES_EVERY = 60.0
+"""Seconds between the lines in a log."""
+
 
 @contextmanager
 def bar(title: str, *, always: bool = False) -> Iterator[Progress]:
-    """Show a progress bar on a terminal or, if asked `always`, in a notebook as well; nothing in a pipe."""
+    """Show a progress bar on a terminal or, if asked `always`, in a notebook as well.
+
+    Elsewhere, as in the log of a job, a line with the time every minute.
+    """
     if not (always or sys.stderr.isatty()):
-        yield lambda _share: None
+        yield _lines(title)
         return
     from rich.console import Console
     from rich.markup import escape
@@ -26,6 +33,31 @@ def bar(title: str, *, always: bool = False) -> Iterator[Progress]:
     with Bar(console=Console(stderr=True), transient=True) as shown_bar:
         task = shown_bar.add_task(escape(title), total=1.0)
         yield lambda share: shown_bar.update(task, completed=share)
+
+
+def _lines(title: str) -> Progress:
+    """Write a line now and then; none of what takes less than a minute."""
+    begin = due = time.monotonic()
+
+    def line(share: float) -> None:
+        nonlocal due
+        now = time.monotonic()
+        if now >= due + LINES_EVERY and 0.0 < share < 1.0:
+            due = now
+            left = in_time((now - begin) * (1.0 - share) / share)
+            words = f"{title}: {100.0 * share:.0f} %, about {left} left"
+            sys.stderr.write(f"{time.strftime('%Y-%m-%d %H:%M:%S')} {words}\n")
+            sys.stderr.flush()
+
+    return line
+
+
+def in_time(seconds: float) -> str:
+    """Say a time as a person would: ``"14 min"``."""
+    for size, name in ((31_557_600.0, "years"), (86_400.0, "days"), (3600.0, "h"), (60.0, "min")):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.2g} {name}"
+    return f"{seconds:.2g} s"
 
 
 @contextmanager

@@ -26,11 +26,11 @@ from typing import Any, TypeVar
 
 from stickslip.errors import InputError, instance, shown
 from stickslip.io import rig_keys
+from stickslip.io.bodies import BODIES, body_from, missing, size_of, start_from, wrong
 from stickslip.io.rig_keys import Key, keys_of, toml
 from stickslip.io.rig_writer import RigWriter
 from stickslip.io.validation import parse_toml, read_toml
 from stickslip.model import (
-    Chain,
     Contacts,
     Delay,
     FromRest,
@@ -40,6 +40,7 @@ from stickslip.model import (
     Output,
     QuasiStatic,
     Slider,
+    Start,
 )
 from stickslip.model.activation import ACTIVATIONS, Activation, Bell
 from stickslip.model.ageing import AGEING_MODELS, Strengthening
@@ -78,7 +79,7 @@ def example_names() -> tuple[str, ...]:
         sorted(
             f.stem
             for f in EXAMPLES.glob("*.toml")
-            if any(f"[{body}]" in f.read_text(encoding="utf-8") for body in ("slider", "chain"))
+            if any(f"[{body}]" in f.read_text(encoding="utf-8") for body in ("slider", *BODIES))
         )
     )
 
@@ -316,16 +317,16 @@ class _Reader:
     def rig(self, document: Mapping[str, Any]) -> Rig:
         document, speeds, between = self._speeds(document)
         top = self.table(document, rig_keys.TOP)
-        elastic = "chain" in document
-        absent = "slider" if elastic else "chain"
-        if elastic and "slider" in document:
-            self.wrong("chain", "give slider or chain, not both")
-        parts = {
-            name: self.table(top.get(name, {}), keys, name) for name, keys in rig_keys.TABLES.items() if name != absent
-        }
-        slider, interface, drive, simulation = parts.values()
+        kinds = [name for name in ("slider", *BODIES) if name in document] or ["slider"]
+        if len(kinds) > 1:
+            self.wrong(kinds[1], f"give {' or '.join(kinds)}, not both")
+        kind, elastic = kinds[-1], kinds[-1] in BODIES
+        slider, interface, drive, simulation = (
+            self.table(top.get(name, {}), rig_keys.TABLES[name], name)
+            for name in (kind, "interface", "drive", "simulation")
+        )
         if elastic:
-            self._check_chain(slider, document)
+            self._check_body(kind, document[kind])
         else:
             self._check_slider(slider, document)
         self._check_strength(interface, document)
@@ -354,6 +355,7 @@ class _Reader:
         assumed = self._assumed(top.get("assumed", {}), document)
         fitted = self._fitted(top.get("fitted", {}), document)
         feasible = self._feasible(top.get("feasible", {}))
+        prestress = self._prestress(simulation, elastic=elastic)
         self.stop()
 
         if coefficients:
@@ -365,7 +367,7 @@ class _Reader:
             interface["contact_strength"] = strength * interface["normal_load"]
         if elastic and not self.natural:  # forces are per contact of a block
             for name in ("contact_strength", "sliding_force"):
-                interface[name] /= slider["blocks"]
+                interface[name] /= size_of(kind, slider)
         scales = None if self.natural else self._scales(interface, drive, pieces)
 
         def natural(value: float, unit: str) -> float:
@@ -398,12 +400,17 @@ class _Reader:
         if "v_half" in interface:
             half_speed = natural(interface["v_half"], "x_s/time")
             made = replace(made, delay=self.make("interface.v_half", lambda: Delay(half_distance(made) / half_speed)))
+        start: Start = FromSliding() if simulation["start"] == "sliding" else FromRest()
+        if elastic:
+            body = self.make(kind, lambda: body_from(kind, slider, natural))
+            if prestress:
+                start = self.make(_START, lambda: start_from(prestress, body, natural))
         return Rig(
             operation=operation,
             name=top["name"],
             source=top["source"],
             interface=made,
-            slider=self._chain(slider, natural) if elastic else self._slider(slider, natural),
+            slider=body if elastic else self._slider(slider, natural),
             drive=self._drive(drive, pieces, natural),
             method=self.make(
                 "simulation",
@@ -414,7 +421,7 @@ class _Reader:
                 ),
                 {"count": "contacts"},
             ),
-            start=FromRest() if simulation["start"] == "from rest" else FromSliding(),
+            start=start,
             output=self.make(
                 "simulation",
                 lambda: Output(interval=natural(simulation["interval"], "time") if "interval" in simulation else None),
@@ -493,38 +500,20 @@ class _Reader:
         elif "damping_ratio" in given and slider.get("mass") == 0:
             self.wrong("slider.mass", "is 0, and damping_ratio needs a mass above 0; give damping instead")
 
-    def _check_chain(self, chain: dict[str, Any], document: Mapping[str, Any]) -> None:
-        if not isinstance(document.get("chain"), Mapping):
-            return
-        if "blocks" in chain and chain["blocks"] < 1:
-            self.wrong("chain.blocks", f"is {chain['blocks']}; give at least 1")
-        for direct, material in (("coupling", "youngs_modulus"), ("mass", "density")):
-            if direct in chain and material in chain:
-                self.wrong("chain", f"give {direct} or {material}, not both")
-            elif direct not in chain and material not in chain:
-                key = direct if self.natural else material
-                self.mistakes.append(_MissingError(f"chain.{key}", self._example(rig_keys.CHAIN[key])))
-        if "leaf" in document["chain"] and "shear_modulus" in chain:
-            self.wrong("chain", "give leaf or shear_modulus, not both")
-        if {"youngs_modulus", "density", "shear_modulus"} & set(chain):
-            for name in _OF_THE_BAR:
-                if name not in chain:
-                    self.mistakes.append(_MissingError(f"chain.{name}", self._example(rig_keys.CHAIN[name])))
+    def _check_body(self, kind: str, given: object) -> None:
+        if isinstance(given, Mapping):
+            for place, what in wrong(kind, given):
+                self.wrong(place, what)
+            for key in missing(kind, given, natural=self.natural):
+                self.mistakes.append(_MissingError(f"{kind}.{key}", self._example(rig_keys.TABLES[kind][key])))
 
-    def _chain(self, chain: dict[str, Any], natural: Callable[[float, str], float]) -> Chain:
-        """A chain; what is given of the bar's material becomes the springs and masses of its blocks."""
-        found: dict[str, Any] = {
-            name: natural(value, rig_keys.CHAIN[name].unit) if rig_keys.CHAIN[name].unit else value
-            for name, value in chain.items()
-        }
-        length, width, height = (found.pop(name, math.nan) for name in _OF_THE_BAR)
-        if "youngs_modulus" in found:
-            found["coupling"] = found.pop("youngs_modulus") * width * height / length
-        if "shear_modulus" in found:
-            found["leaf"] = found.pop("shear_modulus") * width * length / height
-        if "density" in found:
-            found["mass"] = found.pop("density") * width * height * length
-        return self.make("chain", lambda: Chain(**found))
+    def _prestress(self, simulation: Mapping[str, Any], *, elastic: bool) -> dict[str, Any]:
+        """The values of a prestressed start; none for another one."""
+        if not isinstance(simulation.get("start"), Mapping):
+            return {}
+        if not elastic:
+            self.wrong(_START, f'as a table is for {" or ".join(BODIES)}; write "from rest" or "sliding"')
+        return self.table(simulation["start"], rig_keys.START, _START)
 
     def _check_strength(self, interface: dict[str, Any], document: Mapping[str, Any]) -> None:
         given = document.get("interface", {})
@@ -765,7 +754,7 @@ class _Reader:
 
 _ENDS = ("start", "end")
 _OF_CONTACTS: Mapping[str, type[Contacts | QuasiStatic]] = {"contacts": Contacts, "quasi-static": QuasiStatic}
-_OF_THE_BAR = ("spacing", "width", "height")
+_START = "simulation.start"
 
 
 def _without(content: Mapping[str, Any], name: str) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import KW_ONLY, MISSING, dataclass, fields
+from dataclasses import KW_ONLY, MISSING, dataclass, fields, replace
 from types import NoneType
 from typing import Any, Literal, get_args, get_origin
 
@@ -44,6 +44,8 @@ class Key:
         What may stand there in place of a number.
     or_table : bool
         Whether a table may, too.
+    or_list : bool
+        Whether a list may, too.
     default : object
         What is taken if the key is left out; None if nothing is.
     required : bool
@@ -66,6 +68,7 @@ class Key:
     choices: tuple[str, ...] = ()
     words: tuple[str, ...] = ()
     or_table: bool = False
+    or_list: bool = False
     default: Any = None
     required: bool = False
     otherwise: str = ""
@@ -84,7 +87,8 @@ class Key:
 
     def is_left(self, value: object) -> bool:
         """Whether a value is read elsewhere: a table, or a word in place of a number."""
-        return self.is_table or value in self.words or (self.or_table and isinstance(value, Mapping))
+        other = (Mapping,) * self.or_table + (list,) * self.or_list
+        return self.is_table or value in self.words or isinstance(value, other)
 
     def read(self, value: object, place: str, *, natural: bool) -> Any:
         """Return the value: a quantity in SI units, or in natural ones if the file is in those.
@@ -108,7 +112,8 @@ class Key:
         elif self.choices:
             if value in self.choices:
                 return value
-            wrong = f"must be {' or '.join(map(repr, self.choices))}"
+            known = [*map(repr, self.choices), *(["a table"] if self.or_table else [])]
+            wrong = f"must be {' or '.join(known)}"
         elif isinstance(self.example, str):
             if isinstance(value, str) and len(value) <= self.longest:
                 return value
@@ -153,9 +158,14 @@ TOP: Mapping[str, Key] = {
         choices=("SI", "natural"),
         default="SI",
     ),
-    "slider": Key("The slider and its driving spring.", {"mass": "75.6 g"}, otherwise="`chain`"),
+    "slider": Key("The slider and its driving spring.", {"mass": "75.6 g"}, otherwise="`chain` or `sheet`"),
     "chain": Key(
         "In place of `slider`: a bar of blocks, each on contacts of its own.", {"blocks": 57}, otherwise="`slider`"
+    ),
+    "sheet": Key(
+        "In place of `slider`: a plate of blocks, seen from above, each on contacts of its own.",
+        {"along": 60, "across": 20},
+        otherwise="`slider`",
     ),
     "interface": Key("The contacts between slider and base.", {"contact_strength": "768 N"}, required=True),
     "drive": Key("How the far end of the driving spring moves.", {"velocity": "0.4 mm/s"}, required=True),
@@ -264,6 +274,52 @@ CHAIN: Mapping[str, Key] = {
         "Whether the last block is coupled to the first.", "free", choices=("free", "periodic"), default="free"
     ),
 }
+
+SHEET: Mapping[str, Key] = {
+    "along": Key("Number of blocks along the drive.", 60, required=True),
+    "across": Key("Number of rows beside each other.", 20, required=True),
+    "spacing": CHAIN["spacing"],
+    "width": replace(CHAIN["width"], meaning="Width of a row.", example="2.5 mm"),
+    "height": replace(CHAIN["height"], meaning="Thickness of the plate."),
+    "youngs_modulus": replace(
+        CHAIN["youngs_modulus"],
+        meaning="Young's modulus `E`: with spacing `dx`, width `B` and height `H`, neighbours in a row are coupled by "
+        "springs of `E B H/dx`.",
+    ),
+    "shear_modulus": replace(
+        CHAIN["shear_modulus"],
+        meaning="Shear modulus `G`: neighbouring rows are coupled by springs of `G H dx/B` from block to block.",
+        otherwise="`shear`",
+    ),
+    "density": CHAIN["density"],
+    "coupling": replace(
+        CHAIN["coupling"], meaning="In place of `youngs_modulus`: stiffness between neighbours in a row."
+    ),
+    "shear": replace(
+        CHAIN["coupling"],
+        meaning="In place of `shear_modulus`: stiffness between neighbouring rows, from block to block.",
+        example="200 MN/m",
+        otherwise="`shear_modulus`",
+    ),
+    "mass": CHAIN["mass"],
+    "leaf": CHAIN["leaf"],
+    "side": replace(CHAIN["side"], meaning="Stiffness of a spring from the first block of every row to the drive."),
+    "damping": CHAIN["damping"],
+    "viscosity": replace(
+        CHAIN["viscosity"],
+        meaning="Dashpot between neighbours in a row; between rows in proportion to their stiffness.",
+    ),
+    "ends": replace(CHAIN["ends"], meaning="Whether opposite edges are coupled."),
+}
+
+MATERIAL: Mapping[str, Mapping[str, str]] = {
+    "chain": {"coupling": "youngs_modulus", "leaf": "shear_modulus", "mass": "density"},
+    "sheet": {"coupling": "youngs_modulus", "shear": "shear_modulus", "mass": "density"},
+}
+"""Of an elastic body: what is given directly, or follows from its shape and a property of the material."""
+
+SHAPE = ("spacing", "width", "height")
+"""Keys of the shape of a block."""
 
 INTERFACE: Mapping[str, Key] = {
     "contact_strength": Key(
@@ -438,16 +494,19 @@ SIMULATION: Mapping[str, Key] = {
         default="contacts",
     ),
     "contacts": Key(
-        "Number of contacts, for the methods `contacts` and `quasi-static`: 1 to 1e8; of a chain, of each block.",
+        "Number of contacts, for the methods `contacts` and `quasi-static`: 1 to 1e8; of a chain or a sheet, "
+        "of each block.",
         2000,
-        otherwise="10,000; 100 for each block of a chain",
+        otherwise="10,000; 100 for each block of a chain or a sheet",
     ),
     "seed": Key("Of the random numbers: the same seed gives the same run.", 1, default=1),
     "rtol": Key("Error of the master equation, in total contact strengths: 1e-10 to 0.1.", 1e-5, default=1e-4),
     "start": Key(
-        "The state that a run starts from: at rest with an unstretched spring, or in steady smooth sliding.",
+        "The state that a run starts from: at rest with an unstretched spring, or in steady smooth sliding; or, for a "
+        "chain or a sheet, a table: at rest on stretched contacts, with a push that sets it off.",
         "from rest",
         choices=("from rest", "sliding"),
+        or_table=True,
         default="from rest",
     ),
     "interval": Key(
@@ -459,9 +518,26 @@ SIMULATION: Mapping[str, Key] = {
     ),
 }
 
+START: Mapping[str, Key] = {
+    "stretching": Key(
+        "Of the contacts of each block, in units of `breaking_displacement`: one number, a list with one for each "
+        "block, or a list of runs of blocks alike, `[{ blocks = 20, stretching = 0.7 }, { blocks = 37, stretching = "
+        "0.4 }]`.",
+        0.7,
+        or_list=True,
+        required=True,
+    ),
+    "push": Key(
+        "Constant force on each of the first blocks besides; of a sheet, of every row.", "40 N", unit="f_s", default=0.0
+    ),
+    "pushed_blocks": Key("How many blocks are pushed.", 3, default=1),
+}
+"""Keys of `simulation.start` as a table."""
+
 TABLES: Mapping[str, Mapping[str, Key]] = {
     "slider": SLIDER,
     "chain": CHAIN,
+    "sheet": SHEET,
     "interface": INTERFACE,
     "drive": DRIVE,
     "simulation": SIMULATION,

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from itertools import groupby
 from typing import Any, TypeVar
 
 from stickslip.errors import InputError, shown
 from stickslip.io import rig_keys
+from stickslip.io.bodies import name_of
 from stickslip.io.rig_keys import keys_of
 from stickslip.model import (
-    Chain,
     Contacts,
     Delay,
+    ElasticBody,
     FromSliding,
     Gaussian,
     MasterEquation,
@@ -47,8 +49,8 @@ class RigWriter:
             found["units"] = "natural"
         if rig.source:
             found["source"] = rig.source
-        if isinstance(rig.slider, Chain):
-            found["chain"] = self._chain(rig.slider)
+        if isinstance(rig.slider, ElasticBody):
+            found |= self._body(rig.slider)
         else:
             found["slider"] = self._slider(damping_ratio)
         found["interface"] = self._interface()
@@ -86,18 +88,19 @@ class RigWriter:
             return found | {"damping_ratio": short if self.digits is None else self._number(slider.damping_ratio)}
         return found | {"damping": self._quantity(slider.damping, "1/time")}
 
-    def _chain(self, chain: Chain) -> Document:
-        found: Document = {"blocks": chain.blocks}
-        for name in ("coupling", "mass", "leaf", "side", "damping", "viscosity"):
-            value, key = getattr(chain, name), rig_keys.CHAIN[name]
-            if value or key.default is None:
-                found[name] = self._quantity(value, key.unit)
-        return found | ({} if chain.ends == "free" else {"ends": chain.ends})
+    def _body(self, body: ElasticBody) -> Document:
+        kind = str(name_of(body))
+        found: Document = {}
+        for name, key in rig_keys.TABLES[kind].items():
+            value = getattr(body, name, None)  # the shape and the material became springs and masses
+            if value is not None and value != key.default:
+                found[name] = self._quantity(value, key.unit) if key.unit else value
+        return {kind: found}
 
     @property
     def _blocks(self) -> int:
         """Blocks that share the strength of the interface."""
-        return self.rig.slider.blocks if isinstance(self.rig.slider, Chain) else 1
+        return self.rig.slider.size if isinstance(self.rig.slider, ElasticBody) else 1
 
     def _interface(self) -> Document:
         interface, found = self.rig.interface, {}
@@ -214,8 +217,6 @@ class RigWriter:
         method, start, output = self.rig.method, self.rig.start, self.rig.output
         if isinstance(start, FromSliding) and start.perturbation:
             raise self._refuse("a start with a perturbation")
-        if isinstance(start, Prestressed):
-            raise self._refuse("a start with prestress")
         if isinstance(method, Contacts | QuasiStatic):
             name = "contacts" if isinstance(method, Contacts) else "quasi-static"
             found: Document = {"method": name, "contacts": method.count, "seed": method.seed}
@@ -223,9 +224,27 @@ class RigWriter:
             found = {"method": "master equation", "rtol": method.rtol}
         else:
             raise self._refuse(f"the method {shown(method)}")
-        found["start"] = "sliding" if isinstance(start, FromSliding) else "from rest"
+        if isinstance(start, Prestressed):
+            found["start"] = self._prestressed(start)
+        else:
+            found["start"] = "sliding" if isinstance(start, FromSliding) else "from rest"
         if output.interval is not None:
             found["interval"] = self._quantity(output.interval, "time")
+        return found
+
+    def _prestressed(self, start: Prestressed) -> Document:
+        stretching: Any = start.stretching
+        if isinstance(stretching, tuple):
+            alike = [(value, len(list(group))) for value, group in groupby(stretching)]
+            if 2 * len(alike) <= len(stretching):
+                stretching = [{"blocks": blocks, "stretching": self._number(value)} for value, blocks in alike]
+            else:
+                stretching = [self._number(value) for value in stretching]
+        found = {"stretching": self._number(stretching)}
+        if start.push:
+            found["push"] = self._quantity(start.push, "f_s")
+        if start.pushed_blocks != 1:
+            found["pushed_blocks"] = start.pushed_blocks
         return found
 
     # -------------------------------------------------- numbers

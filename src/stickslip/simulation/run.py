@@ -66,7 +66,8 @@ def simulate(
     progress : bool or callable, optional
         True for a bar, or a function that is called with the fraction of the drive that is done.
     long : bool
-        Whether it may take more than an hour, or 4 GB of memory, by the estimate made before it starts.
+        Whether it may take more than an hour, or 4 GB of memory, by the estimate made before it starts. Where that is
+        more than a minute, it is logged (logger ``stickslip``): one line on standard error, unless told otherwise.
 
     Returns
     -------
@@ -107,8 +108,10 @@ def simulate(
     solver = engine_of(case.interface, case.method, case.slider)
     beginning = Beginning(case.interface, case.slider, case.velocity, case.start)
     instance("simulate: long", long, bool, "True or False")
+    work = estimate(told)
     if not long:
-        estimate(told).check(silent=not progress)
+        work.check(silent=not progress)
+    work.announce()
     times = _sample_times(case.slider, case.drive, case.output, solver.angle)
     with reporting(progress, "simulate") as report:
         engine = solver(beginning, case.method)

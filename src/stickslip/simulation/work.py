@@ -10,6 +10,7 @@ The costs are those of one core of a desktop machine; another may take a third o
 
 from __future__ import annotations
 
+import logging
 import math
 from dataclasses import dataclass
 
@@ -27,14 +28,18 @@ from stickslip.model import (
     QuasiStatic,
     Slider,
 )
+from stickslip.model.delays import OnArrest
 from stickslip.model.drive import Piece, Travel
 from stickslip.model.rig import Rig
 from stickslip.model.units import Quantity
+from stickslip.progress import in_time
 from stickslip.simulation.engines.blocks import ANGLE
 from stickslip.simulation.engines.thermal_population import activation_width
 
 LONGEST = 3600.0
 """Seconds that a run may take without being asked for."""
+ANNOUNCED = 60.0
+"""Seconds above which a run is announced."""
 LARGEST = 4e9
 """Bytes that it may take."""
 MOST_BLOCK_STEPS = 1e9
@@ -119,6 +124,13 @@ class Work:
         """Memory."""
         return sum(part.bytes for part in self.parts)
 
+    def announce(self) -> None:
+        """Log one line of what a run of more than a minute will take; unless told otherwise, on standard error."""
+        if self.seconds > ANNOUNCED:
+            worst = max(self.parts, key=lambda part: part.seconds)
+            words = f"{self.rig.name}: about {in_time(self.seconds)} on one core: {worst.what}"
+            logging.getLogger("stickslip").warning(words)
+
     def check(
         self,
         seconds: float = LONGEST,
@@ -141,11 +153,11 @@ class Work:
         if silent and self.block_steps > MOST_BLOCK_STEPS:
             raise InputError(
                 f"drive duration = {self._said_time()}: {self.block_steps:.2g} steps of blocks would take about "
-                f"{_in_time(self.seconds)} without a word; pass progress=..., or ask for it all the same: long=True"
+                f"{in_time(self.seconds)} without a word; pass progress=..., or ask for it all the same: long=True"
             )
         if (excess := self.seconds / seconds) > 1:
             worst = max(self.parts, key=lambda part: part.seconds)
-            amount, share = f"{worst.what} would take about {_in_time(self.seconds)}", worst.seconds / seconds
+            amount, share = f"{worst.what} would take about {in_time(self.seconds)}", worst.seconds / seconds
         elif (excess := self.bytes / bytes) > 1:
             worst = max(self.parts, key=lambda part: part.bytes)
             amount, share = f"{worst.what} would take about {self.bytes / 1e9:.2g} GB", worst.bytes / bytes
@@ -204,8 +216,7 @@ def estimate(rig: Rig) -> Work:
         words = f"{turns:.2g} rad of the slider's oscillation"
         parts.append(Part(key="slider.mass", value=slider.mass, quantity="mass", power=-0.5, what=words,
                           seconds=radian * turns))  # fmt: skip
-    mean = rig.interface.threshold_distribution.moment(1)
-    lives = path / mean
+    lives = _lives(rig, path)
     if rig.interface.temperature is not None:
         parts.append(_thermal(rig, path, lives, min(turns, ringing)))
     elif isinstance(rig.method, Contacts | QuasiStatic):
@@ -243,8 +254,7 @@ def _of_blocks(rig: Rig, body: ElasticBody) -> Work:
     """What a run of an elastic slider would take."""
     duration, method = rig.drive.duration, rig.method
     path = sum(_way(piece) for piece in rig.drive.pieces)
-    path = max(path, 1.0)
-    lives = path / rig.interface.threshold_distribution.moment(1)
+    lives = _lives(rig, path)
     mean_coupling = 2.0 * float(body.links[1].sum()) / body.size
     fastest = math.sqrt((float(body.pulled.max()) + 2.0 * mean_coupling + 1.0) / body.mass)
     steps = 0.0 if isinstance(method, QuasiStatic) else body.size * duration * fastest / ANGLE
@@ -289,15 +299,15 @@ def _thermal(rig: Rig, path: float, lives: float, turns: float) -> Part:
                 seconds=_THERMAL_COHORT * steps * work, bytes=16.0 * work)  # fmt: skip
 
 
+def _lives(rig: Rig, path: float) -> float:
+    """How often a contact breaks on a path: on every mean threshold and what the drive goes while it waits."""
+    interface = rig.interface
+    speed = sum(_way(piece) for piece in rig.drive.pieces) / rig.drive.duration
+    waits = 0.0 if isinstance(interface.delay, OnArrest) or not speed else speed * interface.delay.moment(1)
+    return max(path / (interface.threshold_distribution.moment(1) + waits), 1.0)
+
+
 def _way(piece: Piece) -> float:
     """How far the drive goes in a piece, at most; a slider that has gone far enough ends it."""
     way = 0.5 * (abs(piece.start) + abs(piece.end)) * piece.duration
     return min(way, piece.until.distance) if isinstance(piece.until, Travel) else way
-
-
-def _in_time(seconds: float) -> str:
-    """Say a time as a person would."""
-    for size, name in ((31_557_600.0, "years"), (86_400.0, "days"), (3600.0, "h"), (60.0, "min")):
-        if seconds >= 2 * size:
-            return f"{seconds / size:.2g} {name}"
-    return f"{seconds:.2g} s"

@@ -9,7 +9,7 @@ from types import ModuleType
 from typing import Any
 
 from stickslip.sweep._executors import Processes, Threads
-from stickslip.sweep._grid import Status, in_words, open_sweep, run_cases, status_of
+from stickslip.sweep._grid import Status, open_sweep, run_cases, status_of
 from stickslip.sweep._refine import Refinement, Span, refine
 from stickslip.sweep._results import Failure, Summary, failures, summary
 from stickslip.sweep._run import MAX_CASES, Options, Progress, Runs
@@ -28,7 +28,6 @@ __all__ = [
     "Summary",
     "Threads",
     "failures",
-    "in_words",
     "is_store",
     "open_sweep",
     "refine",

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip.errors import InputError
+from stickslip.progress import in_time
 from stickslip.sweep import _refine
 from stickslip.sweep._cases import AxisValue, Function, case_key, check_name, plain_attribute
 from stickslip.sweep._executors import Workers
@@ -136,7 +137,7 @@ class Status:
             return line
         line += f"; {self.writer} is at it" if self.writer else "; nobody is at it: start it again to go on"
         left = self.seconds_left
-        return line if left is None else f"{line}; about {in_words(left)} at {self.rate:.3g} cases/s"
+        return line if left is None else f"{line}; about {in_time(left)} at {self.rate:.3g} cases/s"
 
 
 def status_of(store: str | PathLike[str]) -> Status:
@@ -166,14 +167,6 @@ def status_of(store: str | PathLike[str]) -> Status:
             writer=writer,
             rate=fresh / since if since > 0 else 0.0,
         )
-
-
-def in_words(seconds: float) -> str:
-    """A length of time for a person: ``"14 min"``."""
-    for size, unit in ((86400, "d"), (3600, "h"), (60, "min")):
-        if seconds >= 1.5 * size:
-            return f"{seconds / size:.3g} {unit}"
-    return f"{seconds:.0f} s"
 
 
 def _axis(name: str, given: object) -> list[AxisValue]:
