@@ -25,6 +25,7 @@ from stickslip.errors import InputError, UndecidedError, instance, number, shown
 from stickslip.explorer import bars, documents, measured, replay
 from stickslip.explorer.packing import Array, Plain, along_path, packed
 from stickslip.explorer.plain import PREFIXES, axis, floats, force_trace, name_of
+from stickslip.friction_law import turning_velocities
 from stickslip.io import datasets as store
 from stickslip.io import rig_files as rigs
 from stickslip.model import Delay, Interface
@@ -38,6 +39,7 @@ _FARTHEST = 1e3  # from the rig's own point, for the bistable band
 _EXTENSIONS = 3  # of a run that is undecided, each twice as long
 _POINTS = 72  # of the map along each parameter, twice over
 _AROUND_AGED, _POINTS_AGED = 5.0, 24  # each point takes a hundred times as long, and theory ends at some speeds
+_LAW, _LAW_POINTS = 300.0, 61  # of the friction law: speeds about that of the drive
 _COLUMNS = 9  # of the map, for the bistable band
 
 
@@ -107,6 +109,39 @@ def _in_hertz(regime: Plain, rig: Rig) -> str:
         return ""
     often = 1.0 / period
     return f"{often:.3g} Hz" if rig.scales is not None else f"{often:.3g} per time unit"
+
+
+def law(request: Plain, watch: Watch) -> Iterator[Plain]:
+    """Kinetic friction against speed about that of the drive, and the speeds at which it turns."""
+    rig = documents.rig_of(request.get("document"))
+    documents.check_decades(rig)
+    documents.check_thresholds(rig)
+    velocity = rig.natural.velocity
+    if velocity <= 0:
+        raise InputError("drive.velocity = 0: kinetic friction is that of sliding")
+    (low, high), count = (velocity / _LAW, velocity * _LAW), _LAW_POINTS
+    if rig.interface.ageing is not None:  # each speed takes a hundred times as long
+        (low, high), count = (velocity / 30.0, velocity * 30.0), 13
+    speeds, forces = np.geomspace(low, high, count), []
+    for i, speed in enumerate(speeds):
+        watch(i / count)
+        forces.append(float(theory.kinetic_friction(rig.interface, float(speed))))
+    turning = () if rig.interface.ageing is not None else turning_velocities(rig.interface, between=(low, high))
+    v, F = rig.unit("velocity"), rig.unit("force")
+    unit = "x_s/time" if rig.scales is None else "m/s"
+    yield {
+        "speed": {"title": "speed", "unit": unit, "values": packed(speeds * v)},
+        "force": {"title": "kinetic friction", "unit": "f_s" if rig.scales is None else "N"},
+        "values": packed(np.array(forces) * F),
+        "here": [velocity * v, float(theory.kinetic_friction(rig.interface, velocity)) * F],
+        "turning": [
+            {
+                "at": [one.velocity * v, one.force * F],
+                "words": f"{one.kind} at {rig.in_units(one.velocity, 'velocity')}",
+            }
+            for one in turning
+        ],
+    }
 
 
 def stretchings(request: Plain, watch: Watch) -> Iterator[Plain]:
@@ -481,6 +516,7 @@ def download(document: object, form: str, duration: object, seconds: float, watc
 
 ANSWERS: Mapping[str, Callable[..., Iterator[Any]]] = {
     "run": run,
+    "law": law,
     "stretchings": stretchings,
     "contacts": contacts,
     "edit": edit,
@@ -495,7 +531,7 @@ ANSWERS: Mapping[str, Callable[..., Iterator[Any]]] = {
     "sample": measured.sample,
 }
 """What a worker can be asked; the last argument of each is its watch."""
-QUICK, SLOW = ("run", "stretchings", "contacts", "edit"), ("chart", "band", "advice", "fronts")
+QUICK, SLOW = ("run", "law", "stretchings", "contacts", "edit"), ("chart", "band", "advice", "fronts")
 """Questions of a window."""
 
 

@@ -1,4 +1,4 @@
-"""Runs of an elastic slider for the page Fronts: force at the side, what happens along the bar, and each event closer."""
+"""Runs of an elastic slider for the page Fronts: its force, what happens along the bar, and each event closer."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ _PATIENCE = 4.0  # times as long as a run of the page Simulate
 _MOST_VALUES = 4_000_000  # of each block at each time
 _PER_BLOCK = 3.0  # samples while sound passes one
 _ROWS, _CLOSE = 600, 240  # pixels in time, of the whole run and of an event
-_EVENTS = 24  # that can be looked at closer
+_EVENTS = 12  # that can be looked at closer
 _FEWEST = 3  # blocks of an event that is told
-_SLIPS = 0.01  # of the largest velocity of an event
+_SLIPS = 0.1  # of the largest velocity of an event
 _DECADES = 3.0  # of velocity below the largest
 
 
@@ -42,7 +42,11 @@ def fronts(request: Plain, watch: Watch) -> Iterator[Plain]:
     run = simulate(replace(rig, output=Output(interval=duration / max(samples, 100.0))), progress=watch)
     watch(1.0)
     told = front_summary(run, most=_ROWS)
-    events = [event for event in told["events"] if event["blocks"] >= max(_FEWEST, body.blocks / 10)]
+    fewest = max(_FEWEST, body.blocks / 10)
+    events = [event for event in told["events"] if event["blocks"] >= fewest]
+    # A bar that does not come to rest again has a front, and no event.
+    events = events or [{**front, "drop": 0.0} for front in told["fronts"] if front["blocks"] >= fewest]
+    longest = sorted(sorted(events, key=lambda event: -event["blocks"])[:_EVENTS], key=lambda event: event["start"])
     sound = told["sound_speed"]
     fastest = float(np.abs(run["velocity"].to_numpy()).max()) or 1.0
     times, force = axis(run["time"]), axis(run["spring_force"])
@@ -62,9 +66,9 @@ def fronts(request: Plain, watch: Watch) -> Iterator[Plain]:
                 **_front(part, sound),
                 "view": _view(part, fastest, times["factor"], force["factor"], _CLOSE),
             }
-            for event, part in zip(events[-_EVENTS:], _closer(run, events[-_EVENTS:], sound), strict=True)
+            for event, part in zip(longest, _closer(run, longest, sound), strict=True)
         ],
-        "left_out": max(len(events) - _EVENTS, 0),
+        "left_out": len(events) - len(longest),
         "document": request["chain"],
         "toml": rigs.to_toml(rig),
     }
@@ -105,7 +109,7 @@ def _closer(run: xr.Dataset, events: list[dict[str, Any]], sound: float) -> Iter
 def _front(part: xr.Dataset, sound: float) -> Plain:
     """Where slip began in an event, and how fast it reached the farther end of what slipped, over the speed of sound.
 
-    A block slips from when it moves at a hundredth of the largest velocity of the event.
+    A block slips from when it moves at a tenth of the largest velocity of the event.
     """
     velocity = np.abs(part["velocity"].transpose("time", "block").to_numpy())
     slips = velocity >= _SLIPS * velocity.max()

@@ -53,6 +53,7 @@ const damping = {
 };
 const contacts = (doc) => at(doc, "simulation.method") !== "master equation";
 const SI = (doc) => doc.units !== "natural";
+const heated = (key) => (doc) => at(doc, `interface.temperature.${key}`) !== undefined;
 const held = (doc) => at(doc, "drive.pieces") === undefined;
 
 /* key: as the server's messages name it; unit: natural; si: SI; range: of the slider, natural; zero: may be 0;
@@ -78,6 +79,11 @@ export const ALL = [
     range: [0.001, 0.5], when: (doc) => at(doc, "interface.initial.low") === undefined },
   { key: "interface.ageing.time", symbol: "β", title: "ageing rate", unit: "1/√time", si: "1/√s", range: [0.05, 10],
     zero: true, ...ageing },
+  { key: "interface.temperature.temperature", symbol: "T", title: "temperature", unit: "K", si: "K", range: [30, 3000], when: heated("temperature") },
+  { key: "interface.temperature.activation_volume", symbol: "Vₐ", title: "activation vol.", unit: "nm^3", si: "nm^3", range: [0.05, 5],
+    when: heated("activation_volume") },
+  { key: "interface.temperature.width", symbol: "w", title: "width of Bell", unit: "xₛ", si: "m", range: [0.002, 0.2], when: heated("width") },
+  { key: "interface.temperature.attempts", symbol: "ω₀", title: "attempts", unit: "1/time", si: "1/s", when: heated("attempts") },
   { key: "interface.contact_strength", symbol: "N fₛ", title: "contact strength", si: "N", when: SI },
   { key: "interface.breaking_displacement", symbol: "xₛ", title: "breaking displ.", si: "m", when: SI },
   { group: "Simulation" },

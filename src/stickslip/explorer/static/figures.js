@@ -93,10 +93,10 @@ export function cursorOver(id) {
     const frame = $(id)._fullLayout;
     if (!frame?.xaxis?._length) return;
     const { xaxis, yaxis } = frame, x = xaxis.l2p(time), y = value === undefined ? -1 : yaxis.l2p(value);
-    line.hidden = x < 0 || x > xaxis._length;
+    line.hidden = !(x >= 0 && x <= xaxis._length);
     line.style.transform = `translate(${xaxis._offset + x}px, ${yaxis._offset}px)`;
     line.style.height = `${yaxis._length}px`;
-    dot.hidden = line.hidden || y < 0 || y > yaxis._length;
+    dot.hidden = line.hidden || !(y >= 0 && y <= yaxis._length);
     dot.style.transform = `translate(${xaxis._offset + x}px, ${yaxis._offset + y}px)`;
   };
 }

@@ -7,19 +7,22 @@ import { ask, drop, on, saying } from "./talk.js";
 import { unpacked } from "./unpack.js";
 
 const FIELDS = [
-  { key: "chain.blocks", title: "blocks", whole: true },
-  { key: "chain.coupling", title: "coupling of blocks (k)" },
-  { key: "chain.side", title: "spring at the end (k)" },
-  { key: "chain.leaf", title: "spring at each block (k)" },
-  { key: "chain.damping", title: "damping (1/time)" },
-  { key: "interface.thresholds.std", title: "threshold std. dev. (xₛ)" },
-  { key: "interface.sliding_force", title: "force of sliding (fₛ)" },
-  { key: "interface.delay.mean", title: "delay (time)" },
-  { key: "drive.velocity", title: "speed (xₛ/time)" },
-  { key: "drive.duration", title: "duration (time)" },
+  { key: "chain.blocks", title: "blocks", unit: "", whole: true },
+  { key: "chain.coupling", title: "coupling of blocks", unit: "k" },
+  { key: "chain.side", title: "spring at the end", unit: "k" },
+  { key: "chain.leaf", title: "spring at each block", unit: "k" },
+  { key: "chain.damping", title: "damping", unit: "1/time" },
+  { key: "interface.thresholds.std", title: "threshold std. dev.", unit: "xₛ" },
+  { key: "interface.sliding_force", title: "force of sliding", unit: "fₛ" },
+  { key: "interface.delay", title: "delay", unit: "time" },
+  { key: "drive.velocity", title: "speed", unit: "xₛ/time" },
+  { key: "drive.duration", title: "duration", unit: "time" },
+  { key: "simulation.start.stretching", title: "stretching at first", unit: "xₛ" },
+  { key: "simulation.start.push", title: "push at the end", unit: "fₛ" },
 ];
 const { shown } = state;
 const point = cursorOver("plot-side");
+const FAST = 170; // of 255: blocks that slip move at a tenth of the fastest, a third of three decades below
 let bars = [], chain = null, asked = "", event = -1, time = null, painted = null;
 
 on("fronts", (reply) => {
@@ -61,7 +64,7 @@ function choose(index) {
   if (state.page === "fronts") compute();
 }
 function rebuild() {
-  $("bar-fields").replaceChildren(...FIELDS.filter(({ key }) => at(chain, key) !== undefined).map(({ key, title, whole }) => {
+  $("bar-fields").replaceChildren(...FIELDS.filter(({ key }) => ["number", "string"].includes(typeof at(chain, key))).map(({ key, title, unit, whole }) => {
     const id = `bar-${key.replaceAll(".", "-")}`, input = element("input", { id, value: String(at(chain, key)), inputMode: "decimal", autocomplete: "off" });
     input.onchange = () => {
       const text = pointed(input.value.trim()), number = numeric(text);
@@ -70,7 +73,8 @@ function rebuild() {
       put(chain, key, isNaN(number) ? text : whole ? Math.round(number) : number);
       compute();
     };
-    return element("div", { className: "field" }, element("label", { htmlFor: id, textContent: chain.units === "natural" ? title : title.replace(/ \(.*/, "") }), input);
+    return element("div", { className: "field" }, element("label", { htmlFor: id, textContent: title }), input,
+      element("span", { className: "unit", textContent: chain.units === "natural" ? unit : "" }));
   }));
 }
 function compute() {
@@ -97,7 +101,7 @@ $("bar-save").onclick = () => {
 
 function listEvents() {
   const { events, blocks, time: times, force, left_out: left } = shown.fronts;
-  const head = ["", label({ ...times, title: "at" }), "slipped", "began at block", "speed, over that of sound", label({ ...force, title: "force drop" })];
+  const head = ["", label({ ...times, title: "at" }), "slipped", "began at block", "speed / sound", label({ ...force, title: "force drop" })];
   const rows = events.map((one, i) => {
     const button = element("button", { type: "button", textContent: "Closer", ariaLabel: `Closer: event at ${short(one.start)}` });
     button.onclick = () => look(i);
@@ -105,7 +109,7 @@ function listEvents() {
       one.speed === null ? "no front" : one.speed.toPrecision(2), one.drop.toPrecision(3)];
     return element("tr", {}, element("td", {}, button), ...cells.map((textContent) => element("td", { textContent })));
   });
-  if (left) rows.push(element("tr", {}, element("td", { colSpan: 6, textContent: `${left} earlier events are left out` })));
+  if (left) rows.push(element("tr", {}, element("td", { colSpan: 6, textContent: `${left} shorter events are left out` })));
   if (!rows.length) rows.push(element("tr", {}, element("td", { colSpan: 6, textContent: "No event runs along a tenth of the bar." })));
   $("fronts-events").replaceChildren(element("thead", {}, element("tr", {}, ...head.map((textContent) => element("th", { textContent })))), element("tbody", {}, ...rows));
 }
@@ -127,6 +131,8 @@ async function show() {
   $("fronts-whole").setAttribute("aria-pressed", String(event < 0));
   [...$("fronts-events").querySelectorAll("tbody tr")].forEach((row, i) => row.classList.toggle("chosen", i === event));
   painted = null;
+  point(NaN);
+  $("fronts-at").textContent = "";
   const marked = event < 0 ? events.map(({ start }) => start) : [];
   await draw("plot-side", [{ x: now.t, y: now.F, mode: "lines", line: { color: colour("blue"), width: 1.3 }, name: "force" }], {
     xaxis: axis("", { range: now.span, showticklabels: false, automargin: false }), yaxis: axis(upright(force), { automargin: false }), margin: { l: 62, r: 14, t: 18, b: 10 },
@@ -222,7 +228,7 @@ function moveTo(next) {
   paint();
   const velocity = unpacked(now.velocity), places = velocity.length / now.rows;
   const row = Math.min(Math.floor(((time - begin) / (end - begin || 1)) * now.rows), now.rows - 1);
-  const moving = velocity.subarray(row * places, (row + 1) * places).reduce((count, value) => count + (value > 85), 0);
+  const moving = velocity.subarray(row * places, (row + 1) * places).reduce((count, value) => count + (value > FAST), 0);
   $("fronts-at").textContent = `t = ${short(time, 5)}: force ${short(F[i], 3)}, ${moving === 0 ? "nothing slips" : `${Math.round((moving / places) * shown.fronts.blocks)} blocks slip`}`;
 }
 $("plot-side").addEventListener("pointermove", (move) => { const t = shown.fronts && timeAt(move, "plot-side"); if (t !== null && t !== undefined) moveTo(t); });
@@ -244,7 +250,7 @@ $("spacetime").addEventListener("keydown", (key) => {
   const [begin, end] = view().span;
   moveTo((time ?? begin) + (step * (end - begin)) / 100);
 });
-window.addEventListener("resize", () => { if (state.page === "fronts") setTimeout(paint, 60); });
+new ResizeObserver(() => { if (state.page === "fronts") { point(NaN); paint(); } }).observe($("plot-side"));
 
 parts.fronts = {
   greeted: ({ bars: found, chain: mine }) => offer(found, mine),

@@ -1,6 +1,6 @@
 /* The page Simulate: the run, its pictures, and the drawing of the slider on its contacts. */
 
-import { colour, cursorOver, draw, axis, forceLayout, forceTraces, label, timeAt, upright } from "./figures.js";
+import { colour, cursorOver, draw, axis, forceLayout, forceTraces, label, purge, timeAt, upright } from "./figures.js";
 import { short } from "./fields.js";
 import { $, list, mark, parts, pretty, progress, showRegime, state, tellParts } from "./page.js";
 import { anyTyped, complain, settle, showPreset } from "./rig.js";
@@ -37,7 +37,7 @@ on("run", async (reply) => {
   list("evidence", reply.regime.evidence);
   showPreset();
   tellParts("drawn", reply, newest && !reply.going_on);
-  if (newest && !reply.going_on) askFrames();
+  if (newest && !reply.going_on) { askFrames(); askLaw(); }
   if (state.page === "simulate") {
     await drawForce();
     later(drawRest); // the trace first
@@ -63,6 +63,7 @@ function drawRest() {
   if (state.page !== "simulate") return;
   drawPhase();
   drawStretchings();
+  drawLaw();
 }
 function drawPhase() {
   const { velocity, force, drive } = shown.run.phase;
@@ -76,6 +77,36 @@ function drawStretchings() {
   $("at").textContent = `t = ${short(time)}${unit === "time" ? "" : ` ${unit}`}`;
   return draw("plot-stretchings", [{ x: x.values, y: Q.values, mode: "lines", line: { shape: "hvh", color: colour("purple"), width: 1.3 },
     fill: "tozeroy", fillcolor: `${colour("purple")}44` }], { xaxis: axis(label(x)), yaxis: axis(upright(Q), { rangemode: "tozero" }) });
+}
+
+// ------------------------------------------------------------------------------------------- the law of friction
+
+/* It depends on the contacts and the speed alone: a rig that differs otherwise keeps it. */
+const lawful = () => JSON.stringify([state.doc.interface, state.doc.drive, state.doc.units]);
+let asked = "";
+function askLaw() {
+  if (state.page !== "simulate" || asked === lawful()) return;
+  asked = lawful();
+  ask("law");
+}
+on("law", (reply) => {
+  if (!reply.speed) return;
+  shown.law = reply;
+  mark("law", "", reply.turning.map(({ words }) => pretty(words)).join("; "));
+  drawLaw();
+}, (errors) => {
+  shown.law = null;
+  purge("plot-law");
+  mark("law", "refused", pretty(saying(errors)));
+});
+function drawLaw() {
+  if (!shown.law || state.page !== "simulate") return;
+  const { speed, force, values, here, turning } = shown.law, dots = (points, name, marker) => ({ x: points.map(([v]) => v), y: points.map(([, F]) => F), mode: "markers", name, marker });
+  return draw("plot-law", [
+    { x: speed.values, y: values, mode: "lines", name: "law", line: { color: colour("green"), width: 1.5 } },
+    dots([here], "this rig", { size: 11, color: colour("paper"), line: { color: colour("vermillion"), width: 3 } }),
+    dots(turning.map(({ at }) => at), "turning", { size: 9, symbol: "diamond", color: colour("purple") }),
+  ], { xaxis: axis(label(speed), { type: "log" }), yaxis: axis(upright(force), { rangemode: "tozero" }) });
 }
 
 // ----------------------------------------------------------------------- the cursor: a look at another time of the run
@@ -166,6 +197,7 @@ parts.simulate = {
       await drawForce();
       drawRest();
       if (!frames) askFrames();
+      askLaw();
     }
     if (playing && frames) stage.play();
   },
@@ -175,6 +207,7 @@ parts.simulate = {
     frames = null;
     stage.pause();
     mark("drawing", "computing");
+    if (asked !== lawful()) mark("law", "computing");
   },
   refused() { noDrawing(""); mark("drawing", "refused"); },
   chosen() { held = false; },
