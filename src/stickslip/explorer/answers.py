@@ -52,13 +52,20 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
     """Force trace, phase portrait, stretchings at the cursor's time and regime; then the friction forces.
 
     A drive that would take too long is cut short; a run whose regime is undecided goes on, if it can be told by that.
+    With ``step`` it does not go on by itself: the next step is another question, and others have their turn between.
     """
     begun = time.perf_counter()
     rig = documents.rig_of(request.get("document"))
-    seconds = _seconds(request)
+    seconds, step = _seconds(request), request.get("step")
     asked, rig = rig, documents.shortened(rig, seconds)
     notes = [] if rig is asked else [_cut_note(asked, rig, seconds)]
-    for extension in range(_EXTENSIONS + 1):
+    extension = 0
+    for _ in range(step if isinstance(step, int) else 0):
+        rig, extension = documents.extended(rig, seconds) or rig, extension + 1
+    while True:
+        if extension:
+            times = f"{rig.drive.duration / asked.drive.duration:.3g} times"
+            notes = [f"The run was undecided at its end and went on by itself, {times} as long as asked for."]
         made = _run(rig, watch, seconds, snapshots=(_look(request, rig),))
         watch(1.0)
         answer = force_trace(made, _width(request), _transitions(made, rig) if _is_ramp(made) else None)
@@ -78,9 +85,9 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
         }
         if longer is None:
             break
-        rig = longer
-        times = f"{rig.drive.duration / asked.drive.duration:.3g} times"
-        notes = [f"The run was undecided at its end and went on by itself, {times} as long as asked for."]
+        if step is not None:
+            return
+        rig, extension = longer, extension + 1
     yield {"friction": _friction(rig)}
 
 
@@ -130,7 +137,7 @@ def law(request: Plain, watch: Watch) -> Iterator[Plain]:
     v, F = rig.unit("velocity"), rig.unit("force")
     unit = "x_s/time" if rig.scales is None else "m/s"
     yield {
-        "speed": {"title": "speed", "unit": unit, "values": packed(speeds * v)},
+        "speed": {"title": "speed", "unit": unit, "values": packed(speeds * v), "ends": [low * v, high * v]},
         "force": {"title": "kinetic friction", "unit": "f_s" if rig.scales is None else "N"},
         "values": packed(np.array(forces) * F),
         "here": [velocity * v, float(theory.kinetic_friction(rig.interface, velocity)) * F],

@@ -422,7 +422,7 @@ def bars() -> tuple[dict[str, Any], ...]:
         "units": "natural",
         "chain": {**bar, "side": 3.0},
         "interface": {"thresholds": equal, "delay": 30.0, "sliding_force": 0.6},
-        "drive": {"velocity": 0.003, "duration": 40_000.0},
+        "drive": {"velocity": 0.003, "duration": 25_000.0},
         "simulation": {"contacts": 50, "seed": 1},
     }
     top = {

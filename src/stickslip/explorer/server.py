@@ -37,7 +37,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from stickslip.errors import InputError, shown
 from stickslip.explorer import PORT, answers, documents, measured, workers
 from stickslip.explorer.packing import Plain
-from stickslip.explorer.workers import Crew, Job
+from stickslip.explorer.workers import Crew, Job, Visitor
 from stickslip.io import rig_files as rigs
 
 HOST = "127.0.0.1"
@@ -198,7 +198,9 @@ def application(begin: documents.Document, port: int, *, host: str = HOST, token
     @asynccontextmanager
     async def lifespan(_app: Starlette) -> Any:
         threading.Thread(target=workers.start, daemon=True).start()
+        warming = asyncio.create_task(house.quick.begin(Job("run", ({"document": documents.first()},), 60.0)))
         yield
+        warming.cancel()
         house.quick.close()
         house.slow.close()
 
@@ -414,8 +416,10 @@ def _refused(status: int, message: str) -> Response:
 class _Lane:
     """Questions of one kind from one window: the newest wins."""
 
-    def __init__(self, kind: str, house: _House, turns: asyncio.Semaphore, send: Callable[[str], None]) -> None:
-        self._kind, self._house, self._turns, self._send = kind, house, turns, send
+    def __init__(
+        self, kind: str, house: _House, turns: asyncio.Semaphore, visitor: Visitor, send: Callable[[str], None]
+    ) -> None:
+        self._kind, self._house, self._turns, self._visitor, self._send = kind, house, turns, visitor, send
         self._newest = threading.Event()  # set: dropped
         self._free = asyncio.Lock()
 
@@ -430,12 +434,19 @@ class _Lane:
         slow, limits = self._kind in answers.SLOW, self._house.limits
         crew, seconds = (self._house.slow, limits.slow) if slow else (self._house.quick, limits.quick)
         async with self._free, self._turns:
-            if not dropped.is_set():
-                job = Job(self._kind, ({**request, "seconds": limits.run},), seconds)
-                await crew.work(job, partial(self._reply, request.get("id")), dropped)
+            step: int | None = 0
+            while step is not None and not dropped.is_set():
+                job = Job(self._kind, ({**request, "seconds": limits.run, "step": step},), seconds)
+                goes_on = threading.Event()
+                await crew.work(job, partial(self._reply, request.get("id"), goes_on), dropped, self._visitor)
+                step = step + 1 if goes_on.is_set() else None
 
-    def _reply(self, number: object, content: Plain) -> None:
-        self._send(json.dumps({"kind": self._kind, "id": number, **content}, allow_nan=False))
+    def _reply(self, number: object, goes_on: threading.Event, content: Plain) -> None:
+        """Send an answer on; one that goes on is not done with its step."""
+        if content.get("going_on"):
+            goes_on.set()
+        if not (content.get("done") and goes_on.is_set()):
+            self._send(json.dumps({"kind": self._kind, "id": number, **content}, allow_nan=False))
 
 
 async def _session(house: _House, websocket: WebSocket) -> None:
@@ -463,7 +474,8 @@ async def _serve(house: _House, websocket: WebSocket) -> None:
 
     turns = {True: asyncio.Semaphore(house.limits.together), False: asyncio.Semaphore(len(answers.QUICK))}
     kinds = (*answers.QUICK, *answers.SLOW)
-    lanes = {kind: _Lane(kind, house, turns[kind in answers.SLOW], send) for kind in kinds}
+    visitor = Visitor()
+    lanes = {kind: _Lane(kind, house, turns[kind in answers.SLOW], visitor, send) for kind in kinds}
     tasks: set[asyncio.Task[None]] = {asyncio.create_task(deliver())}
     send(house.hello)
     try:

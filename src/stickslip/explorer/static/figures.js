@@ -1,5 +1,6 @@
 /* Plots in the colours of the page. */
 
+import { short } from "./fields.js";
 import { $, element, state, word } from "./page.js";
 import { unpacked } from "./unpack.js";
 
@@ -24,6 +25,21 @@ export function upright(variable) {
 export function axis(title, more = {}) {
   return { title: { text: title, standoff: 6 }, gridcolor: colour("grid"), zeroline: false, linecolor: colour("quiet"),
     ticks: "outside", ticklen: 3, tickcolor: colour("quiet"), exponentformat: "power", automargin: true, ...more };
+}
+/* A logarithmic axis: 1, 2, 5, 10 ... in the prefix that suits its middle. */
+export function logarithmic({ title, unit, ends: [low, high] }) {
+  const middle = Math.sqrt(low * high), prefixes = { "N/m": "mkMG", "m/s": "nµmk", s: "nµm" }[unit] ?? "";
+  const sizes = { n: 1e-9, "µ": 1e-6, m: 1e-3, "": 1, k: 1e3, M: 1e6, G: 1e9 };
+  const prefix = ["", ...prefixes].filter((p) => sizes[p] <= middle * 2).sort((p, q) => sizes[q] - sizes[p])[0] ?? "";
+  const tickvals = [], wide = high / low > 200;
+  for (let decade = Math.floor(Math.log10(low)); decade <= Math.log10(high); decade++) {
+    for (const step of wide ? [1, 3] : [1, 2, 5]) {
+      const value = step * Math.pow(10, decade);
+      if (value >= low * 0.999 && value <= high * 1.001) tickvals.push(value);
+    }
+  }
+  return axis(label({ title, unit: prefix + unit }), { type: "log", range: [Math.log10(low), Math.log10(high)], tickvals,
+    ticktext: tickvals.map((value) => String(short(value / sizes[prefix], 2))) });
 }
 function layout(more) {
   return { paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", margin: { l: 56, r: 12, t: 22, b: 44 },

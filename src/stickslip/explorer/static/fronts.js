@@ -22,6 +22,7 @@ const FIELDS = [
 ];
 const { shown } = state;
 const point = cursorOver("plot-side");
+const MANY = 1.6; // times sound: slip began in several places at once
 const FAST = 170; // of 255: blocks that slip move at a tenth of the fastest, a third of three decades below
 let bars = [], chain = null, asked = "", event = -1, time = null, painted = null;
 
@@ -106,7 +107,7 @@ function listEvents() {
     const button = element("button", { type: "button", textContent: "Closer", ariaLabel: `Closer: event at ${short(one.start)}` });
     button.onclick = () => look(i);
     const cells = [String(short(one.start)), one.blocks >= blocks ? "the whole bar" : `${one.blocks} of ${blocks} blocks`, String(one.from),
-      one.speed === null ? "no front" : one.speed.toPrecision(2), one.drop.toPrecision(3)];
+      one.speed === null ? "no front" : one.speed > MANY ? "several at once" : one.speed.toPrecision(2), one.drop.toPrecision(3)];
     return element("tr", {}, element("td", {}, button), ...cells.map((textContent) => element("td", { textContent })));
   });
   if (left) rows.push(element("tr", {}, element("td", { colSpan: 6, textContent: `${left} shorter events are left out` })));

@@ -1,6 +1,6 @@
 /* The page Map: where smooth sliding is stable, over two parameters; the rig is a circle that can be dragged. */
 
-import { axis, colour, draw, label, purge, restyle } from "./figures.js";
+import { colour, draw, logarithmic, purge, restyle } from "./figures.js";
 import { put, short } from "./fields.js";
 import { $, mark, parts, pretty, progress, showRegime, state, word } from "./page.js";
 import { ask, drop, on, saying } from "./talk.js";
@@ -142,21 +142,6 @@ function drawMap() {
     bgcolor: colour("paper"), borderpad: 1, font: { size: 11, color: colour("ink") } }));
   return draw("plot-map", traces, { hovermode: "closest", dragmode: false, annotations: written, margin: { l: 62, r: 8, t: 10, b: 48 },
     xaxis: logarithmic(chart.x), yaxis: logarithmic(chart.y) });
-}
-/* An axis of the map: 1, 2, 5, 10 ... in the prefix that suits its middle. */
-function logarithmic({ title, unit, ends: [low, high] }) {
-  const middle = Math.sqrt(low * high), prefixes = { "N/m": "mkMG", "m/s": "nµmk", s: "nµm" }[unit] ?? "";
-  const sizes = { n: 1e-9, "µ": 1e-6, m: 1e-3, "": 1, k: 1e3, M: 1e6, G: 1e9 };
-  const prefix = ["", ...prefixes].filter((p) => sizes[p] <= middle * 2).sort((p, q) => sizes[q] - sizes[p])[0] ?? "";
-  const tickvals = [], wide = high / low > 200;
-  for (let decade = Math.floor(Math.log10(low)); decade <= Math.log10(high); decade++) {
-    for (const step of wide ? [1, 3] : [1, 2, 5]) {
-      const value = step * Math.pow(10, decade);
-      if (value >= low * 0.999 && value <= high * 1.001) tickvals.push(value);
-    }
-  }
-  return axis(label({ title, unit: prefix + unit }), { type: "log", range: [Math.log10(low), Math.log10(high)], tickvals,
-    ticktext: tickvals.map((value) => String(short(value / sizes[prefix], 2))) });
 }
 function turn(event) {
   const plot = $("plot-map"), frame = plot._fullLayout, box = plot.getBoundingClientRect();

@@ -1,6 +1,6 @@
 /* The page Simulate: the run, its pictures, and the drawing of the slider on its contacts. */
 
-import { colour, cursorOver, draw, axis, forceLayout, forceTraces, label, purge, timeAt, upright } from "./figures.js";
+import { colour, cursorOver, draw, axis, forceLayout, forceTraces, label, logarithmic, purge, timeAt, upright } from "./figures.js";
 import { short } from "./fields.js";
 import { $, list, mark, parts, pretty, progress, showRegime, state, tellParts } from "./page.js";
 import { anyTyped, complain, settle, showPreset } from "./rig.js";
@@ -106,7 +106,7 @@ function drawLaw() {
     { x: speed.values, y: values, mode: "lines", name: "law", line: { color: colour("green"), width: 1.5 } },
     dots([here], "this rig", { size: 11, color: colour("paper"), line: { color: colour("vermillion"), width: 3 } }),
     dots(turning.map(({ at }) => at), "turning", { size: 9, symbol: "diamond", color: colour("purple") }),
-  ], { xaxis: axis(label(speed), { type: "log" }), yaxis: axis(upright(force), { rangemode: "tozero" }) });
+  ], { xaxis: logarithmic(speed), yaxis: axis(upright(force), { rangemode: "tozero" }) });
 }
 
 // ----------------------------------------------------------------------- the cursor: a look at another time of the run
