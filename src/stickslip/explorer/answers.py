@@ -22,28 +22,25 @@ import xarray as xr
 
 from stickslip import advise, cycles, measure, plot, rigid, stability, theory
 from stickslip.errors import InputError, UndecidedError, instance, number, shown
-from stickslip.explorer import documents, replay
-from stickslip.explorer.packing import Array, Plain, along_path, envelope, packed
+from stickslip.explorer import bars, documents, measured, replay
+from stickslip.explorer.packing import Array, Plain, along_path, packed
+from stickslip.explorer.plain import PREFIXES, axis, floats, force_trace, name_of
+from stickslip.friction_law import turning_velocities
 from stickslip.io import datasets as store
 from stickslip.io import rig_files as rigs
 from stickslip.model import Delay, Interface
-from stickslip.model.quantities import read_quantity
 from stickslip.model.rig import Rig
 from stickslip.simulation import simulate
 from stickslip.stability import PARAMETERS
 
 Watch = Callable[[float], None]
 
-LARGEST_TRACE = 50_000_000
-"""Bytes of a measured trace that the page may send."""
-_MOST_MARKED = 2_000  # slips; more cannot be told apart on a screen
 _FARTHEST = 1e3  # from the rig's own point, for the bistable band
-_SAMPLED, _SENSOR = 5e-3, 0.01  # the sample trace: seconds from row to row, noise over the largest force
 _EXTENSIONS = 3  # of a run that is undecided, each twice as long
 _POINTS = 72  # of the map along each parameter, twice over
 _AROUND_AGED, _POINTS_AGED = 5.0, 24  # each point takes a hundred times as long, and theory ends at some speeds
+_LAW, _LAW_POINTS = 300.0, 61  # of the friction law: speeds about that of the drive
 _COLUMNS = 9  # of the map, for the bistable band
-_PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -55,16 +52,23 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
     """Force trace, phase portrait, stretchings at the cursor's time and regime; then the friction forces.
 
     A drive that would take too long is cut short; a run whose regime is undecided goes on, if it can be told by that.
+    With ``step`` it does not go on by itself: the next step is another question, and others have their turn between.
     """
     begun = time.perf_counter()
     rig = documents.rig_of(request.get("document"))
-    seconds = _seconds(request)
+    seconds, step = _seconds(request), request.get("step")
     asked, rig = rig, documents.shortened(rig, seconds)
     notes = [] if rig is asked else [_cut_note(asked, rig, seconds)]
-    for extension in range(_EXTENSIONS + 1):
+    extension = 0
+    for _ in range(step if isinstance(step, int) else 0):
+        rig, extension = documents.extended(rig, seconds) or rig, extension + 1
+    while True:
+        if extension:
+            times = f"{rig.drive.duration / asked.drive.duration:.3g} times"
+            notes = [f"The run was undecided at its end and went on by itself, {times} as long as asked for."]
         made = _run(rig, watch, seconds, snapshots=(_look(request, rig),))
         watch(1.0)
-        answer = _trace(made, _width(request), _transitions(made, rig) if _is_ramp(made) else None)
+        answer = force_trace(made, _width(request), _transitions(made, rig) if _is_ramp(made) else None)
         longer = None
         if answer["regime"]["kind"] == "undecided" and extension < _EXTENSIONS and "pieces" not in _drive(request):
             longer = documents.extended(rig, seconds)
@@ -81,9 +85,9 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
         }
         if longer is None:
             break
-        rig = longer
-        times = f"{rig.drive.duration / asked.drive.duration:.3g} times"
-        notes = [f"The run was undecided at its end and went on by itself, {times} as long as asked for."]
+        if step is not None:
+            return
+        rig, extension = longer, extension + 1
     yield {"friction": _friction(rig)}
 
 
@@ -112,6 +116,39 @@ def _in_hertz(regime: Plain, rig: Rig) -> str:
         return ""
     often = 1.0 / period
     return f"{often:.3g} Hz" if rig.scales is not None else f"{often:.3g} per time unit"
+
+
+def law(request: Plain, watch: Watch) -> Iterator[Plain]:
+    """Kinetic friction against speed about that of the drive, and the speeds at which it turns."""
+    rig = documents.rig_of(request.get("document"))
+    documents.check_decades(rig)
+    documents.check_thresholds(rig)
+    velocity = rig.natural.velocity
+    if velocity <= 0:
+        raise InputError("drive.velocity = 0: kinetic friction is that of sliding")
+    (low, high), count = (velocity / _LAW, velocity * _LAW), _LAW_POINTS
+    if rig.interface.ageing is not None:  # each speed takes a hundred times as long
+        (low, high), count = (velocity / 30.0, velocity * 30.0), 13
+    speeds, forces = np.geomspace(low, high, count), []
+    for i, speed in enumerate(speeds):
+        watch(i / count)
+        forces.append(float(theory.kinetic_friction(rig.interface, float(speed))))
+    turning = () if rig.interface.ageing is not None else turning_velocities(rig.interface, between=(low, high))
+    v, F = rig.unit("velocity"), rig.unit("force")
+    unit = "x_s/time" if rig.scales is None else "m/s"
+    yield {
+        "speed": {"title": "speed", "unit": unit, "values": packed(speeds * v), "ends": [low * v, high * v]},
+        "force": {"title": "kinetic friction", "unit": "f_s" if rig.scales is None else "N"},
+        "values": packed(np.array(forces) * F),
+        "here": [velocity * v, float(theory.kinetic_friction(rig.interface, velocity)) * F],
+        "turning": [
+            {
+                "at": [one.velocity * v, one.force * F],
+                "words": f"{one.kind} at {rig.in_units(one.velocity, 'velocity')}",
+            }
+            for one in turning
+        ],
+    }
 
 
 def stretchings(request: Plain, watch: Watch) -> Iterator[Plain]:
@@ -169,36 +206,6 @@ def _run(rig: Rig, watch: Watch, seconds: float, snapshots: tuple[float, ...] = 
     return simulate(replace(rig, output=replace(rig.output, snapshots=snapshots)), progress=watch)
 
 
-def _trace(data: xr.Dataset, width: int, words: str | None = None) -> Plain:
-    """Force against time, thinned to the width of the screen, with regime in words, and slips if it has any."""
-    seen = measure.regime(data)
-    slips = measure.drops(data) if seen.kind == "stick-slip" or words is not None else None
-    times, force = _axis(data["time"]), _axis(data["spring_force"])
-    t, f = envelope(data["time"].to_numpy() / times["factor"], data["spring_force"].to_numpy() / force["factor"], width)
-    start, end, before = (
-        np.empty(0) if slips is None else slips[name].to_numpy()[:_MOST_MARKED]
-        for name in ("start", "end", "force_before")
-    )
-    return {
-        "time": {**times, "values": packed(t)},
-        "force": {**force, "values": packed(f)},
-        "span": [float(data["time"][0]) / times["factor"], float(data["time"][-1]) / times["factor"]],
-        "slips": {
-            "count": 0 if slips is None else int(slips.sizes["event"]),
-            "start": _list(start / times["factor"]),
-            "end": _list(end / times["factor"]),
-            "before": _list(before / force["factor"]),
-        },
-        "regime": {
-            "kind": seen.kind if words is None else "speed sweep",
-            "reason": seen.reason if words is None else words,
-            "evidence": str(seen).splitlines()[1:] if words is None else [],
-            "period": seen.period if math.isfinite(seen.period) else None,
-        },
-        "window": [edge / times["factor"] for edge in seen.window],
-    }
-
-
 def _is_ramp(data: xr.Dataset) -> bool:
     """Whether the speed of the drive changes, so that one regime cannot be told."""
     speed = data["drive_velocity"].to_numpy()
@@ -228,14 +235,14 @@ def _transitions(data: xr.Dataset, rig: Rig) -> str:
 def _speed(value: float, unit: str) -> str:
     if unit != "m/s":
         return f"{value:.3g}"
-    factor, prefix = next((p for p in _PREFIXES if value >= 0.5 * p[0]), _PREFIXES[-1])
+    factor, prefix = next((p for p in PREFIXES if value >= 0.5 * p[0]), PREFIXES[-1])
     return f"{value / factor:.3g} {prefix}m/s"
 
 
 def _phase(data: xr.Dataset) -> Plain:
     """Force against velocity in the last two fifths of the run, and the range that shows noise as small as it is."""
     late = data.isel(time=slice(int(0.6 * data.sizes["time"]), None))
-    velocity, force = _axis(late["velocity"]), _axis(data["spring_force"])
+    velocity, force = axis(late["velocity"]), axis(data["spring_force"])
     v, f = along_path(
         late["velocity"].to_numpy() / velocity["factor"], late["spring_force"].to_numpy() / force["factor"]
     )
@@ -254,14 +261,14 @@ def _room(low: float, high: float) -> list[float]:
 
 
 def _stretchings(data: xr.Dataset) -> Plain:
-    x, density = _axis(data["x"]), {**_axis(data["stretching_density"]), "title": "Q(x)"}
+    x, density = axis(data["x"]), {**axis(data["stretching_density"]), "title": "Q(x)"}
     return {
         "x": {**x, "values": packed(data["x"].to_numpy() / x["factor"])},
         "stretching_density": {
             **density,
             "values": packed(data["stretching_density"].to_numpy()[0] / density["factor"]),
         },
-        "at": float(data["snapshot"][0]) / _axis(data["time"])["factor"],
+        "at": float(data["snapshot"][0]) / axis(data["time"])["factor"],
     }
 
 
@@ -324,16 +331,16 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
         "x": _map_axis(found[over[0]]),
         "y": _map_axis(found[over[1]]),
         "over": over,
-        "shade": [_list(row) for row in shade],
+        "shade": [floats(row) for row in shade],
         "rate": [[f"{value:.3g}" for value in row] for row in values],
         "rate_unit": str(rate.attrs.get("units", "")),
-        "levels": {"at": _list(_shade(levels)), "text": [f"{level * largest:.2g}" for level in levels]},
+        "levels": {"at": floats(_shade(levels)), "text": [f"{level * largest:.2g}" for level in levels]},
         "frequency_unit": "Hz" if found["edge_frequency"].attrs.get("units") == "1/s" else "cycles per time unit",
         "curves": [
             {
-                "x": _list(found[f"edge_{over[0]}"].to_numpy()[mine]),
-                "y": _list(found[f"edge_{over[1]}"].to_numpy()[mine]),
-                "frequency": _list(found["edge_frequency"].to_numpy()[mine] / (2 * math.pi)),
+                "x": floats(found[f"edge_{over[0]}"].to_numpy()[mine]),
+                "y": floats(found[f"edge_{over[1]}"].to_numpy()[mine]),
+                "frequency": floats(found["edge_frequency"].to_numpy()[mine] / (2 * math.pi)),
             }
             for mine in (found["curve"].to_numpy() == curve for curve in np.unique(found["curve"].to_numpy()))
         ],
@@ -352,7 +359,7 @@ def _about(rig: Rig) -> str:
 
 def _map_axis(parameter: xr.DataArray) -> Plain:
     values = parameter.to_numpy()
-    return {**_label(parameter), "values": packed(values), "ends": [float(values[0]), float(values[-1])]}
+    return {**name_of(parameter), "values": packed(values), "ends": [float(values[0]), float(values[-1])]}
 
 
 def _shade(share: Array) -> Array:
@@ -489,52 +496,6 @@ def _ends(request: Plain, key: str) -> tuple[float, float]:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def trace(content: bytes, name: str, options: Mapping[str, str], width: int, watch: Watch) -> Iterator[Plain]:
-    """Analyse a measured trace; `options` may name its columns (force, time) and the time from row to row (step)."""
-    watch(0.0)
-    step = None
-    if text := options.get("step", "").strip():
-        try:
-            step = read_quantity(text, "s", "0.5 ms", bare=True)
-        except InputError as error:
-            raise InputError(f"step = {shown(text)}: {error}") from None
-    columns = {key: text for key in ("force", "time") if (text := options.get(key, "").strip())}
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "trace"
-        file.write_bytes(content)
-        try:
-            data = measure.read_trace(
-                file, force=columns.get("force"), time=None if step is not None else columns.get("time"), step=step
-            )
-        except InputError as error:
-            raise InputError(str(error).replace(str(file), name)) from None
-    yield {
-        **_trace(data, width),
-        "name": name,
-        "rows": int(data.attrs["rows"]),
-        "note": str(data.attrs.get("note", "")),
-        "statistics": [list(line) for line in measure.statistics(measure.drops(data))],
-    }
-
-
-def sample(watch: Watch) -> Iterator[bytes]:
-    """A trace to try: a run of the bench for teaching, as a force sensor with noise would have recorded it."""
-    rig = rigs.example("teaching_bench")
-    run = simulate(replace(rig, output=replace(rig.output, interval=_SAMPLED / rig.unit("time"))), progress=watch)
-    force = run["spring_force"].to_numpy()
-    force = force + np.random.default_rng(1).normal(0.0, _SENSOR * force.max(), force.size)
-    rows = [f"{t:.3f},{F:.4f}" for t, F in zip(run["time"].to_numpy(), force, strict=True)]
-    yield "\n".join(["time [s],force [N]", *rows, ""]).encode()
-
-
-def too_large(size: float, most: float) -> str:
-    """Say that a file is too large."""
-    return (
-        f"this file has {size / 1e6:.3g} MB, more than {most / 1e6:g}; keep every n-th row or a part of it, "
-        "or use `stickslip measure`"
-    )
-
-
 FORMATS = {
     "nc": "application/x-netcdf",
     "png": "image/png",
@@ -563,46 +524,28 @@ def download(document: object, form: str, duration: object, seconds: float, watc
 
 ANSWERS: Mapping[str, Callable[..., Iterator[Any]]] = {
     "run": run,
+    "law": law,
     "stretchings": stretchings,
     "contacts": contacts,
     "edit": edit,
     "chart": chart,
     "band": band,
     "advice": advice,
-    "trace": trace,
+    "trace": measured.trace,
+    "fit": measured.fit,
+    "posterior": measured.posterior,
     "download": download,
-    "sample": sample,
+    "fronts": bars.fronts,
+    "sample": measured.sample,
 }
 """What a worker can be asked; the last argument of each is its watch."""
-QUICK, SLOW = ("run", "stretchings", "contacts", "edit"), ("chart", "band", "advice")
+QUICK, SLOW = ("run", "law", "stretchings", "contacts", "edit"), ("chart", "band", "advice", "fronts")
 """Questions of a window."""
 
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Arrays for a screen
 # ---------------------------------------------------------------------------------------------------------------------
-
-
-def _axis(variable: xr.DataArray) -> Plain:
-    """Name and unit of an axis; SI units get the prefix that suits the values, which `factor` divides out."""
-    name = _label(variable)
-    values = variable.to_numpy()
-    largest = float(np.nanmax(np.abs(values), initial=0.0))
-    if name["unit"] in ("N", "m", "s", "m/s") and largest > 0 and not 0.5 <= largest < 5e3:
-        factor, prefix = next((p for p in _PREFIXES if largest >= 0.5 * p[0]), _PREFIXES[-1])
-        return {**name, "unit": prefix + name["unit"], "factor": factor}
-    return {**name, "factor": 1.0}
-
-
-def _label(variable: xr.DataArray) -> Plain:
-    return {
-        "title": str(variable.attrs.get("long_name", variable.name)),
-        "unit": str(variable.attrs.get("units", "")),
-    }
-
-
-def _list(values: Array) -> list[float | None]:
-    return [float(value) if math.isfinite(value) else None for value in values]
 
 
 def _look(request: Plain, rig: Rig) -> float:

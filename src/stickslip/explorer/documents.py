@@ -15,7 +15,7 @@ from typing import Any
 
 from stickslip.errors import InputError, number, shown
 from stickslip.io import rig_files as rigs
-from stickslip.model import Contacts, Drive, constant, parameter_named
+from stickslip.model import Contacts, Drive, Slider, constant, parameter_named
 from stickslip.model.distributions import Empirical
 from stickslip.model.rig import Rig
 from stickslip.model.units import Quantity, Scales, quantity
@@ -197,7 +197,7 @@ def check_size(rig: Rig, seconds: float = LONGEST) -> None:
     """Raise `InputError` if a run would keep the page waiting."""
     pieces = rig.drive.pieces
     elsewhere = "for longer ones use `stickslip simulate`"
-    _check_decades(rig)
+    check_decades(rig)
     if len(pieces) > MOST_PIECES:
         raise InputError(
             f"drive.pieces: must be at most {MOST_PIECES}, here {len(pieces)}, to stay live; {elsewhere}",
@@ -230,14 +230,13 @@ def check_size(rig: Rig, seconds: float = LONGEST) -> None:
     estimate(rig).check(seconds, otherwise="use `stickslip simulate`")
 
 
-def _check_decades(rig: Rig) -> None:
+def check_decades(rig: Rig) -> None:
     """Raise `InputError` if a number is so far from the scales of the interface that arithmetic fails."""
-    interface, slider, ageing = rig.interface, rig.slider, rig.interface.ageing
+    interface, ageing = rig.interface, rig.interface.ageing
     delay, thresholds = interface.delay, interface.thresholds
+    body = "slider" if isinstance(rig.slider, Slider) else "chain"
     found = {
-        "slider.stiffness": [slider.stiffness],
-        "slider.mass": [slider.mass],
-        "slider.damping": [slider.damping],
+        **{f"{body}.{name}": [value] for name, value in vars(rig.slider).items() if isinstance(value, float)},
         "drive.velocity": [speed for piece in rig.drive.pieces for speed in (piece.start, piece.end)],
         "drive.duration": [piece.duration for piece in rig.drive.pieces],
         "interface.delay": [value for value in vars(delay).values() if isinstance(value, float)],
@@ -370,6 +369,8 @@ def _like(document: Document, rig: Rig, *, damping_ratio: bool) -> Document:
     """The document of a rig, with what the page keeps beside it: settings of the solver that is not in use."""
     made = rigs.to_document(rig, digits=DIGITS, damping_ratio=damping_ratio)
     made["simulation"] = {**document.get("simulation", {}), **made["simulation"]}
+    if (heat := document["interface"].get("temperature")) and document.get("units") == made.get("units"):
+        made["interface"]["temperature"] = heat  # as it was given: a rig keeps no kelvins
     return made
 
 
@@ -400,6 +401,7 @@ def presets() -> tuple[dict[str, Any], ...]:
     short["simulation"]["contacts"] = 3_000
     short["drive"]["distance"] = 40.0
     found.append({"group": "Begin", "title": "Sliding or stick-slip? (natural units)", "document": short})
+    found.append({"group": "Begin", "title": "Teaching bench, contacts broken by heat", "document": warm()})
     found += [
         {"group": "Benches and machines", "title": rig.name, "document": of(rig)}
         for rig in map(rigs.example, rigs.example_names())
@@ -411,10 +413,58 @@ def presets() -> tuple[dict[str, Any], ...]:
     return tuple(found)
 
 
+def bars() -> tuple[dict[str, Any], ...]:
+    """Return the elastic sliders that the page Fronts begins with: a title and a document."""
+    equal = {"distribution": "gaussian", "mean": 1.0, "std": 0.0}
+    bar = {"blocks": 30, "coupling": 4.0, "mass": 1.0, "damping": 0.3}
+    pulled = {
+        "name": "Precursors of sliding",
+        "units": "natural",
+        "chain": {**bar, "side": 3.0},
+        "interface": {"thresholds": equal, "delay": 30.0, "sliding_force": 0.6},
+        "drive": {"velocity": 0.003, "duration": 25_000.0},
+        "simulation": {"contacts": 50, "seed": 1},
+    }
+    top = {
+        **pulled,
+        "name": "A bar moved along its top",
+        "chain": {"blocks": 60, "coupling": 36.0, "mass": 1.0, "damping": 0.1, "leaf": 0.1},
+        "interface": {"thresholds": {**equal, "std": 0.05}, "delay": 20.0, "sliding_force": 0.425},
+        "drive": {"velocity": 0.01, "duration": 3_000.0},
+    }
+    pushed = {
+        **pulled,
+        "name": "A front set off by a push",
+        "chain": {**bar, "blocks": 100, "coupling": 1.0, "damping": 0.0},
+        "interface": {"thresholds": equal, "delay": "never"},
+        "drive": {"velocity": 0.0, "duration": 150.0},
+        "simulation": {"contacts": 50, "seed": 1, "start": {"stretching": 0.7, "push": 3.0, "pushed_blocks": 3}},
+    }
+    return (
+        {"title": "Pulled at one end: precursors", "document": pulled},
+        {"title": "Moved along its top", "document": top},
+        {"title": "A front, set off by a push", "document": pushed},
+    )
+
+
 def first() -> Document:
     """Return the rig that the app begins with: a bench for teaching, in a shorter run so that it answers at once."""
     document = of(rigs.example("teaching_bench"))
     document["drive"]["distance"] = "60 mm"
+    return document
+
+
+def warm() -> Document:
+    """Return the bench with contacts that heat breaks before their threshold (Bell)."""
+    document = first()
+    document["name"] = "Warm teaching bench"
+    document["interface"]["temperature"] = {
+        "kind": "bell",
+        "temperature": "293 K",
+        "activation_volume": "0.5 nm^3",
+        "shear_strength": "1 GPa",
+        "attempts": "1e12 1/s",
+    }
     return document
 
 

@@ -16,7 +16,7 @@ import secrets
 import socket
 import threading
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import AsyncIterator, Callable, Collection, Iterator
 from contextlib import asynccontextmanager, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
@@ -28,16 +28,16 @@ import uvicorn
 from starlette.applications import Starlette
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import ClientDisconnect, HTTPConnection, Request
-from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response, StreamingResponse
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from stickslip.errors import InputError, shown
-from stickslip.explorer import PORT, answers, documents, workers
+from stickslip.explorer import PORT, answers, documents, measured, workers
 from stickslip.explorer.packing import Plain
-from stickslip.explorer.workers import Crew, Job
+from stickslip.explorer.workers import Crew, Job, Visitor
 from stickslip.io import rig_files as rigs
 
 HOST = "127.0.0.1"
@@ -68,6 +68,10 @@ class Limits:
         Seconds after which an answer is given up: a run; a map, a bistable band, mitigations.
     trace : int
         Bytes of a measured trace.
+    fit : float
+        Seconds after which a fit with intervals is given up; a table of simulations that was begun is kept.
+    table : bool
+        Whether a fit may make its table of simulations.
     together : int
         Maps, bands and searches for mitigations of one window at the same time.
     windows : int
@@ -80,15 +84,25 @@ class Limits:
     quick: float
     slow: float
     trace: int
+    fit: float
+    table: bool
     together: int
     windows: int
     files: int
 
 
 ALONE = Limits(
-    run=documents.LONGEST, quick=60.0, slow=600.0, trace=answers.LARGEST_TRACE, together=3, windows=100, files=4
+    run=documents.LONGEST,
+    quick=60.0,
+    slow=600.0,
+    trace=measured.LARGEST_TRACE,
+    fit=3600.0,
+    table=True,
+    together=3,
+    windows=100,
+    files=4,
 )
-SHARED = Limits(run=1.0, quick=20.0, slow=60.0, trace=5_000_000, together=1, windows=60, files=4)
+SHARED = Limits(run=1.0, quick=20.0, slow=60.0, trace=5_000_000, fit=60.0, table=False, together=1, windows=60, files=4)
 _MOST_WINDOWS = 120
 
 
@@ -148,7 +162,9 @@ class _House:
         self.quick = Crew("quick", max(2, cores))
         # More than there are cores: the system shares them out, so that a long search holds up nobody's map.
         self.slow = Crew("slow", max(4, 2 * cores), niceness=10)
-        self.hello = json.dumps({"kind": "hello", "document": begin, "presets": documents.presets()})
+        # A bar is shown on the page Fronts; the other pages have a rig with one slider.
+        mine = {"document": documents.first(), "chain": begin} if "chain" in begin else {"document": begin}
+        self.hello = json.dumps({"kind": "hello", **mine, "presets": documents.presets(), "bars": documents.bars()})
         self.windows: Counter[str] = Counter()
         self.files: Counter[str] = Counter()
 
@@ -182,7 +198,9 @@ def application(begin: documents.Document, port: int, *, host: str = HOST, token
     @asynccontextmanager
     async def lifespan(_app: Starlette) -> Any:
         threading.Thread(target=workers.start, daemon=True).start()
+        warming = asyncio.create_task(house.quick.begin(Job("run", ({"document": documents.first()},), 60.0)))
         yield
+        warming.cancel()
         house.quick.close()
         house.slow.close()
 
@@ -194,6 +212,7 @@ def application(begin: documents.Document, port: int, *, host: str = HOST, token
             Route("/sample.csv", partial(_sample, house)),
             Route("/download/{form}", partial(_download, house), methods=["POST"]),
             Route("/trace", partial(_trace, house), methods=["POST"]),
+            Route("/fit", partial(_fit, house), methods=["POST"]),
             WebSocketRoute("/session", partial(_session, house)),
         ],
         lifespan=lifespan,
@@ -306,31 +325,82 @@ async def _trace(house: _House, request: Request) -> Response:
         if not room:
             return _refused(429, "too many traces at once from this address; try again in a moment")
         try:
-            content = await _body(request, house.limits.trace)
+            content, name, width = await _file(house, request)
         except InputError as error:
             return _refused(
                 200, str(error)
             )  # what is wrong with a file is the answer; 400 would be a fault of the page
         except ClientDisconnect:
             return Response(status_code=400)
-        name = Path(request.query_params.get("name", "trace")).name[:100] or "trace"
-        asked = request.query_params.get("width", "")
-        width = min(max(int(asked), 100), 4_000) if asked.isdecimal() and len(asked) < 6 else 1_000
         job = Job("trace", (content, name, dict(request.query_params), width), house.limits.quick)
         (reply,) = await house.file(job)
     return JSONResponse(reply)
+
+
+async def _file(house: _House, request: Request) -> tuple[bytes, str, int]:
+    """A measured trace as it was sent, its name, and the width of the screen."""
+    content = await _body(request, house.limits.trace)
+    name = Path(request.query_params.get("name", "trace")).name[:100] or "trace"
+    asked = request.query_params.get("width", "")
+    return content, name, min(max(int(asked), 100), 4_000) if asked.isdecimal() and len(asked) < 6 else 1_000
+
+
+async def _fit(house: _House, request: Request) -> Response:
+    """Answer line by line, each of them JSON: a fit can take minutes. It ends when nobody reads any more."""
+    try:
+        content, name, _ = await _file(house, request)
+    except InputError as error:
+        return _refused(200, str(error))
+    except ClientDisconnect:
+        return Response(status_code=400)
+    options, limits = dict(request.query_params), house.limits
+    if options.pop("intervals", ""):
+        crew, job = house.slow, Job("posterior", (content, name, options, limits.table), limits.fit)
+    else:
+        crew, job = house.quick, Job("fit", (content, name, options, limits.run), limits.quick)
+
+    async def lines() -> AsyncIterator[str]:
+        with house.let_in(house.files, limits.files, request) as room:
+            if not room:
+                yield _line({"errors": [{"key": "", "message": "too many fits at once from this address; try again"}]})
+                return
+            dropped, replies = threading.Event(), asyncio.Queue[Plain]()
+            loop = asyncio.get_running_loop()
+            work = asyncio.create_task(
+                crew.work(job, lambda reply: loop.call_soon_threadsafe(replies.put_nowait, reply), dropped)
+            )
+            try:
+                while True:
+                    try:
+                        reply = await asyncio.wait_for(replies.get(), 0.5)
+                    except TimeoutError:
+                        if await request.is_disconnected():
+                            return
+                        continue
+                    yield _line(reply)
+                    if reply.get("done") or "errors" in reply:
+                        return
+            finally:
+                dropped.set()
+                work.cancel()
+
+    return StreamingResponse(lines(), media_type="application/x-ndjson")
+
+
+def _line(reply: Plain) -> str:
+    return json.dumps(reply, allow_nan=False) + "\n"
 
 
 async def _body(request: Request, most: int) -> bytes:
     """Read the body of a request, and no more of it than allowed."""
     announced = request.headers.get("content-length", "")
     if re.fullmatch("[0-9]{1,18}", announced) and int(announced) > most:
-        raise InputError(answers.too_large(int(announced), most))
+        raise InputError(measured.too_large(int(announced), most))
     content = bytearray()
     async for chunk in request.stream():
         content += chunk
         if len(content) > most:
-            raise InputError(answers.too_large(len(content), most))
+            raise InputError(measured.too_large(len(content), most))
     return bytes(content)
 
 
@@ -346,8 +416,10 @@ def _refused(status: int, message: str) -> Response:
 class _Lane:
     """Questions of one kind from one window: the newest wins."""
 
-    def __init__(self, kind: str, house: _House, turns: asyncio.Semaphore, send: Callable[[str], None]) -> None:
-        self._kind, self._house, self._turns, self._send = kind, house, turns, send
+    def __init__(
+        self, kind: str, house: _House, turns: asyncio.Semaphore, visitor: Visitor, send: Callable[[str], None]
+    ) -> None:
+        self._kind, self._house, self._turns, self._visitor, self._send = kind, house, turns, visitor, send
         self._newest = threading.Event()  # set: dropped
         self._free = asyncio.Lock()
 
@@ -362,12 +434,19 @@ class _Lane:
         slow, limits = self._kind in answers.SLOW, self._house.limits
         crew, seconds = (self._house.slow, limits.slow) if slow else (self._house.quick, limits.quick)
         async with self._free, self._turns:
-            if not dropped.is_set():
-                job = Job(self._kind, ({**request, "seconds": limits.run},), seconds)
-                await crew.work(job, partial(self._reply, request.get("id")), dropped)
+            step: int | None = 0
+            while step is not None and not dropped.is_set():
+                job = Job(self._kind, ({**request, "seconds": limits.run, "step": step},), seconds)
+                goes_on = threading.Event()
+                await crew.work(job, partial(self._reply, request.get("id"), goes_on), dropped, self._visitor)
+                step = step + 1 if goes_on.is_set() else None
 
-    def _reply(self, number: object, content: Plain) -> None:
-        self._send(json.dumps({"kind": self._kind, "id": number, **content}, allow_nan=False))
+    def _reply(self, number: object, goes_on: threading.Event, content: Plain) -> None:
+        """Send an answer on; one that goes on is not done with its step."""
+        if content.get("going_on"):
+            goes_on.set()
+        if not (content.get("done") and goes_on.is_set()):
+            self._send(json.dumps({"kind": self._kind, "id": number, **content}, allow_nan=False))
 
 
 async def _session(house: _House, websocket: WebSocket) -> None:
@@ -395,7 +474,8 @@ async def _serve(house: _House, websocket: WebSocket) -> None:
 
     turns = {True: asyncio.Semaphore(house.limits.together), False: asyncio.Semaphore(len(answers.QUICK))}
     kinds = (*answers.QUICK, *answers.SLOW)
-    lanes = {kind: _Lane(kind, house, turns[kind in answers.SLOW], send) for kind in kinds}
+    visitor = Visitor()
+    lanes = {kind: _Lane(kind, house, turns[kind in answers.SLOW], visitor, send) for kind in kinds}
     tasks: set[asyncio.Task[None]] = {asyncio.create_task(deliver())}
     send(house.hello)
     try:

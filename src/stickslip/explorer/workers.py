@@ -14,12 +14,13 @@ import signal
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -48,22 +49,73 @@ class Job:
     seconds: float
 
 
+class Visitor:
+    """One who asks: a window, or a request of its own."""
+
+
+class _Turns:
+    """So many at the same time; of those who wait, the visitor comes first that had a turn longest ago."""
+
+    def __init__(self, size: int) -> None:
+        self._free, self._waiting = size, list[tuple[Visitor, asyncio.Future[None]]]()
+        self._last: WeakKeyDictionary[Visitor, float] = WeakKeyDictionary()
+
+    @asynccontextmanager
+    async def of(self, visitor: Visitor) -> AsyncIterator[None]:
+        """Wait for a turn, and have it."""
+        if self._free:
+            self._free -= 1
+        else:
+            turn = asyncio.get_running_loop().create_future()
+            self._waiting.append((visitor, turn))
+            try:
+                await turn
+            except asyncio.CancelledError:
+                if turn.done() and not turn.cancelled():
+                    self._next()
+                else:
+                    self._waiting.remove((visitor, turn))
+                raise
+        self._last[visitor] = time.monotonic()
+        try:
+            yield
+        finally:
+            self._next()
+
+    def _next(self) -> None:
+        if not self._waiting:
+            self._free += 1
+            return
+        chosen = min(self._waiting, key=lambda one: self._last.get(one[0], 0.0))  # of the same, who came first
+        self._waiting.remove(chosen)
+        chosen[1].set_result(None)
+
+
 class Crew:
     """Some workers, started when they are needed; `size` of them work at the same time, the rest of the jobs wait."""
 
     def __init__(self, name: str, size: int, niceness: int = 0) -> None:
-        self._niceness = niceness
+        self._size, self._niceness = size, niceness
+        self._turns = _Turns(size)
         self._threads = ThreadPoolExecutor(size, name)  # each waits for its worker
         self._idle: queue.LifoQueue[_Worker] = queue.LifoQueue()
         self._closed = False
 
-    async def work(self, job: Job, reply: Reply, dropped: threading.Event | None = None) -> None:
+    async def work(
+        self, job: Job, reply: Reply, dropped: threading.Event | None = None, visitor: Visitor | None = None
+    ) -> None:
         """Do a job; `reply` is called, in another thread, with each answer, at last with ``{"done": True}`` or errors.
 
-        After `dropped` is set there is no reply, and the worker is free again within `GRACE`.
+        After `dropped` is set there is no reply, and the worker is free again within `GRACE`. Visitors have turns.
         """
-        loop = asyncio.get_running_loop()
-        await loop.run_in_executor(self._threads, self._work, job, reply, dropped or threading.Event())
+        loop, dropped = asyncio.get_running_loop(), dropped or threading.Event()
+        async with self._turns.of(visitor or Visitor()):
+            if not dropped.is_set():
+                await loop.run_in_executor(self._threads, self._work, job, reply, dropped)
+
+    async def begin(self, job: Job) -> None:
+        """Start all workers, each with a job that nobody waits for: the first visitors find them warm."""
+        await asyncio.gather(*(self.work(job, lambda _reply: None) for _ in range(self._size)))
 
     def _work(self, job: Job, reply: Reply, dropped: threading.Event) -> None:
         if dropped.is_set() or self._closed:

@@ -1,7 +1,6 @@
-"use strict";
 /* What each quantity is, and its unit: for the help beside the fields, and for the glossary. */
 
-const Glossary = [
+export const Glossary = [
   { key: "slider.stiffness", term: "Driving spring, K", unit: "N/m; natural: k per contact",
     text: "The stiffness of all that lies between the drive and the slider. Stick-slip needs a spring that is soft against the contacts." },
   { key: "drive.velocity", term: "Speed, v", unit: "m/s; natural: xₛ per time unit",
@@ -24,6 +23,16 @@ const Glossary = [
     text: "How much the stretchings of the contacts differ at the beginning." },
   { key: "interface.ageing.time", term: "Ageing rate, β", unit: "1/√s; natural: 1/√time",
     text: "How fast the strength of a contact spreads out and grows with its age. 0: contacts do not age." },
+  { key: "interface.temperature.temperature", term: "Temperature, T", unit: "K",
+    text: "Heat breaks contacts before their threshold, the sooner, the warmer and the slower the slider: friction rises with speed." },
+  { key: "interface.temperature.activation_volume", term: "Activation volume, Vₐ", unit: "nm³",
+    text: "How much of a contact gives way at a time. The smaller, the more heat counts." },
+  { key: "interface.temperature.width", term: "Width of Bell’s law, w", unit: "m; natural: xₛ",
+    text: "The displacement over which the rate of breaking grows by a factor e: it is in proportion to the temperature." },
+  { key: "interface.temperature.attempts", term: "Attempts, ω₀", unit: "1/s; natural: 1/time",
+    text: "The rate at which a contact breaks that is stretched to its threshold." },
+  { term: "Turning velocity", unit: "m/s; natural: xₛ per time unit",
+    text: "A speed at which kinetic friction is largest or smallest: on one side it rises with speed, on the other it falls." },
   { key: "interface.contact_strength", term: "Contact strength, N fₛ", unit: "N",
     text: "The force at which all contacts together would break, if they broke at once." },
   { key: "interface.breaking_displacement", term: "Breaking displacement, xₛ", unit: "m",

@@ -1,14 +1,11 @@
-"use strict";
 /* The drawing: slider, spring and base, and the contacts as bristles. It replays frames of a run that the server has
    made: where each contact is in a frame was computed, nothing is made up. Between two frames a contact that holds in
    both moves evenly. Frames lie closer together in slips, so that an even pace of frames slows down there. */
 
-const Stage = (() => {
+import { unpacked } from "./unpack.js";
+
+export const Stage = (() => {
   const PER_SECOND = 30, ATTACHED = 1, RENEWED = 2, FLASH = 0.3, GAP = 46, TOP = 18, BLOCK = 44;
-  const KINDS = { f4: Float32Array, i2: Int16Array, u1: Uint8Array };
-  function unpack({ dtype, bdata }) {
-    return new KINDS[dtype](Uint8Array.from(atob(bdata), (c) => c.charCodeAt(0)).buffer);
-  }
 
   /* seen(time, force): called at each picture; ended(): playing has stopped. */
   function make(canvas, colour, seen) {
@@ -17,7 +14,7 @@ const Stage = (() => {
 
     function show(answer) {
       const parts = {};
-      for (const name of ["times", "force", "slider", "drive", "stretching", "flags"]) parts[name] = unpack(answer[name]);
+      for (const name of ["times", "force", "slider", "drive", "stretching", "flags"]) parts[name] = unpacked(answer[name]);
       frames = { ...answer, ...parts, count: parts.times.length };
       frames.longest = Math.max(...frames.drive.map((d, i) => d - frames.slider[i]), 1);
       frames.shortest = Math.min(...frames.drive.map((d, i) => d - frames.slider[i]), 0);

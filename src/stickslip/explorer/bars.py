@@ -1,0 +1,143 @@
+"""Runs of an elastic slider for the page Fronts: its force, what happens along the bar, and each event closer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from stickslip.errors import InputError
+from stickslip.explorer import documents
+from stickslip.explorer.packing import Array, Plain, envelope, packed
+from stickslip.explorer.plain import axis
+from stickslip.io import rig_files as rigs
+from stickslip.measure.front_map import front_map, front_summary
+from stickslip.model import Chain, Contacts, Output
+from stickslip.model.rig import Rig
+from stickslip.simulation import estimate, simulate
+
+Watch = Callable[[float], None]
+
+MOST_BLOCKS = 400
+_PATIENCE = 4.0  # times as long as a run of the page Simulate
+_MOST_VALUES = 4_000_000  # of each block at each time
+_PER_BLOCK = 3.0  # samples while sound passes one
+_ROWS, _CLOSE = 600, 240  # pixels in time, of the whole run and of an event
+_EVENTS = 12  # that can be looked at closer
+_FEWEST = 3  # blocks of an event that is told
+_SLIPS = 0.1  # of the largest velocity of an event
+_DECADES = 3.0  # of velocity below the largest
+
+
+def fronts(request: Plain, watch: Watch) -> Iterator[Plain]:
+    """Run a bar; return its force, its pictures in space and time, and its events with extent and speed."""
+    rig = documents.rig_of(request.get("chain"))
+    body = _bar(rig)
+    _check(rig, body, float(request.get("seconds", documents.LONGEST)))
+    duration = rig.drive.duration
+    samples = min(_PER_BLOCK * body.sound_speed * duration, _MOST_VALUES / body.blocks)
+    run = simulate(replace(rig, output=Output(interval=duration / max(samples, 100.0))), progress=watch)
+    watch(1.0)
+    told = front_summary(run, most=_ROWS)
+    fewest = max(_FEWEST, body.blocks / 10)
+    events = [event for event in told["events"] if event["blocks"] >= fewest]
+    # A bar that does not come to rest again has a front, and no event.
+    events = events or [{**front, "drop": 0.0} for front in told["fronts"] if front["blocks"] >= fewest]
+    longest = sorted(sorted(events, key=lambda event: -event["blocks"])[:_EVENTS], key=lambda event: event["start"])
+    sound = told["sound_speed"]
+    fastest = float(np.abs(run["velocity"].to_numpy()).max()) or 1.0
+    times, force = axis(run["time"]), axis(run["spring_force"])
+    yield {
+        "name": rig.name,
+        "time": times,
+        "force": force,
+        "speed": {"fastest": fastest, "decades": _DECADES, "unit": told["map"]["units"]},
+        "blocks": body.blocks,
+        "whole": _view(run, fastest, times["factor"], force["factor"], _ROWS),
+        "events": [
+            {
+                "start": event["start"] / times["factor"],
+                "end": event["end"] / times["factor"],
+                "drop": event["drop"] / force["factor"],
+                "blocks": event["blocks"],
+                **_front(part, sound),
+                "view": _view(part, fastest, times["factor"], force["factor"], _CLOSE),
+            }
+            for event, part in zip(longest, _closer(run, longest, sound), strict=True)
+        ],
+        "left_out": len(events) - len(longest),
+        "document": request["chain"],
+        "toml": rigs.to_toml(rig),
+    }
+
+
+def _bar(rig: Rig) -> Chain:
+    body = rig.slider
+    if not isinstance(body, Chain):
+        raise InputError("chain: this rig has no bar of blocks; give [chain] in place of [slider]", "chain")
+    return body
+
+
+def _check(rig: Rig, body: Chain, seconds: float) -> None:
+    """Raise `InputError` if the run would keep the page waiting."""
+    elsewhere = "for more use `stickslip simulate`"
+    if body.blocks > MOST_BLOCKS:
+        raise InputError(f"chain.blocks = {body.blocks}: must be at most {MOST_BLOCKS}, to stay live; {elsewhere}")
+    if body.blocks < _FEWEST:
+        raise InputError(f"chain.blocks = {body.blocks}: must be at least {_FEWEST} for a front to run")
+    if isinstance(rig.method, Contacts) and rig.method.count * body.blocks > documents.MOST_CONTACTS:
+        raise InputError(
+            f"simulation.contacts = {rig.method.count}: times {body.blocks} blocks must be at most "
+            f"{documents.MOST_CONTACTS}, to stay live; {elsewhere}"
+        )
+    documents.check_decades(rig)
+    estimate(rig).check(_PATIENCE * seconds, otherwise="use `stickslip simulate`")
+
+
+def _closer(run: xr.Dataset, events: list[dict[str, Any]], sound: float) -> Iterator[xr.Dataset]:
+    """The run in each event, from a little before it to a little after."""
+    for event in events:
+        lasts = max(event["end"] - event["start"], event["blocks"] / sound)
+        part = run.sel(time=slice(event["start"] - 0.3 * lasts, event["start"] + 1.6 * lasts))
+        short = run.sel(time=slice(event["start"] - 0.3 * lasts, None)).isel(time=slice(0, 4))
+        yield part if part.sizes["time"] >= 4 else short
+
+
+def _front(part: xr.Dataset, sound: float) -> Plain:
+    """Where slip began in an event, and how fast it reached the farther end of what slipped, over the speed of sound.
+
+    A block slips from when it moves at a tenth of the largest velocity of the event.
+    """
+    velocity = np.abs(part["velocity"].transpose("time", "block").to_numpy())
+    slips = velocity >= _SLIPS * velocity.max()
+    reached = np.flatnonzero(slips.any(axis=0))
+    arrival = part["time"].to_numpy()[slips.argmax(axis=0)]
+    origin = int(reached[arrival[reached].argmin()])
+    end = int(max(reached[0], reached[-1], key=lambda block: abs(block - origin)))
+    took, way = float(arrival[end] - arrival[origin]), abs(end - origin)
+    return {"from": origin + 1, "speed": way / took / sound if way >= _FEWEST and took > 0 else None}
+
+
+def _view(part: xr.Dataset, fastest: float, times: float, force: float, most: int) -> Plain:
+    """Force, velocity of the blocks and attached contacts in a part of a run; units of time and force."""
+    t, F = envelope(part["time"].to_numpy() / times, part["spring_force"].to_numpy() / force, most)
+    velocity = front_map(part, "velocity", most=(most, MOST_BLOCKS)).values
+    attached = front_map(part, "attached", most=(most, MOST_BLOCKS)).values
+    with np.errstate(divide="ignore"):
+        shade = 1.0 + np.log10(velocity / fastest) / _DECADES
+    return {
+        "span": [float(part["time"][0]) / times, float(part["time"][-1]) / times],
+        "t": packed(t),
+        "F": packed(F),
+        "rows": velocity.shape[0],
+        "velocity": _bytes(shade),
+        "attached": _bytes(attached / max(float(attached.max()), 1e-12)),
+    }
+
+
+def _bytes(part: Array) -> Plain:
+    """Parts from 0 to 1, a byte each."""
+    return packed(np.rint(255.0 * np.clip(np.nan_to_num(part, neginf=0.0), 0.0, 1.0)), "u1")

@@ -1,0 +1,244 @@
+/* The page Fit: the rig behind a measured trace, at once by closed forms, and with intervals by simulations. */
+
+import { axis, colour, draw, label, upright } from "./figures.js";
+import { pointed, split } from "./fields.js";
+import { $, element, fileName, list, mark, micro, parts, pretty, progress, save, state, table } from "./page.js";
+import { begin, wait } from "./rig.js";
+import { saying } from "./talk.js";
+import { source } from "./trace.js";
+
+/* What is known of the bench; `read`: the trace has a reading of it. */
+const KNOWN = [
+  { key: "stiffness", title: "K, driving spring", unit: "N/m" },
+  { key: "speed", title: "v, speed", unit: "mm/s" },
+  { key: "mass", title: "M, mass", unit: "kg" },
+  { key: "static", title: "static friction", unit: "N", read: true },
+  { key: "kinetic", title: "kinetic friction", unit: "N", read: true },
+  { key: "rate", title: "loading rate", unit: "N/s", read: true },
+  { key: "damping", title: "ζ, damping ratio", unit: "", missing: "0.15" },
+  { key: "half", title: "half-friction speed", unit: "mm/s", missing: "unknown" },
+];
+const SAMPLE = { stiffness: "350", speed: "1.5", mass: "0.0756" };
+const inputs = {};
+let pending, fitted = null, quick = null, found = null, running = null, quickly = null, sizes = [];
+
+for (const { key, title, unit, read, missing } of KNOWN) {
+  const input = element("input", { id: `fit-${key}`, inputMode: "decimal", autocomplete: "off", placeholder: missing ?? (read ? "by the trace" : "") });
+  inputs[key] = input;
+  input.oninput = () => { input.dataset.own = "yes"; };
+  input.onchange = () => {
+    const [number, typed] = split(pointed(input.value.trim()));
+    input.value = number;
+    if (typed) input.nextSibling.textContent = micro(typed);
+    if (input.value === "") delete input.dataset.own;
+    compute();
+  };
+  $("fit-fields").append(element("div", { className: "field" }, element("label", { htmlFor: input.id, textContent: title }), input,
+    element("span", { className: "unit", textContent: unit })));
+}
+
+/* The trace, and what is known: readings of the trace itself are left to the server. */
+function request(more = {}) {
+  const { file, query } = source(), given = {};
+  for (const { key, unit } of KNOWN) {
+    const value = inputs[key].value.trim();
+    if (value && (!("own" in inputs[key].dataset) ? !KNOWN.find((one) => one.key === key).read : true)) {
+      given[key] = unit ? `${value} ${inputs[key].nextSibling.textContent}` : value;
+    }
+  }
+  return [`fit?${new URLSearchParams({ ...query, ...given, ...more })}`, file];
+}
+/* Lines of JSON as they come; ends early when it is stopped. */
+async function stream([address, body], signal, each) {
+  const answer = await fetch(address, { method: "POST", body, signal }), reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
+  let rest = "";
+  for (;;) {
+    const { value, done } = await reader.read();
+    const lines = (rest + (value ?? "")).split("\n");
+    rest = done ? "" : lines.pop();
+    for (const text of lines) if (text) each(JSON.parse(text));
+    if (done) return;
+  }
+}
+function complain(id, text) {
+  $(id).textContent = pretty(text);
+  $(id).hidden = text === "";
+}
+
+// ------------------------------------------------------------------------------------------------ by closed forms
+
+async function compute() {
+  quickly?.abort();
+  const mine = (quickly = new AbortController());
+  mark("fit", "computing", quick ? "Computing … what stands here is about the values before." : "Reading the slips …");
+  if (found && found.of !== request()[0]) mark("posterior", "computing", "These intervals are of the values before: fit again.");
+  try {
+    await stream(request(), mine.signal, (reply) => {
+      if (mine !== quickly) return;
+      if (reply.errors) return refuse(saying(reply.errors));
+      if (reply.readings) read(reply);
+      if (reply.missing) { $("quick").hidden = true; quick = null; mark("fit", "", reply.missing); complain("fit-complaint", ""); }
+      if (reply.quick) showQuick(reply.quick);
+      if (reply.table) offer(reply.table);
+    });
+  } catch (error) {
+    if (error.name !== "AbortError") refuse("The server is gone, or the trace could not be sent.");
+  }
+}
+function refuse(text) {
+  complain("fit-complaint", text);
+  mark("fit", "refused", quick ? "Refused: what stands here is about the values before." : "");
+  if (!quick) $("quick").hidden = true;
+}
+function read({ slips, readings }) {
+  list("fit-slips", slips);
+  for (const [key, value] of Object.entries(readings)) if (!("own" in inputs[key].dataset)) inputs[key].value = value;
+}
+function showQuick(reply) {
+  quick = reply;
+  complain("fit-complaint", "");
+  mark("fit", "");
+  $("quick").hidden = false;
+  $("quick-words").textContent = pretty(reply.words);
+  table("quick-numbers", reply.numbers);
+  list("quick-assumed", reply.assumed.map((text) => `assumed: ${text}`));
+  drawOverlay("plot-quick", reply.overlay);
+}
+function drawOverlay(id, { trace, series, time, force, span }) {
+  if (state.page !== "fit") return;
+  draw(id, [
+    ...series.map(({ x, y }, i) => ({ x, y, mode: "lines", name: "simulated", opacity: series.length > 1 ? 0.55 : 0.9,
+      line: { color: colour("vermillion"), width: 1.4, dash: ["solid", "dash", "dot"][i] } })),
+    { x: trace.x, y: trace.y, mode: "lines", name: "measured", line: { color: colour("blue"), width: 1.6 } },
+  ], { xaxis: axis(label(time), { range: span }), yaxis: axis(upright(force)) });
+}
+
+// --------------------------------------------------------------------------------------------------- with intervals
+
+function took(seconds) {
+  if (seconds < 1) return "some seconds";
+  return seconds < 90 ? `about ${Math.max(5, Math.round(seconds / 5) * 5)} s` : `about ${Math.round(seconds / 60)} min`;
+}
+function offer(plan) {
+  sizes = plan.sizes ?? [];
+  complain("posterior-complaint", plan.refused ? `No intervals: ${plan.refused}` : "");
+  for (const button of [$("fit-coarse"), $("fit-full")]) {
+    const size = sizes[button.dataset.size], name = button.dataset.size === "0" ? "Coarse" : "Full";
+    button.disabled = !size || running !== null;
+    if (size) button.textContent = `${name}: ${size.draws.toLocaleString("en")} simulations, ${took(size.seconds)}${size.seconds < 1 ? "" : " once"}`;
+  }
+}
+async function fit(size) {
+  const mine = (running = new AbortController());
+  for (const id of ["fit-coarse", "fit-full"]) $(id).disabled = true;
+  $("fit-stop").hidden = false;
+  $("fit-state").textContent = size.seconds < 1 ? "fitting …" : "simulating …";
+  complain("posterior-complaint", "");
+  progress("fit", NaN);
+  if (found) mark("posterior", "computing", "Computing … these intervals are of the fit before.");
+  const of = request()[0];
+  let words = "";
+  try {
+    await stream(request({ intervals: "yes", draws: size.draws }), mine.signal, (reply) => {
+      if (reply.progress !== undefined) {
+        progress("fit", reply.progress);
+        if (reply.progress >= 1) $("fit-state").textContent = "comparing with the trace …";
+      } else if (reply.errors) {
+        complain("posterior-complaint", saying(reply.errors));
+        if (found) mark("posterior", "refused", "Refused: these intervals are of the fit before.");
+      } else if (reply.parameters) showPosterior({ ...reply, of });
+    });
+  } catch (error) {
+    words = error.name === "AbortError" ? "Stopped; what was simulated is kept." : "The server is gone.";
+  }
+  running = null;
+  $("fit-stop").hidden = true;
+  $("fit-state").textContent = words;
+  progress("fit", null);
+  if (fitted) compute(); // how long it takes from now on
+}
+function showPosterior(reply) {
+  found = reply;
+  mark("posterior", "");
+  $("posterior").hidden = false;
+  const rows = reply.parameters.map(({ title, text, verdict, says, prior, part }) => {
+    const [low, median, high] = part.map((value) => 100 * value), bar = element("span", { className: "range" });
+    bar.append(element("i", { style: `left:${low}%;width:${high - low}%` }), element("b", { style: `left:${median}%` }));
+    bar.setAttribute("role", "img");
+    bar.setAttribute("aria-label", `90 % interval within ${prior}`);
+    bar.title = `held possible: ${prior}`;
+    const [word, ...rest] = says.split(": ");
+    return element("tr", {}, element("td", { textContent: pretty(title) }), element("td", { textContent: text }), element("td", {}, bar),
+      element("td", {}, element("span", { className: "tells", textContent: word }), rest.length ? `: ${rest.join(": ")}` : ""));
+  });
+  const head = element("tr", {}, ...["parameter", "median (90 %)", "within what was held possible", "what the trace tells"].map((textContent) => element("th", { textContent })));
+  $("fit-parameters").replaceChildren(element("thead", {}, head), element("tbody", {}, ...rows));
+  table("fit-quantities", reply.quantities);
+  list("fit-notes", reply.notes);
+  $("fit-no-rig").textContent = reply.no_rig ? pretty(reply.no_rig) : "";
+  for (const id of ["fit-open", "fit-save"]) $(id).disabled = !reply.document;
+  drawPosterior();
+}
+function drawPosterior() {
+  if (state.page !== "fit") return;
+  drawOverlay("plot-predicted", found.overlay);
+  const { drop, trace, low, high } = found.drops, band = { mode: "lines", line: { width: 0 }, name: "draws" };
+  draw("plot-drops", [{ x: drop.values, y: low, ...band }, { x: drop.values, y: high, ...band, fill: "tonexty", fillcolor: `${colour("vermillion")}44` },
+    { x: drop.values, y: trace, mode: "lines", name: "trace", line: { color: colour("blue"), width: 1.8, shape: "hv" } }],
+  { xaxis: axis(label(drop), { rangemode: "tozero" }), yaxis: axis("fraction of slips", { range: [0, 1.02] }) });
+  const at = found.test.map((_, i) => -i), far = found.test.map(({ p }) => p < 0.02);
+  draw("plot-test", [
+    { x: found.test.flatMap(({ low, high }) => [low, high, null]), y: at.flatMap((y) => [y, y, null]), mode: "lines", name: "draws",
+      line: { color: `${colour("vermillion")}77`, width: 5 } },
+    { x: found.test.map(({ here }) => here), y: at, mode: "markers", name: "trace",
+      marker: { size: 7, color: far.map((out) => colour(out ? "bad" : "blue")), symbol: far.map((out) => (out ? "x" : "circle")) } },
+  ], { margin: { l: 150, r: 12, t: 4, b: 40 }, xaxis: axis("less the median, over a quarter of the range", { range: [-4.3, 4.3] }),
+    yaxis: axis("", { tickvals: at, ticktext: found.test.map(({ name }) => name), tickfont: { size: 10 }, range: [at.at(-1) - 0.7, 0.7] }) });
+}
+$("fit-coarse").onclick = () => fit(sizes[0]);
+$("fit-full").onclick = () => fit(sizes[1]);
+$("fit-stop").onclick = () => running?.abort();
+
+// ----------------------------------------------------------------------------------------------------- what to do
+
+function openRig(rig) {
+  wait(false);
+  state.cursor = 0.75;
+  begin(structuredClone(rig.document));
+  $("tab-simulate").click();
+  window.scrollTo(0, 0);
+}
+const saveRig = (rig) => save(new Blob([rig.toml], { type: "application/toml" }), `${fileName(rig.document.name)}.toml`);
+$("quick-open").onclick = () => openRig(quick);
+$("quick-save").onclick = () => saveRig(quick);
+$("fit-open").onclick = () => openRig(found);
+$("fit-save").onclick = () => saveRig(found);
+
+/* Another trace: its readings are its own; of the sample, the bench is known. */
+function begun(file) {
+  running?.abort();
+  quick = found = null;
+  $("posterior").hidden = $("quick").hidden = true;
+  $("fit-none").hidden = file !== null;
+  $("fit-found").hidden = file === null;
+  fitted = file;
+  for (const { key, unit, read } of KNOWN) {
+    if (read) { inputs[key].value = ""; delete inputs[key].dataset.own; }
+    else if (file?.name === "sample.csv" && SAMPLE[key]) { inputs[key].value = SAMPLE[key]; inputs[key].nextSibling.textContent = unit; }
+  }
+  if (file) compute();
+}
+parts.fit = {
+  open() {
+    $("source").hidden = false;
+    if (pending !== undefined) begun(pending);
+    pending = undefined;
+    if (quick) drawOverlay("plot-quick", quick.overlay);
+    if (found) drawPosterior();
+  },
+  close() { $("source").hidden = true; },
+  measured(file) {
+    if (state.page === "fit") begun(file);
+    else pending = file; // nothing is computed for a page that nobody looks at
+  },
+};

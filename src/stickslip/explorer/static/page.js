@@ -1,0 +1,86 @@
+/* What all pages share: the state, the elements, and what says how far an answer is. */
+
+export const $ = (id) => document.getElementById(id);
+
+export function element(tag, properties = {}, ...children) {
+  const node = Object.assign(document.createElement(tag), properties);
+  node.append(...children);
+  return node;
+}
+
+/* The whole state: one document, the content of a rig file; the page that is open; what was drawn last of each kind. */
+export const state = {
+  doc: null, began: null, presets: [], waiting: false, // not computed before a click: it came with a link
+  page: "simulate", cursor: 0.75, before: null,
+  shown: { run: null, friction: null, chart: null, bands: [], advice: null, trace: null, fronts: null },
+};
+
+/* The parts of the page, by name. What they have of these is called as things happen: `greeted` (the server said hello),
+   `open` and `close` (a page), `changed` (the rig is another), `drawn` (its run has come; whether it is the last of it),
+   `refused`, `chosen` (a preset), `measured` (a trace was read), `recolour`. */
+export const parts = {};
+export function tellParts(what, ...content) {
+  for (const part of Object.values(parts)) part[what]?.(...content);
+}
+
+export function notice(text) {
+  $("notice").textContent = text;
+  $("notice").hidden = !text;
+}
+
+/* Never stale: what is not about the rig in the fields is dimmed, and words say so. */
+export function mark(about, how, words = "") {
+  for (const part of document.querySelectorAll(`[data-about="${about}"]`)) {
+    part.dataset.state = how;
+    part.setAttribute("aria-busy", String(how === "computing"));
+  }
+  const line = $(`${about}-words`);
+  line.textContent = words;
+  line.hidden = words === "";
+  document.body.dataset[`${about}State`] = how;
+}
+
+let patience = 0;
+export function progress(where, share) {
+  const bar = $(`${where}-progress`);
+  bar.hidden = share === null;
+  if (share !== null && share >= 0) bar.value = share;
+  else bar.removeAttribute("value"); // not known: it moves to and fro
+  if (where === "run") clearTimeout(patience);
+}
+/* A long run, or kernels that are being compiled. */
+export function losePatience() {
+  clearTimeout(patience);
+  patience = setTimeout(() => progress("run", NaN), 600);
+}
+
+// ---------------------------------------------------------------------------------------------------------- words
+
+export const micro = (text) => text.replace(/\bu(m|s|N|g)\b/g, "µ$1");
+export const word = (text) => text.replace(/\b([xf])_s\b/g, "$1ₛ").replace(/\^2/g, "²").replace(/\btime\b/g, "time unit");
+export const pretty = (text) => micro(text).replace(/\b([xf])_s\b/g, "$1ₛ").replace(/\bF_s\b/g, "Fₛ").replace(/\bF_k\b/g, "Fₖ");
+
+export function list(id, lines) {
+  $(id).replaceChildren(...lines.map((textContent) => element("li", { textContent: pretty(textContent) })));
+}
+export function table(id, lines, head) {
+  const cells = (tag, line) => element("tr", {}, ...line.map((textContent) => element(tag, { textContent: pretty(textContent) })));
+  const made = [element("tbody", {}, ...lines.map((line) => cells("td", line)))];
+  if (head) made.unshift(element("thead", {}, cells("th", head)));
+  $(id).replaceChildren(...made);
+}
+export function showRegime(prefix, regime, often = "") {
+  $(prefix).textContent = regime.kind;
+  const beside = $(`${prefix.replace(/regime$/, "")}often`);
+  if (beside) beside.textContent = often;
+  $(prefix).parentElement.className = `verdict ${regime.kind.replaceAll(" ", "-")}`;
+}
+
+// ---------------------------------------------------------------------------------------------------------- files
+
+export function save(blob, name) {
+  const url = URL.createObjectURL(blob);
+  element("a", { href: url, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(url), 10_000);
+}
+export const fileName = (title) => String(title ?? "rig").toLowerCase().replace(/[^a-z0-9]+/g, "-").replace(/^-|-$/g, "") || "rig";

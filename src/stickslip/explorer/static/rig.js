@@ -1,0 +1,278 @@
+/* The rig: its fields, its presets, and its place in the address. */
+
+import { ALL, numeric, pointed, short, split, unfinished } from "./fields.js";
+import { Glossary } from "./glossary.js";
+import { $, element, losePatience, mark, micro, notice, pretty, progress, state, tellParts } from "./page.js";
+import { ask, on, saying } from "./talk.js";
+
+const OLD = { interface: "simulate", advice: "stop" }; // names of pages in links made before
+const PAUSE = 1000; // ms without a key after which a number that was typed counts
+
+let rows = [], scales = null, remembering = 0;
+
+on("hello", (reply) => {
+  if (state.doc) return changed(); // connected again
+  state.presets = reply.presets;
+  fillPresets();
+  tellParts("greeted", reply);
+  const linked = fromAddress();
+  state.doc = linked ?? reply.document;
+  if (reply.chain && !linked) state.page = "fronts";
+  state.began = structuredClone(state.doc);
+  // What a link holds was written by somebody else: it is shown, and computed on a click. A reload goes on.
+  wait(linked !== null && sessionStorage.getItem("here") !== location.hash);
+  rebuild();
+  $(`tab-${state.page}`).click();
+  changed();
+});
+on("edit", (reply) => {
+  if (reply.scales) scales = reply.scales; // for the way back
+  if (reply.document) replace(reply.document);
+}, (errors) => complain(errors));
+
+export function wait(now) {
+  state.waiting = now;
+  $("waiting").hidden = !now;
+  if (now) for (const about of ["run", "drawing", "map", "stop", "fronts"]) mark(about, "waiting", "Not computed yet: this rig came with a link.");
+}
+/* The rig is another: what is on the screen is about the one before. */
+export function changed() {
+  remember();
+  if (state.waiting) return;
+  document.body.dataset.asked = ask("run", { cursor: state.cursor });
+  mark("run", "computing", state.shown.run ? "Computing … what stands here is the rig before." : "Computing …");
+  losePatience();
+  tellParts("changed");
+}
+export function replace(next) {
+  state.doc = next;
+  rebuild();
+  changed();
+}
+export function begin(next) {
+  state.began = structuredClone(next);
+  state.shown.friction = null;
+  replace(next);
+}
+export const anyTyped = () => rows.some((made) => made.typed);
+
+// -------------------------------------------------------------------------------------------------------- address
+
+export function remember() {
+  clearTimeout(remembering);
+  remembering = setTimeout(() => { history.replaceState(null, "", address()); keepHere(); }, 250);
+}
+export const keepHere = () => { if (!state.waiting) sessionStorage.setItem("here", location.hash); };
+export function address() {
+  const bytes = new TextEncoder().encode(JSON.stringify(state.doc));
+  const text = btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
+  return `#${state.page}/${text.replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "")}`;
+}
+function fromAddress() {
+  const [name, text] = location.hash.slice(1).split("/"), where = OLD[name] ?? name;
+  if ($(`page-${where}`)) state.page = where;
+  if (!text) return null;
+  try {
+    const bytes = Uint8Array.from(atob(text.replaceAll("-", "+").replaceAll("_", "/")), (c) => c.charCodeAt(0));
+    const found = JSON.parse(new TextDecoder().decode(bytes));
+    return found && typeof found === "object" && !Array.isArray(found) ? found : null;
+  } catch {
+    notice("The link is damaged; this is the rig the app begins with.");
+    return null;
+  }
+}
+window.addEventListener("hashchange", () => {
+  const found = fromAddress();
+  if (found) { wait(true); replace(found); $(`tab-${state.page}`).click(); }
+});
+$("go").onclick = () => { wait(false); rebuild(); $(`tab-${state.page}`).click(); changed(); };
+
+// --------------------------------------------------------------------------------------------------------- fields
+
+function rebuild() {
+  $("units").value = state.doc.units === "natural" ? "natural" : "SI";
+  rows = [];
+  const host = document.createDocumentFragment();
+  let group = null;
+  for (const field of ALL) {
+    if (field.group) host.append((group = element("fieldset", {}, element("legend", { textContent: field.group }))));
+    else if (!field.when || field.when(state.doc)) group.append(row(field));
+  }
+  $("fields").replaceChildren(host);
+  showPreset();
+}
+function told(key) {
+  const entry = Glossary.find((one) => one.key === key);
+  return entry ? `${entry.term}${entry.unit ? ` (${entry.unit})` : ""}. ${entry.text}` : "";
+}
+const value0 = (field) => field.read(state.doc) ?? field.missing ?? (field.zero ? 0 : undefined);
+
+function row(field) {
+  const id = `field-${field.key.replaceAll(".", "-")}`, box = element("div", { className: "field" });
+  const label = element("label", { htmlFor: id, title: told(field.key) });
+  for (const event of ["pointerenter", "focusin"]) box.addEventListener(event, () => { $("help").textContent = told(field.key); });
+  if (field.symbol) label.append(element("i", { textContent: field.symbol }), " ");
+  label.append(field.title);
+  const complaint = element("p", { className: "complaint", id: `${id}-complaint`, hidden: true });
+  complaint.setAttribute("role", "alert");
+  const made = { field, complaint };
+  rows.push(made);
+  if (field.choices) {
+    made.input = element("select", { id }, ...Object.entries(field.choices).map(([value, text]) => new Option(text, value)));
+    made.input.value = field.read(state.doc) ?? field.missing ?? Object.keys(field.choices)[0];
+    made.input.onchange = () => { field.write(state.doc, made.input.value); rebuild(); changed(); };
+    box.append(label, made.input, complaint);
+    return box;
+  }
+  const natural = state.doc.units === "natural";
+  const [number, unit] = split(value0(field));
+  made.unit = field.plain || natural ? "" : unit || field.si;
+  made.input = element("input", { id, type: "text", inputMode: "decimal", value: number, autocomplete: "off" });
+  made.input.setAttribute("aria-describedby", `${complaint.id} help`);
+  const shownUnit = element("span", { className: "unit", textContent: field.plain && !natural ? relative(field) :
+    micro(made.unit || field.unit || "") });
+  made.shownUnit = shownUnit;
+  if (field.swap) {
+    const menu = element("button", { type: "button", textContent: `${shownUnit.textContent} ⇄`, title: `Give ${field.swap} instead` });
+    menu.onclick = () => ask("edit", { damping_ratio: field.swap === "ζ" });
+    shownUnit.replaceChildren(menu);
+    menu.style.padding = "0 .3rem";
+  }
+  made.input.oninput = () => typing(made);
+  made.input.onchange = () => { settleTyping(made); tidy(made); };
+  box.append(label, made.input, shownUnit);
+  if (field.range) {
+    made.slider = element("input", { type: "range", min: 0, max: 1000, step: 1, id: `${id}-slider` });
+    made.slider.setAttribute("aria-label", field.title);
+    made.range = rangeOf(made, parseFloat(number));
+    place(made);
+    made.slider.oninput = () => {
+      clearTimeout(made.pause);
+      made.typed = false;
+      made.input.value = String(valueAt(made, Number(made.slider.value)));
+      enter(made, made.input.value);
+    };
+    box.append(made.slider);
+  }
+  box.append(complaint);
+  return box;
+}
+const relative = (field) => (field.unit === "xₛ" ? "of xₛ" : "");
+/* The slider spans its natural range, or in SI as many decades about the value; always the value itself. */
+function rangeOf({ field }, value) {
+  let [low, high] = field.range;
+  if (!(field.plain || state.doc.units === "natural")) {
+    const middle = value > 0 ? value : 1, factor = Math.sqrt(high / low);
+    [low, high] = [middle / factor, middle * factor];
+  }
+  return value > 0 ? [Math.min(low, value), Math.max(high, value)] : [low, high];
+}
+function valueAt({ field, range: [low, high] }, position) {
+  if (field.zero && position === 0) return 0;
+  const value = low * Math.pow(high / low, position / 1000);
+  return field.whole ? Math.round(value) : short(value, 3);
+}
+function place(made) {
+  if (!made.slider) return;
+  const value = parseFloat(made.input.value), [low, high] = made.range;
+  if (made.field.zero && !(value > 0)) made.slider.value = 0;
+  else if (value > 0) made.slider.value = Math.round((1000 * Math.log(value / low)) / Math.log(high / low));
+  made.slider.setAttribute("aria-valuetext", `${made.input.value} ${made.shownUnit.textContent}`);
+}
+/* While a number is typed nothing is computed: it counts after Enter, on leaving the field, or after a pause. */
+function typing(made) {
+  const text = pointed(made.input.value); // a decimal comma becomes a point, before one's eyes
+  if (text !== made.input.value) made.input.value = text;
+  clearTimeout(made.pause);
+  made.typed = true;
+  if (state.waiting) return;
+  mark("run", "computing", "Waiting for the number: press Enter.");
+  if (!unfinished(text)) made.pause = setTimeout(settleTyping, PAUSE, made);
+}
+function settleTyping(made) {
+  clearTimeout(made.pause);
+  if (!made.typed) return;
+  made.typed = false;
+  const text = made.input.value.trim();
+  if (text === "") { // emptied and left: what it was before
+    made.input.value = split(value0(made.field))[0];
+    return changed();
+  }
+  enter(made, made.input.value);
+}
+/* What stands in a field goes into the document as it is; the server says what is wrong with it. */
+function enter(made, text) {
+  const { field } = made, trimmed = text.trim().replace(/^([-+]?\d+)[.](?!\d)/, "$1"), [found, typedUnit] = split(trimmed);
+  const natural = field.plain || state.doc.units === "natural";
+  // The unit that stands beside the field may be typed as well.
+  const known = natural && typedUnit !== "" && [field.unit, made.shownUnit.textContent].includes(typedUnit);
+  const number = numeric(known ? found : trimmed);
+  let value = trimmed;
+  if (natural) value = isNaN(number) ? trimmed : number;
+  else if (trimmed !== "never" && !typedUnit) value = `${trimmed} ${made.unit}`;
+  field.write(state.doc, value);
+  if (known) made.input.value = found;
+  if (document.activeElement !== made.slider) place(made);
+  changed();
+}
+function tidy(made) {
+  const [number, unit] = split(made.input.value);
+  if (!unit || made.field.plain || state.doc.units === "natural") return;
+  made.unit = unit; // typed with a unit: it moves to its place beside the field
+  made.input.value = number;
+  if (made.slider) made.range = rangeOf(made, parseFloat(number));
+  place(made);
+  if (!made.field.swap) made.shownUnit.textContent = micro(unit);
+}
+/* Complaints about the rig: each beside its field, the rest above them. */
+export function complain(errors) {
+  settle();
+  progress("run", null);
+  tellParts("refused");
+  mark("run", "refused", state.shown.run ? "Refused, see the message beside the rig: what stands here is the rig before." : "Refused.");
+  const rest = [];
+  for (const { key, message } of errors) {
+    const made = key && rows.find((r) => key === r.field.key) || key && rows.find((r) => r.field.key.startsWith(`${key}.`) ||
+      key.startsWith(`${r.field.key}.`));
+    if (!made) { rest.push({ message }); continue; }
+    made.input.setAttribute("aria-invalid", "true");
+    made.complaint.textContent = message;
+    made.complaint.hidden = false;
+  }
+  $("complaint").textContent = pretty(saying(rest));
+  $("complaint").hidden = rest.length === 0;
+  document.dispatchEvent(new CustomEvent("complained"));
+}
+export function settle() {
+  for (const made of rows) {
+    made.input.removeAttribute("aria-invalid");
+    made.complaint.hidden = true;
+  }
+  $("complaint").hidden = true;
+}
+
+// -------------------------------------------------------------------------------------------------------- presets
+
+function fillPresets() {
+  const groups = {};
+  state.presets.forEach(({ group, title }, i) => {
+    groups[group] ??= element("optgroup", { label: group });
+    groups[group].append(new Option(title, i));
+  });
+  $("preset").replaceChildren(new Option("(your own)", ""), ...Object.values(groups));
+  $("preset").onchange = () => {
+    const chosen = state.presets[$("preset").value];
+    if (!chosen) return;
+    state.cursor = 0.75;
+    tellParts("chosen");
+    wait(false);
+    begin(structuredClone(chosen.document));
+  };
+}
+export function showPreset() {
+  const text = JSON.stringify(state.doc);
+  const index = state.presets.findIndex((preset) => JSON.stringify(preset.document) === text);
+  $("preset").value = index < 0 ? "" : String(index);
+}
+$("reset").onclick = () => replace(structuredClone(state.began));
+$("units").onchange = () => ask("edit", { units: $("units").value, ...($("units").value === "SI" && scales ? { scales } : {}) });
