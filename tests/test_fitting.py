@@ -354,9 +354,7 @@ def test_the_rig_holds_what_was_fitted_and_answers_as_one_without_the_residual(f
     weaker = ss.Interface(thresholds=thresholds, delay=rig.interface.delay)
     speed = rig.natural.velocity
     s = np.array([0.3, 2.0j, 30.0j]) * speed
-    full, reduced = (
-        stability.dynamic_stiffness(*one, s) for one in ((rig.interface, speed), (weaker, speed / left))
-    )
+    full, reduced = (stability.dynamic_stiffness(*one, s) for one in ((rig.interface, speed), (weaker, speed / left)))
     assert full == pytest.approx(reduced, rel=1e-7)
     force = ss.kinetic_friction(rig.interface, speed)
     assert force == pytest.approx(residual + left * ss.kinetic_friction(weaker, speed / left), rel=1e-9)

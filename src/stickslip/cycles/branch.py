@@ -164,7 +164,8 @@ def carried(
     Next to a fold a motion takes long to show whether it decays. Once the law of the fold tells where it lies, to the
     tolerance, it is the bracket; a run beyond it has decayed.
     """
-    points, here = [], first
+    points: list[Point] = []
+    here = first
     way = 1.0 if until > first.value else -1.0
     stride = largest = math.log1p(number("step", step, above=0, below=1))
     decays_at: float | None = None

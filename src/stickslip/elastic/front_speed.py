@@ -126,7 +126,7 @@ def front_speed(rig: Rig, *, prestress: float, blocks: Blocks | None = None) -> 
     body, interface = elastic_parts(rig, "front_speed")
     tau = number("prestress", prestress, above=0, below=1, hint="(tau_0 - f_d)/(f_s - f_d)")
     alike = interface.threshold_distribution.single
-    if blocks is not None and not (isinstance(blocks, str) and blocks in get_args(Blocks)):
+    if blocks is not None and str(blocks) not in get_args(Blocks):
         raise InputError(f"blocks = {shown(blocks)}: must be one of {', '.join(get_args(Blocks))}")
     if blocks == "lattice" and not alike:
         raise InputError(

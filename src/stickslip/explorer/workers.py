@@ -28,7 +28,7 @@ from stickslip.errors import InputError, UndecidedError
 from stickslip.explorer import answers, documents
 from stickslip.explorer.packing import Plain
 
-Reply = Callable[[Any], None]
+Reply = Callable[[Any], object]
 
 GRACE = 1.0
 """Seconds that a worker has to stop by itself before it is killed."""

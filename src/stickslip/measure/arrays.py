@@ -195,7 +195,7 @@ def _contacts(data: xr.Dataset) -> int | None:
 def without_line(values: Array, at: Array) -> Array:
     """Values less the straight line through them; sums, as products of long vectors would wake the threads of BLAS."""
     at = at - at.mean()
-    rest = values - values.mean()
+    rest: Array = values - values.mean()
     rest -= at * (float((at * rest).sum()) / float((at * at).sum()))
     return rest
 

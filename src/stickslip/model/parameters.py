@@ -200,6 +200,8 @@ def parameter_named(parameter: Parameter | str, place: str = "parameter") -> Par
     """
     if isinstance(parameter, Parameter):
         return parameter
-    if isinstance(parameter, str) and parameter in BY_NAME:
+    try:
         return BY_NAME[parameter]
-    raise InputError(f"{place} = {shown(parameter)}: must be one of {', '.join(BY_NAME)}, or a Parameter")
+    except (KeyError, TypeError):
+        known = f"must be one of {', '.join(BY_NAME)}, or a Parameter"
+        raise InputError(f"{place} = {shown(parameter)}: {known}") from None
