@@ -474,15 +474,6 @@ def test_a_cycle_that_no_run_resolves_is_refused_at_once():
     assert is_sustained(Rig(FIG6.interface, FIG6.slider, constant(1e-6))).sustained is False
 
 
-def test_a_fold_is_where_its_law_has_it():
-    # By runs on either side the bracket of the fold is .7046 to .7062, whatever the steps.
-    for step in (0.05, 0.2):
-        (band,) = bistable_range(Rig(FIG7.interface, FIG7.slider, constant(1.0)), between=(0.5, 1.6), step=step)
-        assert band.low.kind == "fold"
-        assert band.low.value == pytest.approx(0.7054, abs=1.4e-3)
-        assert abs(math.log(band.low.decays_at / band.low.persists_at)) <= 2.1e-3
-
-
 def test_a_cycle_is_carried_only_to_a_delay_of_the_same_shape():
     ride = Ride.begin(Rig(delayed(0.1), FIG6.slider, constant(1.0)), FromRest(), cycles.METHOD)
     with pytest.raises(InputError, match="the old one scaled"):

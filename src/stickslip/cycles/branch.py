@@ -159,11 +159,7 @@ def first_point(span: Range, begin: float | None = None) -> Point:
 def carried(
     parameter: Parameter, first: Point, until: float, step: float, tolerance: float
 ) -> tuple[list[Point], Edge]:
-    """Carry the cycle on towards a value; the points, and the end of the branch.
-
-    Next to a fold a motion takes long to show whether it decays. Once the law of the fold tells where it lies, to the
-    tolerance, it is the bracket; a run beyond it has decayed.
-    """
+    """Carry the cycle on towards a value; the points, and the end of the branch."""
     points: list[Point] = []
     here = first
     way = 1.0 if until > first.value else -1.0
@@ -171,10 +167,7 @@ def carried(
     decays_at: float | None = None
     unstable_beyond: bool | None = None
     while abs(math.log(until / here.value)) > 1e-12:
-        law = _fold([first, *points], way)
         value = here.value * math.exp(way * stride)
-        if decays_at is None and law is not None and way * (value - law.value) > 0:
-            value = law.value * math.exp(way * largest)  # well beyond the fold the cycle decays soon
         if way * (value - until) > -1e-12 * until:
             value = until
         verdict, ride, look = settle(here.ride.turned(parameter.set(here.ride.rig, value)))
@@ -188,54 +181,10 @@ def carried(
             stride = 0.5 * abs(math.log(decays_at / here.value))
         else:
             return points, Edge.between(value if decays_at is None else decays_at, here.value, "undecided")
+        if decays_at is not None and abs(math.log(decays_at / here.value)) <= tolerance:
+            # Where smooth sliding turns stable just as the cycle decays, the one has become the other.
+            gone = here.verdict.linearly_unstable and not unstable_beyond
+            return points, Edge.between(decays_at, here.value, "shrinks to nothing" if gone else "fold")
         if decays_at is None:
             stride = min(stride, largest)
-            continue
-        # Where smooth sliding turns stable just as the cycle decays, the one has become the other.
-        gone = here.verdict.linearly_unstable and not unstable_beyond
-        if abs(math.log(decays_at / here.value)) <= tolerance:
-            return points, Edge.between(decays_at, here.value, "shrinks to nothing" if gone else "fold")
-        law = None if gone else _fold([first, *points], way)
-        if law is not None and way * (law.value - decays_at) < 0:
-            if law.error <= 0.5 * tolerance:
-                apart = math.exp(way * max(law.error, 0.1 * tolerance))
-                return points, Edge.between(law.value * apart, law.value / apart, "fold")
-            stride = _ON * abs(math.log(law.value / here.value))
     return points, Edge.at(here.value, "end of range")
-
-
-class _Fold(NamedTuple):
-    """Where a fold lies by its law, and the relative error of that."""
-
-    value: float
-    error: float
-
-
-def _fold(points: list[Point], way: float) -> _Fold | None:
-    """Where the branch turns back: the parameter is a polynomial in the amplitude there, with an end; None if not.
-
-    Through four points it is of third order; how far that takes the end from where the last three have it is the error.
-    """
-    if len(points) < 4:
-        return None
-    last = points[-4:]
-    size, place = (
-        np.array(column) for column in zip(*((p.look.amplitude, way * math.log(p.value)) for p in last), strict=True)
-    )
-    towards = math.copysign(1.0, size[-1] - size[-2])
-    ends = []
-    for count in (3, 4):
-        if np.ptp(size[-count:]) == 0.0:
-            return None
-        law = np.polynomial.Polynomial.fit(size[-count:], place[-count:], count - 1)
-        turns = [float(z.real) for z in law.deriv().roots() if abs(z.imag) < 1e-9 and towards * (z.real - size[-1]) > 0]
-        if not turns:
-            return None
-        ends.append(float(law(min(turns, key=lambda a: abs(a - size[-1])))))
-    if min(ends) < place[-1]:
-        return None
-    return _Fold(math.exp(way * ends[1]), abs(ends[1] - ends[0]))
-
-
-_ON = 0.7
-"""How much of the way to a fold is taken at once."""

@@ -26,7 +26,7 @@ STEADY = 1e-3
 """Change of ln(amplitude) from look to look that counts as none if it stays so small three times."""
 REST = 0.01
 """... and that may still lie ahead, if the changes shrink geometrically."""
-_STEADY_CYCLES, _EACH, _AHEAD = 6, 2e-4, 1e-3
+_STEADY_CYCLES, _EACH, _AHEAD = 6, 2e-5, 1e-3
 """So many changes of ln(amplitude) from cycle to cycle that are so small count as none, too; what may lie ahead."""
 
 
@@ -98,7 +98,7 @@ def is_sustained(
     The run is looked at every three cycles, by their expected length: the drive travels ``<x_s> (1 + k/K)`` in one,
     or for one period of the slider on its spring, whichever is longer. It ends as soon as its fate is clear. The
     oscillation *persists* if its amplitude no longer changes (by less than 1e-3 three times running or by less than
-    2e-4 in six cycles, or with changes that shrink geometrically and have less than 1 % left to go), or scatters about
+    2e-5 in six cycles, or with changes that shrink geometrically and have less than 1 % left to go), or scatters about
     a constant without a trend. It
     *decays* if it is below 2 % of the kinetic friction and shrinks while smooth sliding is stable by linear theory.
     Where smooth sliding is unstable some oscillation always persists; the run then tells which.
