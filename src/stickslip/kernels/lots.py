@@ -61,11 +61,11 @@ from .survival import Table, value_at, values_at
 
 Array = NDArray[np.float64]
 
-CHANCES = 8
-MOMENT, SPEED, CHANGE, LOSS, FORCE, EXCESS, ENERGY, FREQUENCY = range(CHANCES)
+CHANCES = 9
+MOMENT, SPEED, CHANGE, LOSS, FORCE, EXCESS, AWAY, ENERGY, FREQUENCY = range(CHANCES)
 """Of what breaks in a step beyond the mean: when; how fast the slider goes from there, how that changes, and the force
-that breaks take per time on average; the force, the fraction of contacts and the energy that go; and the squared
-frequency of the slider."""
+that breaks take per time on average; the force and the fraction of contacts that go, and of these the fraction that
+does not re-attach at once; the energy; and the squared frequency of the slider."""
 
 _GONE = 1e-13
 """Fraction of contacts so small that none of them is left."""
@@ -128,7 +128,7 @@ def deviation(work: Work, case: Case, t: float, row: Array, force: float, veloci
     row[CONTACT_FORCE] += stiffness * x - chance[FORCE] - D * way
     far = way + x
     row[STORED] += force * x + 0.5 * (stiffness + D) * x * x - L - chance[FORCE] * far - 0.5 * D * far * far
-    row[ATTACHED] -= D
+    row[ATTACHED] -= chance[AWAY]
 
 
 @bare
@@ -179,6 +179,11 @@ def settle(state: State, work: Work, case: Case, dt: float, start: Array, way: f
     h = max((1.0 - u) * dt, 1e-300)
     chance[MOMENT], chance[FORCE] = start[TIME] + u * dt, force / N
     chance[EXCESS], chance[ENERGY] = excess / N, energy / N
+    away = 1.0
+    for i in range(case.delays.time.size):
+        if case.delays.time[i] == 0.0:
+            away -= case.delays.weight[i]
+    chance[AWAY] = away * chance[EXCESS]
     chance[SPEED], chance[CHANGE] = (nodes[AT_X, P] - place) / h, (nodes[AT_V, P] - _value(work, AT_V, u)) / h
     slope = (nodes[AT_FORCE, P] - _value(work, AT_FORCE, u)) / h
     chance[LOSS] = nodes[AT_ATTACHED, P] * chance[SPEED] - slope
