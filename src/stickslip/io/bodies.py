@@ -63,9 +63,10 @@ def body_from(name: str, values: Mapping[str, Any], natural: Natural) -> Elastic
             found[direct] = found.pop(material) * shape[direct]
     # Products in the units of the file: what follows from the material can be written into a file again, bit for bit.
     keys = TABLES[name]
-    return BODIES[name](
-        **{key: natural(value, keys[key].unit) if keys[key].unit else value for key, value in found.items()}
-    )
+    made: dict[str, Any] = {
+        key: natural(value, keys[key].unit) if keys[key].unit else value for key, value in found.items()
+    }
+    return BODIES[name](**made)
 
 
 def start_from(values: Mapping[str, Any], body: ElasticBody, natural: Natural) -> Prestressed:
