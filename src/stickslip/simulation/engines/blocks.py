@@ -288,7 +288,7 @@ class BlocksOfContacts(ElasticEngine):
         self._sliding = beginning.interface.sliding_force
         self._streams = Streams(beginning.interface, method.seed, body.size)
         x, threshold, waiting = contacts_of(beginning, self._streams, method.count, prestress)
-        anchored: Array = self._sliding * slides(beginning, body) if beginning.sliding else prestress
+        anchored = np.where(slides(beginning, body), self._sliding, prestress)
         element = np.clip(anchored, -self._sliding, self._sliding)
         X = settled(beginning, np.where(threshold > 0, x, element[:, None]).mean(axis=1))
         V = first_velocities(beginning, body)
