@@ -282,6 +282,32 @@ def test_the_answer_is_about_the_speeds_at_which_the_rig_works():
     )
 
 
+def test_a_drive_that_goes_through_speeds_is_judged_along_them():
+    answer = ss.predict(ss.example("wiper"), fast=True)
+    assert answer.between == (pytest.approx(0.01), pytest.approx(1.0))
+    assert "along its drive, 10 mm/s to 1 m/s: stick-slip from 10 mm/s, smooth sliding from 502 mm/s" in answer.verdict
+    assert ss.predict(ss.example("brake_pad"), fast=True).between is None
+
+
+def test_a_prediction_needs_no_datasets_and_reads_a_run_as_its_dataset():
+    rig = ss.example("precision_stage")
+    answer = ss.predict(rig, fast=True)
+    assert answer.regime == ss.regime(answer.run)
+    assert ss.simulate(answer.recording.rig, long=True).identical(answer.run)
+
+
+def test_a_run_that_is_too_short_goes_on_until_it_can_be_judged():
+    """Runs of this soft rig with many contacts were cut off for their cost after three cycles: undecided."""
+    thresholds = ss.LogNormal(mean=1.0, std=0.042)
+    rig = ss.Rig(
+        ss.Interface(thresholds=thresholds, delay=ss.Delay(0.0316)),
+        ss.Slider(stiffness=0.0234, mass=9e-4, damping=0.32),
+        ss.constant(0.373, 536.0),
+        method=ss.Contacts(30_000, seed=3),
+    )
+    assert ss.predict(rig, fast=True).regime.kind == "stick-slip"
+
+
 def test_mitigations_stay_within_what_could_be_built():
     document = tomllib.loads(rigs.example_file("precision_stage").read_text(encoding="utf-8"))
     free = {m.parameters: m.stops for m in ss.predict(ss.read_rig(document)).mitigations}

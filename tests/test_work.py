@@ -1,5 +1,6 @@
 """Work is estimated before it starts: what would take hours is refused in one line, unless it is asked for."""
 
+import math
 import subprocess
 import sys
 import time
@@ -82,6 +83,29 @@ def test_the_estimate_is_of_the_right_size(rig, rtol):
     took = time.process_time() - begun
     assert estimate(rig).seconds / 20 < took + 0.05
     assert took - 0.1 < 20 * estimate(rig).seconds
+
+
+@pytest.mark.parametrize("name", ss.example_names())
+def test_the_estimate_holds_for_the_examples(name):
+    """Within a factor 3 of what runs take on a quiet machine; a busy one, or another, may differ by as much again."""
+    rig = ss.example(name)
+    ss.simulate(ss.example("brake_pad"))  # compiled
+    took = math.inf
+    for _ in range(2):
+        begun = time.process_time()
+        ss.simulate(rig)
+        took = min(took, time.process_time() - begun)
+    assert took / 6 < estimate(rig).seconds + 0.02
+    assert estimate(rig).seconds < 6 * (took + 0.02)
+
+
+def test_ringing_and_long_delays_cost_no_more_than_they_do():
+    """A contact that is detached most of the time seldom breaks, and a slider that rings in place breaks none."""
+    ringing = RIG.replace(slider=ss.Slider(stiffness=0.1, mass=1e-4, damping=0.5))
+    assert estimate(ringing).seconds < 3 * estimate(RIG).seconds
+    rare = RIG.replace(interface=ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(9.0)))
+    broken = [part.what for part in estimate(rare).parts if part.key == "simulation.contacts"]
+    assert broken == ["about 1e+02 breaks of 1e+02 contacts"]
 
 
 @pytest.mark.parametrize(

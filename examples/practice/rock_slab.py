@@ -18,7 +18,7 @@ import stickslip as ss
 from stickslip import plot
 
 RIG = "rock_slab"
-FACTORS = (1.0, 10.0, 100.0)
+FACTORS = (0.1, 0.3, 1.0)
 """Speeds of loading, as multiples of the rig's."""
 
 

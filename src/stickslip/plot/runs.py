@@ -264,7 +264,7 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None) -> Figure:
     figure = new_figure(PAGE, 2.4 + 1.7 * len(panels))
     axes = figure.subplots(1 + len(panels), 1, sharex=True, squeeze=False)[:, 0]
     force_trace(run, axes[0], events=events)
-    axes[0].set_title(seen.kind)
+    axes[0].set_title(_over_a_range(run) or seen.kind)
     for name, ax in zip(panels, axes[1:], strict=True):
         (velocity if name == "velocity" else attached)(run, ax)
     for ax in axes[:-1]:
@@ -285,6 +285,14 @@ def side_by_side(left: xr.Dataset, right: xr.Dataset) -> Figure:
         ax.set_title(f"{seen.kind}{speed}")
     axes[1].set_ylabel("")
     return figure
+
+
+def _over_a_range(run: xr.Dataset) -> str:
+    """The speeds that a drive goes through, which has no one regime; nothing for a constant drive."""
+    if "drive_velocity" not in run:
+        return ""
+    low, high = float(run["drive_velocity"].min()), float(run["drive_velocity"].max())
+    return f"drive from {_speed(low, run)} to {_speed(high, run)}" if high - low > 0.02 * max(-low, high) else ""
 
 
 def _speed(value: float, run: xr.Dataset) -> str:
