@@ -113,7 +113,9 @@ def infer(
         )
     parts, found = table.parts[valid], comparable(seen.statistics[valid])
     target = comparable(observed)
+    # The scatter of most draws; of all, where most are alike (correlations near 1).
     scale = 1.4826 * np.median(np.abs(found - np.median(found, axis=0)), axis=0)
+    scale = np.maximum(np.maximum(scale, 0.1 * found.std(axis=0)), 1e-9)
     edge = _edge(found / scale, target / scale, np.random.default_rng([seed, 1]))
     if edge > BEYOND:
         raise InputError(
