@@ -420,9 +420,7 @@ def test_rigid_motion_ends_in_the_steady_state_of_stretched_newborns(newborn):
 
 
 def test_newborns_enter_the_falling_force_where_contacts_re_attach():
-    plain, born = (
-        ss.Interface(thresholds=TENTH, newborn=one) for one in (None, ss.Gaussian(mean=0.0, std=0.0))
-    )
+    plain, born = (ss.Interface(thresholds=TENTH, newborn=one) for one in (None, ss.Gaussian(mean=0.0, std=0.0)))
     assert ss.static_friction(born) == ss.static_friction(plain)
     assert ss.critical_stiffness(born) == ss.critical_stiffness(plain)
     for newborn in NEWBORNS:

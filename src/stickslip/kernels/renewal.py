@@ -303,9 +303,7 @@ def _antiderivatives(contacts: Contacts, path: Array, end: float) -> Array:
         x = path[begin:tail] + born
         survival, first, second = (contacts.excess(x, order) / all_held for order in range(3))
         G = 1.0 - survival
-        total[:, begin:tail] += weight * np.stack(
-            [x - gone + first, G, 0.5 * x * x - work + second + x * first, x * G]
-        )
+        total[:, begin:tail] += weight * np.stack([x - gone + first, G, 0.5 * x * x - work + second + x * first, x * G])
         lost += weight * np.array([gone - born, work - 0.5 * born * born])
     x = path[tail:]
     carried = _carried(contacts)
