@@ -13,6 +13,7 @@ from stickslip import fitting, stability
 from stickslip.cli import main
 from stickslip.errors import InputError
 from stickslip.fitting.arrest import KEYS, Prior, simulate
+from stickslip.fitting.inference import infer
 from stickslip.fitting.observation import Observation
 from stickslip.fitting.rates import half_speed_of
 from stickslip.fitting.summary import FITTED, NAMES, resampled, statistics
@@ -260,6 +261,34 @@ def test_the_observation_biases_simulations_as_it_does_traces():
     assert np.all(away < 0.7)
     bare = np.abs(statistics(peaks, troughs) - events.statistics)[: len(FITTED)] / error[: len(FITTED)]
     assert bare.max() > away.max()
+
+
+def test_series_that_would_be_refused_are_not_compared():
+    """Slips of all sizes: as a trace they are refused, and so they are left out of the table."""
+    rng = np.random.default_rng(2)
+    drops = np.exp(rng.uniform(np.log(0.012), np.log(0.3), 200))
+    peaks = np.full(200, 1.0)
+    smallest = 0.02
+    events = fitting.pick_events(saw(peaks, peaks - drops, samples=400), smallest=10 * smallest)
+    with pytest.raises(InputError, match="depends on what is called one"):
+        fitting.check(events)
+    large = np.where(drops < 3 * smallest, drops + 3 * smallest, drops)
+    observation = replace(Observation.of(events), slips=100)
+    seen = observation.see(np.array([200, 200]), np.tile(peaks, (2, 1)), np.stack([peaks - drops, peaks - large]))
+    assert seen.valid.tolist() == [False, True]
+
+
+def test_statistics_that_all_draws_share_stop_no_fit():
+    """Drops all alike: their scatter is next to nothing in every series."""
+    prior = Prior(contacts=(400.0, 500.0), track_scatter=(0.0, 1e-6), threshold_std=(0.02, 0.021))
+    made = table(prior=prior, draws=400, slips=60)
+    same = replace(
+        made, peaks=np.ones_like(made.peaks), troughs=np.full_like(made.troughs, 0.5), count=made.count * 0 + 60
+    )
+    ideal = Observation(slips=40, slope=0.01, noise=0.0, resolution=0.0, drop=0.01, rise=0.01)
+    observed = ideal.see(same.count[:1], same.peaks[:1], same.troughs[:1], seed=1).statistics[0]
+    sample = infer(same, ideal, observed, nearest=100)
+    assert np.all(np.isfinite(sample.parts))
 
 
 def test_block_bootstrap_errors_are_those_of_repeated_series():

@@ -79,6 +79,7 @@ def infer(
     likelihood: Likelihood | None = None,
     rounds: int | None = None,
     nearest: int = NEAREST,
+    seen: Seen | None = None,
     seed: int = 0,
 ) -> Sample:
     """Draw parameters that make what was observed.
@@ -97,6 +98,8 @@ def infer(
         Rounds of simulations near the trace; by default two where it lies at the edge, else none.
     nearest : int
         Draws kept.
+    seen : Seen, optional
+        What the table shows to this observation, where that is at hand.
     seed : int
 
     Raises
@@ -104,7 +107,8 @@ def infer(
     InputError
         If no draw is anywhere near.
     """
-    seen = observation.see(table.count, table.peaks, table.troughs, seed=seed)
+    if seen is None:
+        seen = observation.see(table.count, table.peaks, table.troughs, seed=seed)
     valid = seen.valid
     if valid.sum() < nearest:
         raise InputError(
@@ -113,7 +117,9 @@ def infer(
         )
     parts, found = table.parts[valid], comparable(seen.statistics[valid])
     target = comparable(observed)
+    # The scatter of most draws; of all, where most are alike (correlations near 1).
     scale = 1.4826 * np.median(np.abs(found - np.median(found, axis=0)), axis=0)
+    scale = np.maximum(np.maximum(scale, 0.1 * found.std(axis=0)), 1e-9)
     edge = _edge(found / scale, target / scale, np.random.default_rng([seed, 1]))
     if edge > BEYOND:
         raise InputError(
