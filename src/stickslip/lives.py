@@ -383,3 +383,11 @@ def under_gumbel(low: Array, high: Array) -> tuple[Array, Array]:
         weights.append(half * _INNER[1])
     z = np.concatenate(nodes, axis=1)
     return z, np.concatenate(weights, axis=1) * np.exp(z - np.exp(z))
+
+
+def blurred_survival(distribution: Distribution, width: float, u: Array) -> Array:
+    """Survival of a newborn of any threshold at ``u = A ln G``: thresholds blurred by a Gumbel distribution."""
+    high = distribution.support[1]
+    # Beyond the largest threshold nothing is left to integrate over.
+    z, weight = under_gumbel(np.minimum(np.maximum((u - high) / width, -38.0), 4.0), np.full_like(u, 4.0))
+    return np.asarray(np.sum(weight * distribution.survival(u[:, None] - width * z), axis=1))
