@@ -26,6 +26,9 @@ FIXED = -1
 
 NODES = 8
 
+_TOP = 1e-9
+"""Nearest to the top of a barrier, over the threshold: there the slope of Kramers' prefactor grows beyond bounds."""
+
 
 def _radau() -> tuple[Floats, Floats]:
     """Radau nodes on (0, 1] and the matrix of integrals from 0 to each node; its last row are the weights."""
@@ -84,7 +87,7 @@ def _log_rate(barrier: Barrier, x: float, c: float) -> tuple[float, float, float
         return (x - c) / barrier.scale, 1.0 / barrier.scale, -1.0 / barrier.scale
     if barrier.kind == PARABOLIC:
         return 0.5 * (x * x - c * c) / barrier.scale, x / barrier.scale, -c / barrier.scale
-    left, p = max(1.0 - x / c, 1e-300), barrier.power
+    left, p = max(1.0 - x / c, _TOP), barrier.power
     steep = barrier.scale * p * left ** (p - 1.0) / c
     exponent, along = -barrier.scale * left**p, steep
     if barrier.kramers and p > 1.0:
@@ -173,7 +176,7 @@ def march(barrier: Barrier, growth: Growth, strengths: Floats, weights: Floats, 
                 else:
                     most = barrier.scale * barrier.power / min(c, xi)
                     if barrier.kramers:
-                        fine = min(fine, 0.5 * (end - here) + 1e-4 * end)
+                        fine = min(fine, 0.5 * (end - here) + 10.0 * _TOP * end)
                     fine = min(fine, 0.5 * (c - here) + 1e-3 * end / barrier.scale)
                 most += abs(hard) * max(-pace, 0.0) / v
                 h = min(h, max(fine, (quiet - exponent) / most if quiet > exponent else 0.0))

@@ -39,7 +39,9 @@ def rsf(
     ] = None,
     to: Annotated[str | None, Parameter(help="Of a trace: velocity after the step.")] = None,
     json: Annotated[bool, Parameter(help="Print JSON for a machine to read.", negative="")] = False,
-    plot: Annotated[Path | None, Parameter(help="Draw the fit of a trace, or the peaks after holds: .png, .svg, .pdf.")] = None,
+    plot: Annotated[
+        Path | None, Parameter(help="Draw the fit of a trace, or the peaks after holds: .png, .svg, .pdf.")
+    ] = None,
 ) -> None:
     """Say whether a rig is rate-and-state-like, or fit rate and state to a measured velocity step.
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from stickslip.answers import Answer, plain
 from stickslip.errors import InputError, UndecidedError, instance, number, shown
-from stickslip.model import Bell, Interface, LogarithmicGrowth, Rig, Slider, constant
+from stickslip.model import Interface, LogarithmicGrowth, Rig, Slider, constant
 from stickslip.rate_state.contacts import contact_stiffness, finite_step, small_step
 from stickslip.rate_state.fitting import Fit, fit_small_step, fit_step
 from stickslip.rate_state.laws import LAWS, Law, RateAndState
