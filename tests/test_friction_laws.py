@@ -5,6 +5,7 @@ computed by two independent programs, to the tolerance that stands beside it.
 """
 
 import ast
+import json
 import math
 from dataclasses import replace
 from functools import lru_cache
@@ -12,6 +13,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 import xarray as xr
+from scipy import special
 
 import stickslip as ss
 from stickslip.errors import InputError, UndecidedError
@@ -119,6 +121,140 @@ def test_force_agrees_with_drawn_lives(std):
     force = 0.5 * np.mean(y * y) / length
     error = np.std(0.5 * y * y - force * (y + velocity * 0.05)) / length / math.sqrt(count)
     assert abs(ss.kinetic_friction(interface, velocity) - force) < 4 * error
+
+
+def breaking_points(barrier, threshold, tried, velocity):
+    """Stretchings at which contacts break, by inversion of the integrated rate: no quadrature, no table."""
+    if isinstance(barrier, ss.Barrier) and barrier.kramers:
+        p, E = barrier.power, barrier.height
+        left = tried * velocity * p * E / (barrier.attempts * threshold) + math.exp(-E)
+        return threshold * (1.0 - (np.maximum(-np.log(left), 0.0) / E) ** (1.0 / p))
+
+    def integrated(x):
+        if isinstance(barrier, ss.Parabolic):
+            T = barrier.temperature
+            steep = math.sqrt(2.0 * T)
+            return steep * np.exp((x**2 - threshold**2) / (2.0 * T)) * special.dawsn(x / steep)
+        p, E = 1.0 / barrier.power, barrier.height
+        held = special.gammaincc(p, E * (1.0 - x / threshold) ** barrier.power) - special.gammaincc(p, E)
+        return threshold * p * E**-p * special.gamma(p) * held
+
+    low, high = np.zeros_like(threshold), threshold
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        broken = barrier.attempts / velocity * integrated(middle) > tried
+        low, high = np.where(broken, low, middle), np.where(broken, middle, high)
+    return high
+
+
+def barrier(power, kramers, height=100):
+    return ss.Barrier(height=height, attempts=1e6, power=power, kramers=kramers)
+
+
+@pytest.mark.parametrize(
+    ("temperature", "velocity"),
+    [
+        (ss.Parabolic(temperature=0.01, attempts=1e6), 1.0),
+        (ss.Parabolic(temperature=0.05, attempts=1e6), 1.0),
+        (barrier(1.0, kramers=False), 1.0),
+        (barrier(1.5, kramers=False), 1.0),
+        (barrier(1.5, kramers=True), 1.0),
+        (barrier(1.5, kramers=True), 1e5),
+        (barrier(2.0, kramers=False, height=20), 1e3),
+        (barrier(2.0, kramers=True), 1.0),
+    ],
+    ids=str,
+)
+def test_every_barrier_agrees_with_drawn_lives(temperature, velocity):
+    rng, count = np.random.default_rng(1), 200_000
+    level = (np.arange(count) + 0.5) / count
+    for std in (0.1, 0.3):
+        interface = contacts(std, temperature=temperature)
+        threshold = interface.threshold_distribution.inverse_survival(level)
+        y = breaking_points(temperature, threshold, -np.log(rng.permutation(level)), velocity)
+        force = np.mean(y**2) / (2.0 * np.mean(y))
+        # Delta method for the ratio of two means; the thresholds are stratified, which only helps.
+        error = np.std(0.5 * y**2 - force * y) / (np.mean(y) * math.sqrt(count))
+        assert ss.kinetic_friction(interface, velocity) == pytest.approx(force, abs=4.0 * error)
+        slow = 1e-4 * velocity
+        slope = dynamic_stiffness(interface, velocity, 1j * slow).imag / 1e-4
+        assert slope == pytest.approx(ss.friction_slope(interface, velocity), rel=1e-6)
+
+
+def slid(areas, power, height, attempts, *, steps=3000, dx=0.002, sites=20_000):
+    """Mean force of contacts of exponential areas at the velocity 1, each moved by small steps: no formula at all."""
+    rng = np.random.default_rng(11)
+    area = rng.exponential(size=sites)
+    x, force = np.zeros(sites), np.zeros(steps)
+    for step in range(2 * steps):
+        x += dx
+        left = np.maximum(1.0 - (x - 0.5 * dx) / np.sqrt(area), 0.0)
+        breaks = (x >= np.sqrt(area)) | (rng.random(sites) < -np.expm1(-dx * attempts * np.exp(-height * left**power)))
+        x[breaks] = 0.0
+        if areas == "fresh":
+            area[breaks] = rng.exponential(size=np.count_nonzero(breaks))
+        force[step % steps] = np.mean(np.sqrt(area) * x)
+    return force.mean()
+
+
+@pytest.mark.parametrize(
+    ("areas", "cold", "warm"), [("fresh", 0.75, 0.5832), ("site", 0.5, 0.3935)], ids=["fresh", "site"]
+)
+def test_contacts_of_different_areas(areas, cold, warm):
+    interface = ss.Interface(thresholds=ss.Exponential(mean=1.0), areas=areas)
+    assert ss.kinetic_friction(interface) == pytest.approx(cold, abs=1e-6)
+    activated = replace(interface, temperature=barrier(1.0, kramers=False, height=50))
+    assert ss.kinetic_friction(activated, 1.0) == pytest.approx(warm, abs=1e-4)
+    # 20,000 sites over 6 thresholds: each mean force is known to .004.
+    assert ss.kinetic_friction(activated, 1.0) == pytest.approx(slid(areas, 1.0, 50.0, 1e6), abs=0.012)
+    ratio = 1.01
+    near = [ss.kinetic_friction(activated, v) for v in (ratio, 1.0 / ratio)]
+    assert ss.friction_slope(activated, 1.0) == pytest.approx((near[0] - near[1]) / (2.0 * math.log(ratio)), rel=1e-4)
+    # <k x^2/2>/(<x> + v tau), and the mean of k x^2/2/(x + v tau), x the root of the area.
+    root, share = np.polynomial.legendre.leggauss(400)
+    x = 4.0 * (1.0 + root)
+    weight = 4.0 * share * 2.0 * x * np.exp(-(x**2))
+    work = weight * 0.5 * x**3
+    expected = work.sum() / (weight @ x + 1.0) if areas == "fresh" else np.sum(work / (x + 1.0))
+    delayed = replace(interface, delay=ss.Delay(1.0))
+    assert ss.kinetic_friction(delayed, 1.0) == pytest.approx(expected, abs=1e-6)
+
+
+def test_areas_are_refused_where_they_are_not_known(tmp_path):
+    interface = ss.Interface(thresholds=ss.Exponential(mean=1.0), areas="site")
+    rig = bench(interface)
+    for ask in (
+        lambda: ss.static_friction(interface),
+        lambda: ss.growth_rate(rig),
+        lambda: ss.rate_and_state(interface),
+        lambda: ss.simulate(replace(rig, slider=ss.Slider(stiffness=1.0, mass=0.1, damping=1.0))),
+        lambda: ss.rigid_slide(interface, distance=1.0),
+        lambda: ss.velocity_step(interface, before=1.0, after=2.0, distance=1.0),
+    ):
+        with pytest.raises(InputError, match=r"Interface\.areas = site: not available with"):
+            ask()
+    with pytest.raises(InputError, match="must be 'fresh', 'site' or None"):
+        ss.Interface(thresholds=ss.Exponential(mean=1.0), areas="each")
+    with pytest.raises(InputError, match="leave one of them out"):
+        ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), areas="site", ageing=ss.Langevin(rate=1.0))
+    with pytest.raises(InputError, match="use Barrier"):
+        replace(THERMAL, areas="site")
+    path = tmp_path / "areas.toml"
+    path.write_text(
+        WARM.replace("ageing = {", "# ageing = {")
+        .split("[interface.temperature]")[0]
+        .replace("thresholds =", 'areas = "site"\nthresholds =')
+        + "[drive]"
+        + WARM.split("[drive]")[1]
+    )
+    read = ss.read_rig(path)
+    assert read.interface.areas == "site"
+    from stickslip.io.rig_files import from_text, to_toml
+
+    assert from_text(to_toml(read)).interface == read.interface
+    path.write_text(path.read_text().replace("areas =", 'v_half = "1 mm/s"\nareas ='))
+    with pytest.raises(InputError, match=r"interface\.areas: leave it out"):
+        ss.read_rig(path)
 
 
 def test_velocities_where_friction_turns():
@@ -256,6 +392,41 @@ def test_a_small_finite_step_is_the_linear_one():
     assert np.interp(x, lead, force) / math.log(1.01) == pytest.approx(small_step(AGEING, 1.0, x), abs=1.5e-4)
 
 
+STEPPED = {
+    "parabolic": contacts(temperature=ss.Parabolic(temperature=0.01, attempts=1e6)),
+    "power 3/2": contacts(temperature=barrier(1.5, kramers=True)),
+    "power 2": contacts(temperature=barrier(2.0, kramers=True)),
+    "ageing": contacts(temperature=barrier(1.5, kramers=False), ageing=0.02),
+    "delay": contacts(ageing=0.02, delay=0.001),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("interface", STEPPED.values(), ids=STEPPED)
+def test_finite_steps_of_other_barriers_and_with_delay(interface):
+    lead, force = finite_step(interface, 1.0, 10.0, 6.0)
+    change = ss.kinetic_friction(interface, 10.0) - ss.kinetic_friction(interface, 1.0)
+    assert force[-1] == pytest.approx(change, abs=2e-4)
+    lead, force = finite_step(interface, 1.0, 1.02, 4.0)
+    x = np.array([0.02, 0.1, 0.5, 2.0, 3.9])
+    assert np.interp(x, lead, force) / math.log(1.02) == pytest.approx(small_step(interface, 1.0, x), abs=3e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["parabolic", "power 3/2", "ageing"])
+def test_finite_steps_agree_with_contacts_one_by_one(name):
+    lead, force = finite_step(STEPPED[name], 1.0, 10.0, 2.0)
+    count = 100_000
+    run = ss.velocity_step(
+        STEPPED[name], before=1.0, after=10.0, distance=2.0, method=ss.Contacts(count, seed=5), points=200
+    )
+    later = run.where(run.time > 0, drop=True)
+    level = ss.kinetic_friction(STEPPED[name], 1.0)
+    expected = level + np.interp(10.0 * later.time, lead, force)
+    # Stretchings lie between 0 and the thresholds: their standard deviation is that of a uniform distribution or so.
+    assert float(np.abs(later.friction_force - expected).max()) < 4.0 * 0.3 / math.sqrt(count)
+
+
 # ---------------------------------------------------------------- the two laws
 
 
@@ -313,6 +484,7 @@ ROWS = [
     (contacts(ageing=0.04), True, "ageing"),
     (contacts(ageing=0.02, delay=0.001), False, "b changes by"),
     (contacts(ageing=0.02, delay=0.05), False, "fitted to"),
+    (contacts(ageing=0.02, delay=0.0001), True, "ageing"),
 ]
 
 
@@ -507,6 +679,24 @@ def test_command(tmp_path, capsys):
         path.write_text(delayed)
         assert main(["rsf", str(path)]) == 2
         assert "not rate-and-state: no direct effect: a = " in capsys.readouterr().err
+
+
+def test_command_with_holds(tmp_path, capsys):
+    from stickslip.cli import main
+
+    path, picture = tmp_path / "warm.toml", tmp_path / "holds.svg"
+    path.write_text(WARM)
+    assert main(["rsf", str(path), "--holds", "100 s, 1000 s", "--json", "--plot", str(picture)]) == 0
+    told = json.loads(capsys.readouterr().out)
+    # Peaks grow by the slope of ageing for each e-fold; rate and state says b.
+    strength = 768.0
+    assert told["holds"]["per_decade"] == pytest.approx([strength * 0.02 * math.log(10)], rel=0.05)
+    assert told["holds"]["by_rate_and_state"] == pytest.approx(strength * told["b"] * math.log(10))
+    assert picture.stat().st_size > 10_000
+    assert main(["rsf", str(path), "--holds", "100"]) == 2
+    assert "--holds '100': has no unit; write it as in '10 s'" in capsys.readouterr().err
+    assert main(["rsf", str(path), "--plot", str(picture)]) == 2
+    assert "give --holds" in capsys.readouterr().err
 
 
 def test_command_on_a_measured_step(pytestconfig, tmp_path, capsys):

@@ -51,6 +51,8 @@ def mean_lives(interface: Interface, velocity: float) -> tuple[float, float]:
     InputError
         If the interface is not one of those.
     """
+    if interface.areas is not None:
+        return _of_areas(interface, velocity)
     lives, away = lives_of(interface, velocity), velocity * interface.delay.moment(1)
     rest, work = held(lives)
     length = rest + away
@@ -62,6 +64,40 @@ def mean_lives(interface: Interface, velocity: float) -> tuple[float, float]:
     less = float((lives.weight * lives.x) @ lives.slope + lives.cap_x @ lives.cap_slope)
     force = work / length
     return force, (less - force * (slower + away)) / length
+
+
+def _of_areas(interface: Interface, velocity: float) -> tuple[float, float]:
+    """Force and slope of contacts of different areas: a mean of the work over one of the length, or of their ratio."""
+    from stickslip.kernels import lives as kernel
+
+    areas, away = interface.threshold_distribution, velocity * interface.delay.moment(1) if velocity > 0 else 0.0
+    if math.isinf(away):
+        return 0.0, 0.0
+    low, high = areas.support
+    if areas.single:
+        node, weight = np.array([areas.moment(1)]), np.ones(1)
+    else:
+        start = max(low, 0.0)
+        places = [(start, 1e-6), *((knot, 0.05) for knot in areas.knots)]  # the root of a small area is steep
+        node, weight = _gauss(_edges(areas, start, high, places, math.inf))
+        weight = weight * areas.density(node)
+    stiffness = np.sqrt(node)  # and the stretching at which the contact breaks
+    # Without temperature the speed does not matter to a life.
+    lives = kernel.march(
+        barrier_of(interface.temperature), growth_of(None), stiffness, np.ones_like(node), velocity or 1.0, math.inf
+    )
+    whose = np.repeat(np.cumsum(lives.fresh) - 1, kernel.NODES)
+
+    def of_each(value: Array) -> Array:
+        return np.bincount(whose, weights=lives.weight * value, minlength=node.size)
+
+    length, longer = of_each(lives.survival) + away, of_each(lives.slope)
+    work, more = (stiffness * of_each(lives.x * value) for value in (lives.survival, lives.slope))
+    if interface.areas == "fresh":  # one kind of site, with the mean life
+        length, longer, work, more = (np.array([weight @ value]) for value in (length, longer, work, more))
+        weight = np.ones(1)
+    force = work / length
+    return float(weight @ force), float(weight @ ((more - force * longer) / length))
 
 
 def held(lives: Lives) -> tuple[float, float]:
@@ -125,11 +161,12 @@ def _lives(
         return _in_one(distribution, hazard, growth, velocity, longest)
     if distribution.support[1] > 1e3 * distribution.moment(1) and temperature is not None:
         longest = math.inf if longest == 1.0 else longest
-    places = [(0.0, 0.01), *((knot, 0.05) for knot in distribution.knots)]
+    start = max(low, 0.0)
+    places = [(start, 0.01), *((knot, 0.05) for knot in distribution.knots)]
     if isinstance(temperature, Bell):
         bend = temperature.width * math.log1p(temperature.attempts * temperature.width / velocity)
         places.append((bend, temperature.width))
-    edges = _edges(distribution, max(low, 0.0), high, places, math.inf)
+    edges = _edges(distribution, start, high, places, math.inf)
     x, weight = _gauss(edges)
     return kernel.march(hazard, growth, x, weight * distribution.density(x), velocity, longest)
 
@@ -382,3 +419,11 @@ def under_gumbel(low: Array, high: Array) -> tuple[Array, Array]:
         weights.append(half * _INNER[1])
     z = np.concatenate(nodes, axis=1)
     return z, np.concatenate(weights, axis=1) * np.exp(z - np.exp(z))
+
+
+def blurred_survival(distribution: Distribution, width: float, u: Array) -> Array:
+    """Survival of a newborn of any threshold at ``u = A ln G``: thresholds blurred by a Gumbel distribution."""
+    high = distribution.support[1]
+    # Beyond the largest threshold nothing is left to integrate over.
+    z, weight = under_gumbel(np.minimum(np.maximum((u - high) / width, -38.0), 4.0), np.full_like(u, 4.0))
+    return np.asarray(np.sum(weight * distribution.survival(u[:, None] - width * z), axis=1))

@@ -347,6 +347,10 @@ class _Reader:
             self.wrong(
                 "interface.newborn", "leave it out beside mu_s and mu_k, or give contact_strength in their place"
             )
+        if "areas" in interface and (coefficients or "v_half" in interface):
+            self.wrong(
+                "interface.areas", "leave it out beside mu_s, mu_k and v_half, which are read as of equal contacts"
+            )
         given = document.get("interface", {})
         if isinstance(given, Mapping) and "delay" in given and "v_half" in given:
             self.wrong("interface", "give delay or v_half, not both")
@@ -398,6 +402,7 @@ class _Reader:
                 sliding_force=natural(interface["sliding_force"], "f_s"),
                 newborn=newborn,
                 track_scatter=interface["track_scatter"],
+                areas=interface.get("areas"),
             ),
         )
         if "v_half" in interface:

@@ -409,6 +409,13 @@ INTERFACE: Mapping[str, Key] = {
         sign="at least 0",
         default=0.0,
     ),
+    "areas": Key(
+        "Contacts of different areas, whose distribution `thresholds` then is: drawn afresh at each re-attachment, or "
+        "one for each site. The threshold force goes with the area, the stiffness with its root.",
+        "fresh",
+        choices=("fresh", "site"),
+        otherwise="all contacts are equally stiff",
+    ),
     "ageing": Key(
         "How the thresholds of contacts grow with their age.",
         {"model": "langevin", "time": "1 s"},

@@ -105,7 +105,8 @@ class RigWriter:
 
     def _interface(self) -> Document:
         interface, found = self.rig.interface, {}
-        interface.allow(("temperature", "sliding_force", "newborn", "track_scatter", "on_arrest"), "a rig file")
+        known = ("temperature", "sliding_force", "newborn", "track_scatter", "on_arrest", "areas")
+        interface.allow(known, "a rig file")
         if self.scales is not None:
             strength, blocks = self._scale("force"), self._blocks
             found["contact_strength"] = self._quantity(blocks, "f_s", lambda si: si / blocks == strength)
@@ -126,6 +127,8 @@ class RigWriter:
             found["newborn"] = self._record("distribution", interface.newborn, DISTRIBUTIONS)
         if interface.track_scatter:
             found["track_scatter"] = self._number(interface.track_scatter)
+        if interface.areas is not None:
+            found["areas"] = interface.areas
         if interface.ageing is not None:
             found["ageing"] = self._record("model", interface.ageing, AGEING_MODELS)
         if interface.temperature is not None:

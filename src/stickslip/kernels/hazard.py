@@ -8,6 +8,9 @@ from .growth import EXPONENTIAL, Growth, grown
 
 BELL, PARABOLIC, BARRIER = range(3)
 
+TOP = 1e-9
+"""Nearest to the top of a barrier, over the threshold: there the slope of Kramers' prefactor grows beyond bounds."""
+
 FIXED = Growth(1, 0.0, 1.0)
 """Thresholds that do not grow."""
 
@@ -34,7 +37,7 @@ def log_rate(hazard: Hazard, x: float, threshold: float) -> tuple[float, float, 
         return (x - threshold) / scale, 1.0 / scale, -1.0 / scale
     if hazard.kind == PARABOLIC:
         return 0.5 * (x - threshold) * (x + threshold) / scale, x / scale, -threshold / scale
-    left, p = max(1.0 - x / threshold, 1e-300), hazard.power
+    left, p = max(1.0 - x / threshold, TOP), hazard.power
     along = scale * p * left ** (p - 1.0) / threshold
     exponent = -scale * left**p
     if hazard.kramers != 0.0 and p > 1.0:

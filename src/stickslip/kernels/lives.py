@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ._jit import inlined, jit
 from .growth import EXPONENTIAL, LOGARITHMIC, Growth
-from .hazard import BELL, PARABOLIC, Hazard, log_rate
+from .hazard import BELL, PARABOLIC, TOP, Hazard, log_rate
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -144,7 +144,7 @@ def march(hazard: Hazard, growth: Growth, strengths: Floats, weights: Floats, v:
                 else:
                     most = hazard.scale * hazard.power / min(c, xi)
                     if hazard.kramers != 0.0:
-                        fine = min(fine, 0.5 * (end - here) + 1e-4 * end)
+                        fine = min(fine, 0.5 * (end - here) + 10.0 * TOP * end)
                     fine = min(fine, 0.5 * (c - here) + 1e-3 * end / hazard.scale)
                 most += abs(hard) * max(-pace, 0.0) / v
                 h = min(h, max(fine, (quiet - exponent) / most if quiet > exponent else 0.0))

@@ -59,6 +59,8 @@ FINISHED, STOPPED, PAUSED, NO_ROOM = range(4)
 
 EXTINCT = 1e-13
 """A cohort of which a smaller fraction survives is dropped; its rest counts as broken."""
+UNTRIED = 1e-10
+"""A contact whose integrated rate is smaller is as good as whole, and with it all of larger thresholds."""
 _PIECE = 0.5
 """Largest logarithm of the growth of an age in a panel of its quadrature."""
 
@@ -248,7 +250,7 @@ def follow(state: State, model: Model, j: int, now: float, dt: float, X: float, 
             reach = max(reach, abs(x + dX) - threshold_at(model.growth, 0.0, age + dt))
         cohort[TRIAL_REACH, j] = reach
         return surviving(model, state.trial[j, 0], reach)
-    fraction = 0.0
+    fraction, seen = 0.0, 0.0
     end = abs(x + dX)
     for k in range(model.node.size):
         run = state.run[j, k]
@@ -259,6 +261,12 @@ def follow(state: State, model: Model, j: int, now: float, dt: float, X: float, 
                 run += _integral(model.hazard, model.growth, model.node[k], age, dt, x, dX)
                 fraction += model.weight[k] * math.exp(-run)
         state.trial[j, k] = run
+        seen += model.weight[k]
+        if run < UNTRIED:  # stronger contacts are tried even less
+            for i in range(k + 1, model.node.size):
+                state.trial[j, i] = state.run[j, i]
+            fraction += 1.0 - seen
+            break
     cohort[TRIAL_REACH, j] = cohort[REACH, j]
     return fraction
 

@@ -6,13 +6,14 @@ Natural units throughout: contact stiffness ``k = 1``, mean threshold force ``f_
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated
+from typing import Annotated, Literal
 
-from stickslip.errors import InputError, instance
-from stickslip.model.activation import Activation
+from stickslip.errors import InputError, instance, shown
+from stickslip.model.activation import Activation, Barrier
 from stickslip.model.ageing import Strengthening
 from stickslip.model.delays import Delay, DelayModel, OnArrest
 from stickslip.model.distributions import Distribution, Gaussian
@@ -48,6 +49,13 @@ class Interface:
         Scatter from slip to slip of all thresholds alike: the standard deviation of the factor, of mean 1, that the
         thresholds drawn between two arrests of the slider have in common. The factor is log-normal, as the strength of
         a track is the product of many influences: it is positive, and half as strong is as likely as twice.
+    areas : {"fresh", "site"}, optional
+        Contacts of different areas ``a``: `thresholds` is then the distribution of areas, in units of one whose
+        threshold force and stiffness are 1. The threshold force goes with the area and the stiffness with its root,
+        ``f_s = a`` and ``k = sqrt(a)``, so that a contact breaks at the stretching ``sqrt(a)``. With "fresh" a contact
+        draws a new area whenever it re-attaches, with "site" it keeps its own: of exponential areas the one force is
+        half as large again as the other. Only steady sliding is known of such contacts. By default all contacts are
+        equally stiff.
     """
 
     thresholds: Distribution
@@ -58,6 +66,7 @@ class Interface:
     sliding_force: Annotated[float, Number("f_s", at_least=0, hint="force of a detached contact while it slides")] = 0.0
     newborn: Distribution | None = None
     track_scatter: Annotated[float, Number(at_least=0, at_most=1, hint="standard deviation of a common factor")] = 0.0
+    areas: Literal["fresh", "site"] | None = None
 
     def __post_init__(self) -> None:
         check(self)
@@ -86,6 +95,7 @@ class Interface:
             Distribution | None,
             "a distribution of stretchings, such as Uniform(low=0.0, high=0.2), or None",
         )
+        self._check_areas()
         for name, born in (("initial", self.initial), ("newborn", self.newborn)):
             if born is not None and (lost := self._beyond_thresholds(born)) > 1e-3:
                 largest = self.threshold_distribution.support[1]
@@ -95,6 +105,21 @@ class Interface:
                     f"Interface.{name}",
                 )
 
+    def _check_areas(self) -> None:
+        if self.areas not in ("fresh", "site", None):
+            raise InputError(f"Interface.areas = {shown(self.areas)}: must be 'fresh', 'site' or None")
+        if self.areas is None:
+            return
+        if self.ageing is not None:
+            raise InputError(
+                f"Interface.areas = {self.areas!r}: not available with ageing = {self.ageing}; leave one of them out"
+            )
+        if not isinstance(self.temperature, Barrier | None):
+            raise InputError(
+                f"Interface.areas = {self.areas!r}: not available with temperature = {self.temperature}, which is of "
+                "contacts of one stiffness; use Barrier(...), relative to the threshold of each"
+            )
+
     @property
     def mechanisms(self) -> frozenset[str]:
         """What the interface has beyond thresholds, a delay and ageing; each is a field of its own."""
@@ -103,6 +128,7 @@ class Interface:
             "sliding_force": self.sliding_force > 0,
             "newborn": self.newborn is not None,
             "track_scatter": self.track_scatter > 0,
+            "areas": self.areas is not None,
             "on_arrest": isinstance(self.delay, OnArrest),
         }
         return frozenset(name for name, present in asked.items() if present)
@@ -128,5 +154,7 @@ class Interface:
 
     def _beyond_thresholds(self, stretchings: Distribution) -> float:
         high = self.threshold_distribution.support[1]
+        if self.areas is not None:
+            high = math.sqrt(high)
         beyond = stretchings.survival([high, -high])
         return float(beyond[0] + 1.0 - beyond[1])

@@ -36,7 +36,7 @@ from stickslip.plot.runs import (
     stretchings,
     velocity,
 )
-from stickslip.plot.steps import velocity_step
+from stickslip.plot.steps import peaks_after_holds, velocity_step
 from stickslip.plot.style import (
     BLACK,
     BLUE,
@@ -91,6 +91,7 @@ __all__ = [
     "new_axes",
     "new_figure",
     "overview",
+    "peaks_after_holds",
     "phase_portrait",
     "precursor_lengths",
     "precursors",

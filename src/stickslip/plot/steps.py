@@ -1,4 +1,4 @@
-"""Pictures of velocity steps: friction over displacement, and the fits to it."""
+"""Pictures of velocity steps and holds: friction over displacement, peaks over the time of rest."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from matplotlib.figure import Figure
 
-from stickslip.plot.style import BLUE, GREY, PAGE, VERMILLION, house_style, legend_above, new_figure
+from stickslip.plot.style import BLUE, COLUMN, GREY, PAGE, VERMILLION, dress, house_style, legend_above, new_figure
 
 Step = Any  # `stickslip.rate_state.Step`, and fits with a method `friction`: they stand above pictures
 Fit = Any
@@ -40,5 +41,32 @@ def velocity_step(step: Step, fits: Sequence[Fit], names: Sequence[str] = (), *,
     upper.set_ylabel("friction")
     lower.set_ylabel("left over")
     lower.set_xlabel(f"displacement after the step ({length})")
+    legend_above(upper)
+    return figure
+
+
+@house_style()
+def peaks_after_holds(run: xr.Dataset, per_decade: float | None = None) -> Figure:
+    """Draw how far the force peaks after holds, and how far it relaxes in them, over the time of the hold.
+
+    Parameters
+    ----------
+    run : Dataset
+        Of `slide_hold_slide`.
+    per_decade : float, optional
+        Growth of the peaks by rate and state, ``b ln 10``: a line through the last peak.
+    """
+    figure = new_figure(COLUMN, 3.6)
+    upper, lower = figure.subplots(2, 1, height_ratios=[3, 2], sharex=True)
+    run = run.sortby("hold")
+    hold, peak = run["hold"].to_numpy(), run["peak"].to_numpy()
+    upper.semilogx(hold, peak, "o-", color=BLUE, markersize=3.5, label="contacts")
+    if per_decade is not None:
+        line = peak[-1] + per_decade * np.log10(hold / hold[-1])
+        upper.semilogx(hold, line, "--", color=VERMILLION, label="slope by rate and state")
+    lower.semilogx(hold, run["relaxation"], "o-", color=BLUE, markersize=3.5)
+    dress(upper.yaxis, run["peak"].assign_attrs(long_name="peak above sliding"))
+    dress(lower.yaxis, run["relaxation"].assign_attrs(long_name="relaxation"))
+    dress(lower.xaxis, run["hold"].assign_attrs(spacing="log"))
     legend_above(upper)
     return figure

@@ -6,6 +6,7 @@ temperature and ageing come near to it, others do not; `rate_and_state` says whi
 
 from stickslip.rate_state.contacts import finite_step, small_step
 from stickslip.rate_state.exports import export_rate_and_state
+from stickslip.rate_state.holds import Healing, healing
 from stickslip.rate_state.laws import RateAndState
 from stickslip.rate_state.measured import (
     ContactsFit,
@@ -19,6 +20,7 @@ from stickslip.rate_state.verdict import RateAndStateFit, rate_and_state
 
 __all__ = [
     "ContactsFit",
+    "Healing",
     "RateAndState",
     "RateAndStateFit",
     "Step",
@@ -27,6 +29,7 @@ __all__ = [
     "finite_step",
     "fit_contacts",
     "fit_rate_and_state",
+    "healing",
     "rate_and_state",
     "small_step",
     "velocity_step_in",

@@ -13,6 +13,7 @@ from stickslip.rate_state.exports import Program
 
 if TYPE_CHECKING:
     from stickslip.model.rig import Rig
+    from stickslip.rate_state.holds import Healing
     from stickslip.rate_state.measured import StepFit
     from stickslip.rate_state.verdict import RateAndStateFit
 
@@ -25,6 +26,9 @@ def rsf(
     ] = None,
     step: Annotated[str, Parameter(help="Ratio of the velocities.")] = "10",
     law: Annotated[Literal["best", "ageing", "slip"], Parameter(help="Which law to fit.")] = "best",
+    holds: Annotated[
+        str | None, Parameter(help="Also slide, hold and slide, with these times of rest: '1 s, 10 s, 100 s'.")
+    ] = None,
     export: Annotated[Program | None, Parameter(help="Print, or write, the input of another program.")] = None,
     load: Annotated[str | None, Parameter(help="Normal load, for the export: '2 kN'.")] = None,
     area: Annotated[str | None, Parameter(help="Area of the surface, for the export: '1 cm^2'.")] = None,
@@ -35,7 +39,9 @@ def rsf(
     ] = None,
     to: Annotated[str | None, Parameter(help="Of a trace: velocity after the step.")] = None,
     json: Annotated[bool, Parameter(help="Print JSON for a machine to read.", negative="")] = False,
-    plot: Annotated[Path | None, Parameter(help="Of a trace: also draw the fit: .png, .svg or .pdf.")] = None,
+    plot: Annotated[
+        Path | None, Parameter(help="Draw the fit of a trace, or the peaks after holds: .png, .svg, .pdf.")
+    ] = None,
 ) -> None:
     """Say whether a rig is rate-and-state-like, or fit rate and state to a measured velocity step.
 
@@ -52,11 +58,15 @@ def rsf(
         fit, rig = _of_rig(data, velocity, step, law)
         if not fit.holds:
             raise InputError(f"{data}: not rate-and-state: {fit.reason}")
-        if plot is not None:
-            raise InputError(f"--plot {plot}: draws the fit of a trace; a rig has none")
+        if plot is not None and holds is None:
+            raise InputError(f"--plot {plot}: draws the fit of a trace, or the peaks after holds; give --holds")
         if export is None:
-            print(jsonlib.dumps(fit.to_dict(), indent=2) if json else fit)
+            healed = None if holds is None else _after_holds(rig, fit, holds, plot)
+            told = fit.to_dict() if healed is None else {**fit.to_dict(), "holds": healed.to_dict()}
+            print(jsonlib.dumps(told, indent=2) if json else fit if healed is None else f"{fit}\n\n{healed}")
             return
+        if holds is not None:
+            raise InputError("--holds: not together with --export; ask for one after the other")
         if load is None:
             raise InputError("--load: is missing; give the normal load, '2 kN'")
         if rig.scales is None:
@@ -66,6 +76,8 @@ def rsf(
         text = export_rate_and_state(fit, export, scales=rig.scales, load=load, area=area, path=output)
         print(f"{export}: {output}" if output is not None else text, end="\n" if output is not None else "")
         return
+    if holds is not None:
+        raise InputError("--holds: is for a rig; a measured trace has its own")
     if step_at is None or from_ is None or to is None:
         raise InputError(f"{data}: of a measured trace say --step-at '68.7 s' --from '3 um/s' --to '10 um/s'")
     found = _of_trace(data, step_at, from_, to, law, plot)
@@ -85,6 +97,25 @@ def _of_rig(
         speed = _told("--velocity", velocity, lambda text: read_quantity(text, "m/s", "1 um/s")) / rig.unit("x_s/time")
     ratio = _told("--step", step, read_number)
     return rate_and_state(rig.natural.interface, speed, step=ratio, law=law), rig
+
+
+def _after_holds(rig: Rig, fit: RateAndStateFit, holds: str, plot: Path | None) -> Healing:
+    """Slide, hold and slide the rigidly driven slider of a rig, at the velocity of a fit."""
+    from stickslip.model.quantities import read_number, read_quantity
+    from stickslip.rate_state.holds import healing
+    from stickslip.simulation.steps_and_holds import slide_hold_slide
+
+    def read(text: str) -> float:
+        return read_number(text) if rig.scales is None else read_quantity(text, "s", "10 s")
+
+    times = [_told("--holds", one.strip(), read) for one in holds.split(",")]
+    run = slide_hold_slide(rig, velocity=fit.velocity * rig.unit("x_s/time"), holds=times)
+    healed = healing(run, fit.b * rig.unit("f_s"))
+    if plot is not None:
+        from stickslip import plot as drawing
+
+        drawing.save(drawing.peaks_after_holds(run, healed.by_rate_and_state), plot)
+    return healed
 
 
 def _of_trace(

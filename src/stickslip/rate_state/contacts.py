@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from stickslip.errors import InputError
-from stickslip.lives import growth_of, lives_of
+from stickslip.lives import blurred_survival, growth_of, lives_of, reached_on
 from stickslip.model import Bell, ExponentialGrowth, Interface, Langevin
-from stickslip.model.distribution import Distribution
+from stickslip.simulation.steps_and_holds import velocity_step
 from stickslip.stability.modes import respond
 from stickslip.theory import kinetic_friction
 
@@ -87,18 +86,21 @@ def finite_step(
 ) -> tuple[Array, Array]:
     """Force over the displacement of the load point after a step of its velocity, from steady sliding.
 
+    By cohorts, each with one number, where that is enough: `Bell` activation without delay, of thresholds that do not
+    grow or do so with the logarithm of age. Else as `velocity_step` by the master equation: other barriers, delays,
+    and thresholds that grow otherwise, which take seconds.
+
     Parameters
     ----------
     interface : Interface
-        With `Bell` activation, without delay; thresholds may grow with the logarithm of age.
     before, after : float
         Velocities, in ``x_s`` per time.
     slip : float
-        How far the slider goes after the step.
+        How far the load point goes after the step.
     stiffness : float
         Of a spring between load point and slider, per contact; infinite for a rigid slider.
     fineness : float
-        Step of the slider, in activation widths.
+        Step of the slider in activation widths, of cohorts with one number.
 
     Returns
     -------
@@ -108,35 +110,31 @@ def finite_step(
     Raises
     ------
     InputError
-        For any other interface.
+        If the master equation cannot take the interface.
     """
-    from stickslip.kernels import velocity_step as kernel
-
     temperature, ageing = interface.temperature, interface.ageing
     if (
         not isinstance(temperature, Bell)
         or isinstance(ageing, ExponentialGrowth | Langevin)
         or interface.delay.moment(1) > 0
+        or max(before, after) > 0.05 * temperature.attempts * temperature.width  # else some reach their thresholds
     ):
-        raise InputError(
-            "a finite velocity step is computed for temperature=Bell(...) with ageing=LogarithmicGrowth(...) or none, "
-            "and without delay; simulate it otherwise"
-        )
-    if max(before, after) > 0.05 * temperature.attempts * temperature.width:
-        raise InputError(
-            f"velocity = {max(before, after):g}: must be below a twentieth of attempts times width "
-            f"({temperature.attempts * temperature.width:g}), else contacts reach their thresholds before they break"
-        )
+        run = velocity_step(interface, before=before, after=after, distance=slip, stiffness=stiffness)
+        since = run["time"].to_numpy()
+        force = run["friction_force"].to_numpy()[since >= 0.0]
+        return after * since[since >= 0.0], force - force[0]
+    from stickslip.kernels import velocity_step as kernel
+
     distribution, A = interface.threshold_distribution, temperature.width
     low, high = distribution.support
     first, spacing = min(low, 0.0) - 40.0 * A, min(0.5 * A, 0.02 * distribution.standard_deviation())
     count = math.ceil((high + 4.5 * A - first) / spacing)
-    table = _survival_over(distribution, A, np.asarray(first + spacing * np.arange(count), dtype=float))
+    table = blurred_survival(distribution, A, np.asarray(first + spacing * np.arange(count), dtype=float))
     lives = lives_of(interface, before)
     dX = min(max(fineness * A, 0.004), 0.04 * fineness) * distribution.moment(1)
     place = np.arange(0.5 * dX, float(lives.x[-1]), dX)[::-1].copy()
     growth = growth_of(ageing)
-    reached = _reached_at(interface, before, place)
+    reached = reached_on(interface, before, place)
     found = kernel.step(
         A,
         temperature.attempts,
@@ -154,23 +152,6 @@ def finite_step(
         math.ceil(slip / dX),
     )
     return found[1], found[0] - found[0, 0]
-
-
-def _survival_over(distribution: Distribution, A: float, u: Array) -> Array:
-    """Survival of a newborn, all thresholds, over ``u = A ln G``: thresholds blurred by a Gumbel distribution."""
-    from stickslip.lives import under_gumbel
-
-    high = distribution.support[1]
-    # Beyond the largest threshold nothing is left to integrate over.
-    z, weight = under_gumbel(np.minimum(np.maximum((u - high) / A, -38.0), 4.0), np.full_like(u, 4.0))
-    return np.asarray(np.sum(weight * distribution.survival(u[:, None] - A * z), axis=1))
-
-
-def _reached_at(interface: Interface, velocity: float, x: Array) -> Array:
-    """``A ln G`` in steady sliding at given stretchings."""
-    from stickslip.lives import reached_on
-
-    return reached_on(interface, velocity, x)
 
 
 def contact_stiffness(interface: Interface, velocity: float) -> float:

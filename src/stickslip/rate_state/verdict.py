@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from stickslip.answers import Answer, plain
 from stickslip.errors import InputError, UndecidedError, instance, number, shown
-from stickslip.model import Bell, Interface, LogarithmicGrowth, Rig, Slider, constant
+from stickslip.model import Interface, LogarithmicGrowth, Rig, Slider, constant
 from stickslip.rate_state.contacts import contact_stiffness, finite_step, small_step
 from stickslip.rate_state.fitting import Fit, fit_small_step, fit_step
 from stickslip.rate_state.laws import LAWS, Law, RateAndState
@@ -187,7 +187,7 @@ def rate_and_state(
     InputError
         If there is no smooth sliding, or its response is not known.
     UndecidedError
-        If `law` is "best" and steps of this interface are not computed: ageing with barriers other than `Bell`.
+        If `law` is "best" and `step` None while thresholds age or contacts wait: two laws describe a small step alike.
 
     Examples
     --------
@@ -210,23 +210,23 @@ def rate_and_state(
         failing = _drifting(drift)
     chosen: Law = "ageing" if law == "best" else law
     value, error, step_misfit, asymmetry = fit.value, fit.error, None, None
-    if not failing:
-        if step is not None and _steps_are_known(interface):
-            found = {
-                one: _both_ways(interface, speed, step, one, mean, fit.value)
-                for one in (LAWS if law == "best" else (law,))
-            }
-            chosen = min(found, key=lambda one: abs(math.log(found[one][1])))
-            (best, step_misfit), asymmetry = found[chosen]
-            value, error = best.value, best.error
-        elif law == "best":
-            # Without ageing contacts remember slip alone, and so does the slip law.
-            if interface.ageing is not None:
-                raise UndecidedError(
-                    "law = 'best': which law it is would take steps up and down, computed for Bell(...) with a step; "
-                    "say law='ageing' or law='slip', or give step"
-                )
-            chosen = "slip"
+    if not failing and step is not None:
+        steps = _up_and_down(interface, speed, step, mean)
+        found = {
+            one: [fit_step(slip, rise, ratio, one, spring, fit.value) for slip, rise, ratio, spring in steps]
+            for one in (LAWS if law == "best" else (law,))
+        }
+        asymmetries = {one: float(up.value[2] / down.value[2]) for one, ((up, _), (down, _)) in found.items()}
+        chosen = min(found, key=lambda one: abs(math.log(asymmetries[one])))
+        (best, step_misfit), asymmetry = found[chosen][0], asymmetries[chosen]
+        value, error = best.value, best.error
+    elif not failing and law == "best":
+        # Without ageing contacts remember slip alone, and so does the slip law.
+        if interface.ageing is not None or interface.delay.moment(1) > 0:
+            raise UndecidedError(
+                "law = 'best': which law it is takes a step up and down; give step, or say law='ageing' or law='slip'"
+            )
+        chosen = "slip"
     spring = contact_stiffness(interface, speed)
     parameters = RateAndState(law=chosen, a=float(value[0]), b=float(value[1]), distance=float(value[2]))
     rig = Rig(interface, Slider(stiffness=1.0, mass=0.0, damping=0.0), constant(speed))
@@ -284,24 +284,15 @@ def _drifting(drift: Array) -> str:
     return ""
 
 
-def _steps_are_known(interface: Interface) -> bool:
-    return (
-        isinstance(interface.temperature, Bell)
-        and (interface.ageing is None or isinstance(interface.ageing, LogarithmicGrowth))
-        and interface.delay.moment(1) == 0
-    )
-
-
-def _both_ways(
-    interface: Interface, velocity: float, step: float, law: Law, mean: float, near: Array
-) -> tuple[tuple[Fit, float], float]:
-    """The fit of the step up, and its D over that of the step down."""
-    fits = []
+def _up_and_down(
+    interface: Interface, velocity: float, step: float, mean: float
+) -> list[tuple[Array, Array, float, float]]:
+    """Displacement and force of a step up and one down, the ratio of the velocities, and the stiffness they find."""
+    found = []
     for before, after in ((velocity, velocity * step), (velocity * step, velocity)):
         lead, force = finite_step(interface, before, after, SLIP * mean)
-        some = slice(3, None, 3)
-        fits.append(fit_step(lead[some], force[some], after / before, law, contact_stiffness(interface, before), near))
-    return fits[0], float(fits[0][0].value[2] / fits[1][0].value[2])
+        found.append((lead[3::3], force[3::3], after / before, contact_stiffness(interface, before)))
+    return found
 
 
 def _exact_stiffness(rig: Rig) -> float:
