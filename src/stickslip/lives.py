@@ -84,12 +84,12 @@ def _of_areas(interface: Interface, velocity: float) -> tuple[float, float]:
     stiffness = np.sqrt(node)  # and the stretching at which the contact breaks
     # Without temperature the speed does not matter to a life.
     lives = kernel.march(
-        barrier_of(interface.temperature), growth_of(None), stiffness, np.ones_like(node), velocity or 1.0, math.inf
+        hazard_of(interface.temperature), growth_of(None), stiffness, np.ones_like(node), velocity or 1.0, math.inf
     )
     whose = np.repeat(np.cumsum(lives.fresh) - 1, kernel.NODES)
 
     def of_each(value: Array) -> Array:
-        return np.bincount(whose, weights=lives.weight * value, minlength=node.size)
+        return np.asarray(np.bincount(whose, weights=lives.weight * value, minlength=node.size), dtype=float)
 
     length, longer = of_each(lives.survival) + away, of_each(lives.slope)
     work, more = (stiffness * of_each(lives.x * value) for value in (lives.survival, lives.slope))
