@@ -398,7 +398,7 @@ def test_the_density_can_be_advanced_in_chunks():
     once = advance(whole, pulling(1.0), FIG_8, 1.5, times, 200)
     first = advance(parts, pulling(1.0), FIG_8, 1.5, times[:7], 200)
     second = advance(parts, pulling(1.0), FIG_8, 1.5, times[7:], 200)
-    assert np.allclose(np.vstack([first, second]), once, rtol=0.0, atol=1e-9)
+    assert np.allclose(np.vstack([first, second]), once, rtol=0.0, atol=1e-6)
 
 
 # ---------------------------------------------------------------- with a slider
