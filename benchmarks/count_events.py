@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from test_contacts_bench import FIG4, plain
 
 import stickslip as ss
-from stickslip.kernels.between_events import EVENTS
 from stickslip.kernels._jit import jit
+from stickslip.kernels.between_events import EVENTS
 from stickslip.kernels.drive import Quadratic, Stop
 from stickslip.kernels.flight import NEAR, energies, soon, take_off
 from stickslip.simulation.engines import Beginning

@@ -100,8 +100,8 @@ class State(NamedTuple):
     ``ahead``, keyed by ``birth + threshold``, is where attached contacts live: what breaks next lies together. Its
     slots are the contacts' numbers, `other` the places in ``behind``, keyed by ``threshold - birth``, whose slots are
     the places in ``ahead``. ``waiting``, of detached contacts, is keyed by time. A slider that moves on, or back by
-    less than a threshold, breaks none behind: until one comes near, a bound stands for the queue ``behind``, which is then
-    filled and kept for a while.
+    less than a threshold, breaks none behind: until one comes near, a bound stands for the queue ``behind``, which is
+    then filled and kept for a while.
     """
 
     size: int
