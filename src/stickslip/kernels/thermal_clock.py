@@ -56,7 +56,8 @@ from .between_events import (
     until_turning,
 )
 from .event_queue import Queue, clear, first_slot, is_full, make_queue, peek, pop, push
-from .flight import NEAR, at
+from .expansions import expm1, grown_by, log1p
+from .flight import NEAR, at, settled
 from .oscillator import Slider
 
 Floats = NDArray[np.float64]
@@ -362,35 +363,9 @@ _NOTHING, _BREAK, _BREAK_BACK, _PLACE, _PLACE_BACK, _CAP, _CAP_BACK, _SLIDES, _S
 
 
 @inlined
-def _expm1(u: float) -> float:
-    """``exp(u) - 1`` for ``|u| <= 1/4``, to 1e-13: pairs of terms side by side, none waits for another."""
-    u2 = u * u
-    u4 = u2 * u2
-    low = (1.0 + u * (1 / 2)) + u2 * ((1 / 6) + u * (1 / 24))
-    high = ((1 / 120) + u * (1 / 720)) + u2 * ((1 / 5040) + u * (1 / 40320))
-    return u * (low + u4 * (high + u4 * (1 / 362880)))
-
-
-@inlined
-def _run_of(lengths: float) -> float:
-    """What a clock runs on by, relative to itself, for its reading to grow by so many widths."""
-    return _expm1(lengths) if lengths < 0.25 else math.expm1(min(lengths, 300.0))
-
-
-@inlined
-def _log1p(run: float) -> float:
-    """``ln(1 + run)``."""
-    if not abs(run) < 0.1:
-        return math.log1p(run)
-    s = run / (2.0 + run)
-    s2 = s * s
-    return 2.0 * s * (1.0 + s2 * ((1 / 3 + s2 * (1 / 5)) + s2 * s2 * ((1 / 7 + s2 * (1 / 9)) + s2 * s2 * (1 / 11))))
-
-
-@inlined
 def _integral(rate: float, h: float, y: float, v: float, u: float, per_width: float) -> float:
     """What a clock of this rate runs on by in a flight of `h`, by the corrected trapezoidal rule, relative to it."""
-    more = _expm1(y * per_width)
+    more = expm1(y * per_width)
     return rate * h * (1.0 + 0.5 * more + h * (1 / 12.0) * per_width * (v - u - u * more))
 
 
@@ -401,28 +376,7 @@ def _smooth(leg: Leg, h: float, width: float) -> float:
     allowed = _STEP * width
     if h * (abs(f.v) + h * abs(f.c2)) > allowed:
         h = min(h, allowed / (abs(f.v) + math.sqrt(abs(f.c2) * allowed)))
-    return _settled(leg, h, width) if h > f.near * (0.7 / NEAR) else h
-
-
-@bare
-def _settled(leg: Leg, h: float, width: float) -> float:
-    """Longest flight up to `h` in which the slider does not oscillate, unless by next to nothing."""
-    f = leg.motion
-    g = 0.5 * f.eta
-    d = g * g - f.w2
-    if d < 0.0:
-        fast = slow = math.sqrt(f.w2)
-        quick = lasting = max(abs(f.y0), abs(f.v0) / fast)
-    else:
-        b = math.sqrt(d)
-        fast, slow = g + b, f.w2 / (g + b)
-        over = max(2.0 * b, 1e-9 * fast)
-        quick, lasting = abs(slow * f.y0 + f.v0) / over, abs(fast * f.y0 + f.v0) / over
-    if quick > _STILL * width:
-        return min(h, 0.7 / fast)
-    if lasting > _STILL * width:
-        return min(h, 0.7 / slow)
-    return h
+    return settled(f, h, _STILL * width) if h > f.near * (0.7 / NEAR) else h
 
 
 @inlined
@@ -447,7 +401,7 @@ def _until(
             return h, y, u, False
         else:
             low = t
-        step = miss / (rate * (1.0 + _expm1(side * y * per_width)))
+        step = miss / (rate * (1.0 + expm1(side * y * per_width)))
         following = t - step
         if not low <= following <= high:
             following = 0.5 * (low + high) if miss > 0.0 or high < h else h
@@ -509,7 +463,7 @@ def _flight(
     if counts[AHEAD] > 0:
         reading = _next_reading(state, state.clock)
         rate = bell.attempts * math.exp((leg.X - clock) * per_width)
-        need = _run_of((reading - clock) * per_width)
+        need = grown_by((reading - clock) * per_width)
         guess = need / rate
         bend = 0.5 * guess * v * per_width
         if abs(bend) < 0.2:  # at constant velocity, the logarithm of 1 + 2 bend
@@ -543,14 +497,14 @@ def _flight(
     if counts[BEHIND] > 0:
         reading_back = _next_reading(state, state.clock_back)
         rate_back = bell.attempts * math.exp((-leg.X - clock_back) * per_width)
-        need_back = _run_of((reading_back - clock_back) * per_width)
+        need_back = grown_by((reading_back - clock_back) * per_width)
         run_back = _integral(rate_back, h, -y, -v, -u, per_width)
         if run_back >= need_back:
             h, y, u, _ = _until(leg, need_back / rate_back, h, rate_back, need_back, -1.0, per_width)
             happens = _BREAK_BACK
             clock_back = reading_back
         else:
-            clock_back += A * _log1p(run_back)
+            clock_back += A * log1p(run_back)
     if happens == _BREAK:
         clock = reading
     elif rate > 0.0:
@@ -559,7 +513,7 @@ def _flight(
             h, y, u, _ = _until(leg, guess, h, rate, need, 1.0, per_width)
             happens, clock = _BREAK, reading
         else:
-            clock += A * _log1p(run)
+            clock += A * log1p(run)
     return h, y, u, happens, clock, clock_back
 
 
