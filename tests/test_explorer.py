@@ -1716,7 +1716,8 @@ def test_fronts_are_drawn_in_both_themes_with_one_cursor(browser, server, size):
 
         def colours():
             return page.evaluate(
-                """() => { const { width, height } = spacetime, seen = {}, ink = new OffscreenCanvas(width, height).getContext("2d");
+                """() => { const { width, height } = spacetime, seen = {};
+                const ink = new OffscreenCanvas(width, height).getContext("2d");
                 ink.drawImage(spacetime, 0, 0);
                 const data = ink.getImageData(0.3 * width, 20, 0.6 * width, 0.6 * height).data;
                 for (let i = 0; i < data.length; i += 4) {
