@@ -1716,7 +1716,9 @@ def test_fronts_are_drawn_in_both_themes_with_one_cursor(browser, server, size):
 
         def colours():
             return page.evaluate(
-                """() => { const { width, height } = spacetime, seen = {}, ink = spacetime.getContext("2d");
+                """() => { const { width, height } = spacetime, seen = {};
+                const ink = new OffscreenCanvas(width, height).getContext("2d");
+                ink.drawImage(spacetime, 0, 0);
                 const data = ink.getImageData(0.3 * width, 20, 0.6 * width, 0.6 * height).data;
                 for (let i = 0; i < data.length; i += 4) {
                   const colour = data.slice(i, i + 3).join();
@@ -1743,7 +1745,9 @@ def test_fronts_are_drawn_in_both_themes_with_one_cursor(browser, server, size):
         purple = page.evaluate(
             """() => {
             const box = spacetime.getBoundingClientRect(), { width } = spacetime;
-            const row = spacetime.getContext("2d").getImageData(0, 60, width, 1).data;
+            const ink = new OffscreenCanvas(width, 61).getContext("2d");
+            ink.drawImage(spacetime, 0, 0);
+            const row = ink.getImageData(0, 60, width, 1).data;
             for (let x = 0; x < width; x++)
               if ([204, 121, 167].every((part, c) => row[4 * x + c] === part))
                 return box.left + (x * box.width) / width;

@@ -450,6 +450,8 @@ _CHANGES = {
     "delay": ("slower re-attachment", "faster re-attachment"),
     "std": ("more scattered thresholds", "less scattered thresholds"),
     "ageing": ("slower ageing", "faster ageing"),
+    "contact_stiffness": ("stiffer contacts", "softer contacts"),
+    "normal_load": ("more load", "less load"),
 }
 _FRACTIONS = ((0.2, "a fifth"), (0.25, "a quarter"), (1 / 3, "a third"), (0.5, "half"), (2 / 3, "two thirds"))
 

@@ -366,9 +366,11 @@ async def _fit(house: _House, request: Request) -> Response:
                 return
             dropped, replies = threading.Event(), asyncio.Queue[Plain]()
             loop = asyncio.get_running_loop()
-            work = asyncio.create_task(
-                crew.work(job, lambda reply: loop.call_soon_threadsafe(replies.put_nowait, reply), dropped)
-            )
+
+            def hand_on(reply: Plain) -> None:  # from another thread
+                loop.call_soon_threadsafe(replies.put_nowait, reply)
+
+            work = asyncio.create_task(crew.work(job, hand_on, dropped))
             try:
                 while True:
                     try:
