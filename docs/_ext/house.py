@@ -92,7 +92,7 @@ def _table(keys: Any) -> list[str]:
 
 
 def _code(value: Any) -> str:
-    from stickslip.io.rig_keys import toml
+    from stickslip.io.keys import toml
 
     return f"`{toml(value)}`"
 
@@ -107,7 +107,7 @@ def _left_out(key: Any) -> str:
 
 
 def _si(key: Any) -> str:
-    from stickslip.io.rig_keys import SI_NAMES
+    from stickslip.model.units import SI_NAMES
 
     return str(SI_NAMES[key.unit])
 

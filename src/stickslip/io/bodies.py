@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from stickslip.errors import InputError, shown
-from stickslip.io.rig_keys import MATERIAL, SHAPE, START, TABLES, toml
+from stickslip.io.keys import toml
+from stickslip.io.rig_keys import MATERIAL, SHAPE, START, TABLES
 from stickslip.model import Chain, ElasticBody, Prestressed, Sheet
 
 BODIES: Mapping[str, type[ElasticBody]] = {"chain": Chain, "sheet": Sheet}

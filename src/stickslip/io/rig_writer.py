@@ -12,21 +12,18 @@ from stickslip.io import rig_keys
 from stickslip.io.bodies import name_of
 from stickslip.io.rig_keys import keys_of
 from stickslip.model import (
-    Contacts,
     Delay,
     ElasticBody,
     FromSliding,
     Gaussian,
-    MasterEquation,
-    Population,
     Prestressed,
-    QuasiStatic,
     Slider,
 )
 from stickslip.model.activation import ACTIVATIONS
 from stickslip.model.ageing import AGEING_MODELS
 from stickslip.model.delays import DELAYS, OnArrest
 from stickslip.model.distributions import DISTRIBUTIONS, Distribution
+from stickslip.model.methods import METHODS
 from stickslip.model.parameters import parameter_named
 from stickslip.model.quantities import read_quantity
 from stickslip.model.rig import Rig
@@ -218,15 +215,11 @@ class RigWriter:
         method, start, output = self.rig.method, self.rig.start, self.rig.output
         if isinstance(start, FromSliding) and start != FromSliding():
             raise self._refuse(f"the start {shown(start)}")
-        if isinstance(method, Contacts | QuasiStatic):
-            name = "contacts" if isinstance(method, Contacts) else "quasi-static"
-            found: Document = {"method": name, "contacts": method.count, "seed": method.seed}
-        elif isinstance(method, Population):
-            found = {"method": "population", "contacts": method.count, "seed": method.seed, "rtol": method.rtol}
-        elif isinstance(method, MasterEquation) and not method.memoryless:
-            found = {"method": "master equation", "rtol": method.rtol}
-        else:
+        name = next((name for name, kind in METHODS.items() if type(method) is kind), None)
+        if name is None or getattr(method, "memoryless", False):
             raise self._refuse(f"the method {shown(method)}")
+        keys = rig_keys.fields_of_method(type(method))
+        found: Document = {"method": name, **{key: getattr(method, field) for field, key in keys.items()}}
         if isinstance(start, Prestressed):
             found["start"] = self._prestressed(start)
         else:

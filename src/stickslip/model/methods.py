@@ -9,8 +9,16 @@ import numpy as np
 
 from stickslip.errors import instance, number, sequence
 from stickslip.model.records import Number, check
+from stickslip.model.registry import registrar
+
+METHODS: dict[str, type] = {}
+"""The methods that rig files can name."""
+
+register = registrar(METHODS, "method")
+"""Class decorator: ``@register("contacts")`` gives a method the name that rig files use."""
 
 
+@register("contacts")
 @dataclass(frozen=True)
 class Contacts:
     """Method: `count` contacts, event by event, exact for their number.
@@ -32,6 +40,7 @@ class Contacts:
         check(self)
 
 
+@register("master equation")
 @dataclass(frozen=True, kw_only=True)
 class MasterEquation:
     """Method: the master equation, Eqs. (1)-(4): the limit of infinitely many contacts, to a given error.
@@ -55,6 +64,7 @@ class MasterEquation:
         instance("MasterEquation.memoryless", self.memoryless, bool, "True or False")
 
 
+@register("population")
 @dataclass(frozen=True)
 class Population:
     """Method: any number of contacts, counted by cohorts, at a cost that does not depend on their number.
@@ -114,6 +124,7 @@ class PaperClosure:
         check(self)
 
 
+@register("quasi-static")
 @dataclass(frozen=True)
 class QuasiStatic:
     """Method: `count` contacts on each block of an elastic slider, event by event, in balance all the time.
