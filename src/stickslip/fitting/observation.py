@@ -123,7 +123,7 @@ class Observation:
             scaled = (part * mean for part in (self.slope, self.noise, self.resolution, self.drop, self.rise))
             whole[i] = (
                 observe(P, T, Sampling(*scaled), rng, seen[i]) == self.slips
-                and larger(*seen[i], doubled * mean, rise * mean) >= (1.0 - LOST) * self.slips
+                and larger(seen[i, 0], seen[i, 1], doubled * mean, rise * mean) >= (1.0 - LOST) * self.slips
             )
         found = np.full((len(count), len(NAMES)), np.nan)
         if whole.any():
