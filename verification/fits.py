@@ -15,10 +15,10 @@ from stickslip import fit, read_trace
 from stickslip.errors import InputError
 from stickslip.fitting import FITTED, Fit, Prior, pick_events, random_truth, synthetic_trace
 from stickslip.fitting.arrest import KEYS
-from stickslip.fitting.inference import infer
+from stickslip.fitting.inference import infer, see
 from stickslip.fitting.observation import Observation
 from stickslip.fitting.summary import NAMES
-from stickslip.fitting.tables import simulated, table
+from stickslip.fitting.tables import table
 from stickslip.paper import Claim, Measured
 from stickslip.paper.figure import between
 from verification.study import Study, finding
@@ -131,8 +131,7 @@ def contraction_test(truths: int = 200, *, seed: int = 2) -> Coverage:
     """
     made, rng = table(), np.random.default_rng(seed)
     parts = rng.random((truths, len(KEYS)))
-    fresh = simulated(made.prior, parts, made.slips, rng)
-    observed = IDEAL.see(fresh["count"], fresh["peaks"], fresh["troughs"], seed=seed)
+    observed = see(made.prior, parts, IDEAL, seed=seed)
     seen = IDEAL.see(made.count, made.peaks, made.troughs)
     rows, refused, edge = [], Counter[str](), 0
     for part, valid, statistics in zip(parts, observed.valid, observed.statistics, strict=True):
