@@ -39,10 +39,12 @@ def draw() -> Figure:
             run = ss.velocity_step(interface, before=1.0, after=10.0, distance=3.0)
             step.plot(run.displacement, run.friction_force - run.friction_force[0], color=color, label=name)
             holds = ss.slide_hold_slide(interface, velocity=1.0, holds=HOLDS.tolist())
-            heal.semilogx(holds.hold, holds.peak, "o-", color=color)
-        heal.semilogx(HOLDS, 0.0889 + SLOPE * np.log(HOLDS / 100.0), ":", color="0.4", label="slope of ageing")
-        step.set(xlabel="slip after the step ($x_s$)", ylabel="friction force, change ($f_s$)")
-        heal.set(xlabel="hold (time)", ylabel="peak above sliding ($f_s$)", ylim=(0.0, None))
+            heal.semilogx(holds.hold, holds.peak, "o-", color=color, markersize=3.5)
+            if interface.ageing is not None:
+                line = holds.peak[-1].item() + SLOPE * np.log(HOLDS / HOLDS[-1])
+                heal.semilogx(HOLDS, line, ":", color="0.4", label="slope of ageing", zorder=0)
+        step.set(xlabel="slip after the step ($x_s$)", ylabel="change of the friction force ($f_s$)")
+        heal.set(xlabel="hold (time units)", ylabel="peak above sliding ($f_s$)", ylim=(0.0, None))
         step.legend()
         heal.legend()
     return figure
