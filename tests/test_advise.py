@@ -296,6 +296,7 @@ def test_a_prediction_needs_no_datasets_and_reads_a_run_as_its_dataset():
     assert ss.simulate(answer.recording.rig, long=True).identical(answer.run)
 
 
+@pytest.mark.slow
 def test_a_run_that_is_too_short_goes_on_until_it_can_be_judged():
     """Runs of this soft rig with many contacts were cut off for their cost after three cycles: undecided."""
     thresholds = ss.LogNormal(mean=1.0, std=0.042)
