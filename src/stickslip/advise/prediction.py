@@ -521,8 +521,9 @@ def predict(rig: Rig, *, fast: bool = False, progress: Progress | bool | None = 
     >>> answer.regime.kind, answer.unstable_modes
     ('stick-slip', 2)
     """
+    instance("rig", rig, Rig, "a Rig(interface, slider, drive), such as read_rig() returns")
     with reporting(progress, "predict") as report:
-        if isinstance(rig, Rig) and isinstance(rig.natural.slider, ElasticBody):
+        if isinstance(rig.natural.slider, ElasticBody):
             return predict_waves(rig, report)
         found = _verdict(rig, lambda share: report(share if fast else 0.3 * share))
         return found if fast else complete(found, progress=lambda share: report(0.3 + 0.7 * share))
@@ -530,7 +531,6 @@ def predict(rig: Rig, *, fast: bool = False, progress: Progress | bool | None = 
 
 def _verdict(rig: Rig, report: Progress) -> Prediction:
     """Linear theory and one run."""
-    instance("rig", rig, Rig, "a Rig(interface, slider, drive), such as read_rig() returns")
     setting = rig.natural
     if setting.velocity <= 0:
         raise InputError(f"drive: the speed is {setting.velocity:g}: a prediction needs a speed above 0")
