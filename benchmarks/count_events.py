@@ -1,11 +1,14 @@
-"""What bounds the contacts engine, by counting: events, time an event, and the part of the closed form between events.
+"""What bounds the contacts engine, by counting: events, time an event, the closed form between events, and memory.
 
-``python benchmarks/count_events.py`` prints a table for Fig. 4c. The closed form by itself (take-off, Newton's method
-to the next event, energies) is timed on short flights, each waiting for the one before as in the engine.
+``python benchmarks/count_events.py`` prints a table for Fig. 4c, and what a break costs with temperature and without.
+The closed form by itself (take-off, Newton's method to the next event, energies) is timed on short flights, each
+waiting for the one before as in the engine; a random read of memory, in a chain through as many bytes as contacts take.
 """
 
 import math
 import time
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +16,11 @@ from test_contacts_bench import FIG4, plain
 
 import stickslip as ss
 from stickslip.kernels._jit import jit
-from stickslip.kernels.between_events import EVENTS
+from stickslip.kernels.between_events import BREAKS, EVENTS
 from stickslip.kernels.drive import Quadratic, Stop
 from stickslip.kernels.flight import NEAR, energies, soon, take_off
-from stickslip.simulation.engines import Beginning
+from stickslip.simulation.engines import Beginning, engine_of
 from stickslip.simulation.engines.base import Leg
-from stickslip.simulation.engines.events import Events
 
 
 @jit
@@ -36,14 +38,38 @@ def closed_forms(flights: int, K: float, M: float, eta: float, out: NDArray[np.f
     out[0] = total
 
 
-def seconds_and_events(count: int, duration: float) -> tuple[float, int]:
-    """CPU time and events of a run without samples."""
-    engine = Events(Beginning(FIG4.interface, FIG4.slider, 1.0), ss.Contacts(count, seed=1))
+@jit
+def walk(following: NDArray[np.int64], steps: int) -> int:
+    """Go from place to place, each read waiting for the one before."""
+    place = 0
+    for _ in range(steps):
+        place = following[place]
+    return place
+
+
+def random_read(contacts: int) -> float:
+    """Nanoseconds of a read at random in the memory that so many contacts take, two to a cache line."""
+    places = 32 * contacts // 64  # cache lines
+    order = np.random.default_rng(1).permutation(places)
+    following = np.zeros(8 * places, np.int64)
+    following[8 * order] = 8 * np.roll(order, -1)
+    walk(following, 10)
+    begin = time.process_time()
+    walk(following, steps := min(places, 500_000))
+    return 1e9 * (time.process_time() - begin) / steps
+
+
+def seconds_and_events(
+    count: int, duration: float, interface: ss.Interface = FIG4.interface, index: int = EVENTS
+) -> tuple[float, int]:
+    """CPU time and events, or breaks, of a run without samples."""
+    method = ss.Contacts(count, seed=1)
+    engine: Any = engine_of(interface, method)(Beginning(interface, FIG4.slider, 1.0), method)
     leg = Leg(Quadratic(0.0, 0.0, 1.0, 0.0), duration, np.array([duration]), Stop())
     begin = time.process_time()
     while not engine.advance(leg).over:
         pass
-    return time.process_time() - begin, int(engine._state.counts[EVENTS])
+    return time.process_time() - begin, int(engine._state.counts[index])
 
 
 def main() -> None:
@@ -58,7 +84,7 @@ def main() -> None:
     plain(100, 0.01)
     seconds_and_events(100, 0.01)
     print(f"closed form between two events: {closed:.0f} ns")
-    print("contacts  events    ns/event  closed form  plain/engine  plain/closed form alone")
+    print("contacts  events    ns/event  closed form  plain/engine  plain/closed form alone  random read")
     for count, duration, rounds in ((10_000, 10.0, 5), (100_000, 10.0, 2), (1_000_000, 3.0, 1)):
         taken, events = min(seconds_and_events(count, duration) for _ in range(rounds))
         begin = time.process_time()
@@ -66,8 +92,16 @@ def main() -> None:
         loop = (time.process_time() - begin) * duration / part
         print(
             f"{count:<9d} {events:<9d} {1e9 * taken / events:<9.0f} {closed * events / 1e9 / taken:<12.0%} "
-            f"{loop / taken:<13.0f} {loop / (1e-9 * closed * events):.0f}"
+            f"{loop / taken:<13.0f} {loop / (1e-9 * closed * events):<24.0f} {random_read(count):.0f} ns"
         )
+    warm = replace(FIG4.interface, temperature=ss.Bell(width=0.01, attempts=1e6))
+    for what, index in (("an event", EVENTS), ("a break", BREAKS)):
+        costs = []
+        for interface in (FIG4.interface, warm):
+            seconds_and_events(100, 0.01, interface)
+            taken, count = min(seconds_and_events(10_000, 6.0, interface, index) for _ in range(5))
+            costs.append(1e9 * taken / count)
+        print(f"{what}: {costs[0]:.0f} ns, with temperature {costs[1]:.0f} ns, {costs[1] / costs[0]:.2f} times as much")
 
 
 if __name__ == "__main__":
