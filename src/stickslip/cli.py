@@ -283,7 +283,9 @@ def measure(
     catalogue = measures.drops(trace, minimum_drop=minimum_drop, after=after)
     seen = measures.regime(trace, after=after)
     if events is not None:
-        files.write(events, _as_csv(catalogue).encode())
+        from stickslip.io import datasets as store
+
+        files.write(events, store.as_csv(catalogue).encode())
     if plot is not None:
         from stickslip import plot as drawing
 
@@ -690,18 +692,6 @@ def _read_data(
             raise InputError(f"{data}: holds no run: there is no spring_force along a time in it")
         return run
     return measures.read_trace(data, force=force, time=time, displacement=displacement, load=load, step=step, flip=flip)
-
-
-def _as_csv(catalogue: xr.Dataset) -> str:
-    import csv
-    import io
-
-    text = io.StringIO()
-    writer = csv.writer(text)
-    names = [str(name) for name in catalogue.data_vars]
-    writer.writerow([f"{name} [{catalogue[name].attrs.get('units', '')}]" for name in names])
-    writer.writerows(zip(*(catalogue[name].to_numpy().tolist() for name in names), strict=True))
-    return text.getvalue()
 
 
 if __name__ == "__main__":

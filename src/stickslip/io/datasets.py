@@ -149,6 +149,19 @@ def save(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     return files.write(path, data.to_netcdf(engine="h5netcdf", encoding=encoding))
 
 
+def as_csv(catalogue: xr.Dataset) -> str:
+    """Return a Dataset of one dimension as a table of text, names with units first."""
+    import csv
+    import io
+
+    text = io.StringIO()
+    writer = csv.writer(text)
+    names = [str(name) for name in catalogue.data_vars]
+    writer.writerow([f"{name} [{catalogue[name].attrs.get('units', '')}]" for name in names])
+    writer.writerows(zip(*(catalogue[name].to_numpy().tolist() for name in names), strict=True))
+    return text.getvalue()
+
+
 def load(path: str | os.PathLike[str]) -> xr.Dataset:
     """Read a Dataset that `save` wrote, into memory.
 

@@ -214,7 +214,7 @@ class RigWriter:
     def _simulation(self) -> Document:
         method, start, output = self.rig.method, self.rig.start, self.rig.output
         if isinstance(start, FromSliding) and start != FromSliding():
-            raise self._refuse(f"the start {shown(start)}")
+            raise self._refuse("a start with a perturbation, or with blocks at rest,")
         name = next((name for name, kind in METHODS.items() if type(method) is kind), None)
         if name is None or getattr(method, "memoryless", False):
             raise self._refuse(f"the method {shown(method)}")
