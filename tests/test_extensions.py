@@ -13,10 +13,19 @@ import stickslip as ss
 from stickslip import sweep
 from stickslip.errors import InputError
 from stickslip.io import datasets, rig_files
-from stickslip.model import ageing, delays, distributions, parameters
+from stickslip.model import ageing, delays, distributions, methods, parameters
 from stickslip.model.distribution import Distribution
 from stickslip.model.parameters import Parameter
 from stickslip.model.records import Number
+from stickslip.simulation.engines.base import (
+    ENGINES,
+    MOTION,
+    Advance,
+    Engine,
+    Stretchings,
+    slider_constants,
+    solves,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +60,45 @@ class ConstantRate(delays.DelayModel):
         return node / self.rate, weight
 
 
+@dataclass(frozen=True)
+class Glued:
+    """Method: contacts that never break, so that the slider hangs on two springs."""
+
+    stretched: Annotated[float, Number("x_s", at_least=0)] = 0.0
+
+
+class GluedContacts(Engine):
+    columns, angle = MOTION, 0.1
+
+    def __init__(self, beginning, method):
+        self.slider, self._now = slider_constants(beginning.slider), (0.0, 0.0)
+        self._stretched = method.stretched
+
+    def here(self):
+        return self._now
+
+    def stretchings(self):
+        return Stretchings(np.array([self._now[1] + self._stretched]), np.ones(1), cells=False)
+
+    def advance(self, leg):
+        """All at once: a drive of constant velocity from the beginning on."""
+        times = np.append(leg.times, leg.end)
+        X, V = glued(
+            self.slider.stiffness, self.slider.mass, self.slider.damping, leg.drive.velocity, self._stretched, times
+        )
+        self._now = float(leg.end), float(X[-1])
+        return Advance(np.column_stack([X, V, X + self._stretched, np.ones_like(X)])[:-1], (), over=True)
+
+
+def glued(K, m, eta, speed, stretched, t):
+    """Damped oscillation about the balance of both springs."""
+    omega, decay = math.sqrt((K + 1) / m - eta**2 / 4), eta / 2
+    slope, mean = K * speed / (K + 1), -(stretched + eta * m * K * speed / (K + 1)) / (K + 1)
+    phase = np.exp((1j * omega - decay) * t)
+    A = -mean - 1j * (-slope + decay * -mean) / omega
+    return (A * phase).real + mean + slope * t, (A * (1j * omega - decay) * phase).real + slope
+
+
 ZETA = Parameter(
     name="damping ratio",
     unit="1",
@@ -68,8 +116,12 @@ def _registered() -> Iterator[None]:
     distributions.register("triangle of a test")(Triangular)
     delays.register("rate of a test")(ConstantRate)
     parameters.register(ZETA)
+    methods.register("glued of a test")(Glued)
+    solves(Glued)(GluedContacts)
     yield
     del (
+        methods.METHODS["glued of a test"],
+        ENGINES[Glued, type(None), type(None), False],
         distributions.DISTRIBUTIONS["triangle of a test"],
         delays.DELAYS["rate of a test"],
         parameters.BY_NAME[ZETA.name],
@@ -213,6 +265,30 @@ def test_a_rig_file_names_a_delay():
     document["interface"]["delay"] = {"model": "rate of a tset"}
     with pytest.raises(InputError, match=r"must be one of the known models .*'rate of a test'"):
         ss.read_rig(document)
+
+
+def test_an_engine_of_ones_own():
+    rig = replace(rig_with(ss.Delay(0.1)), method=Glued(0.3), slider=ss.Slider(stiffness=2.0, mass=0.01, damping=3.0))
+    run = ss.simulate(rig)
+    t = run["time"].to_numpy()
+    X, V = glued(2.0, 0.01, 3.0, 1.0, 0.3, t)
+    assert X[0] == pytest.approx(0.0, abs=1e-14)
+    assert V[0] == pytest.approx(0.0, abs=1e-12)
+    assert np.diff(X) / np.diff(t) == pytest.approx((V[1:] + V[:-1]) / 2, abs=0.01)
+    np.testing.assert_array_equal(run["displacement"], X)
+    np.testing.assert_allclose(run["spring_force"], 2.0 * (t - X), atol=1e-12)
+    assert ss.rerun(run).identical(run)
+    text = rig_files.to_toml(rig)
+    assert 'method = "glued of a test"' in text
+    assert rig_files.from_text(text).method == Glued(0.3)
+    found = ss.sweep(rig, {"stiffness": [1.0, 2.0]})
+    assert (found["mean_force"] > 10.0).all()  # it grows for ever; contacts that break hold 1 at most
+    ageing = replace(rig, interface=replace(rig.interface, ageing=ss.Langevin(rate=1.0)))
+    with pytest.raises(InputError, match=r"Interface\.ageing = Langevin.*: not available with Glued"):
+        ss.simulate(ageing)
+    falling = replace(rig, interface=replace(rig.interface, sliding_force=0.1))
+    with pytest.raises(InputError, match=r"sliding_force.*Glued"):
+        ss.simulate(falling)
 
 
 def _friction(velocity, interface):

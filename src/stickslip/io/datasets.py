@@ -27,6 +27,7 @@ from stickslip.model.activation import ACTIVATIONS
 from stickslip.model.ageing import AGEING_MODELS
 from stickslip.model.delays import DELAYS
 from stickslip.model.distributions import DISTRIBUTIONS
+from stickslip.model.methods import METHODS
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -41,7 +42,7 @@ Plain = Any
 def records() -> dict[str, type]:
     """Return the records of `stickslip.model`, and those registered by a user, by name, for `decode`."""
     kinds = {name: kind for name, kind in vars(model).items() if isinstance(kind, type) and is_dataclass(kind)}
-    for table in (DISTRIBUTIONS, DELAYS, AGEING_MODELS, ACTIVATIONS):
+    for table in (DISTRIBUTIONS, DELAYS, AGEING_MODELS, ACTIVATIONS, METHODS):
         kinds.update({kind.__name__: kind for kind in table.values()})
     del kinds["Parameter"]  # it holds functions
     return kinds

@@ -13,16 +13,14 @@ from stickslip.model.body import Chain, Sheet
 from stickslip.model.drive import Drive
 from stickslip.model.interface import Interface
 from stickslip.model.methods import (
-    Contacts,
+    METHODS,
     FromRest,
     FromSliding,
     MasterEquation,
     Method,
     Output,
     PaperClosure,
-    Population,
     Prestressed,
-    QuasiStatic,
     Start,
 )
 from stickslip.model.operation import Operation
@@ -164,8 +162,7 @@ class Rig(Answer):
                 f"Rig.slider = {self.slider!r}: must be a Slider, a Chain or a Sheet, or an impedance: a function of s"
             )
         instance("Rig.drive", self.drive, Drive, "a drive, made with constant() or ramp()")
-        methods = (Contacts, MasterEquation, QuasiStatic, Population, PaperClosure)
-        instance("Rig.method", self.method, methods, "Contacts(...) or MasterEquation(...)")
+        instance("Rig.method", self.method, (*METHODS.values(), PaperClosure), "Contacts(...) or MasterEquation(...)")
         instance(
             "Rig.start",
             self.start,

@@ -27,6 +27,7 @@ from stickslip.model import (
     Langevin,
     MasterEquation,
     PaperClosure,
+    Population,
     QuasiStatic,
     Slider,
 )
@@ -223,7 +224,7 @@ def estimate(rig: Rig) -> Work:
         parts.append(Part(key="simulation.contacts", value=count, quantity=None, power=1.0,
                           what=f"about {count * lives:.2g} breaks of {count:.2g} contacts",
                           seconds=each * count * lives, bytes=_CONTACT * count))  # fmt: skip
-    else:
+    elif isinstance(rig.method, MasterEquation | PaperClosure | Population):  # of others nothing is known
         # The kinetic equation is of second order, panels are of fifth.
         method = rig.method
         finer = (method.cells / 400.0) ** 2 if isinstance(method, PaperClosure) else 1e-4 / method.rtol

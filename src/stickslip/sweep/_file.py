@@ -190,6 +190,8 @@ class Document(Part):
         for key in ("contacts", "seed"):
             if getattr(run, key) is not None:
                 raise InputError(f"run.{key}: belongs to method = 'contacts'")
+        if run.method is None and run.rtol is None:
+            return given
         master = given if isinstance(given, MasterEquation) else MasterEquation()
         return master if run.rtol is None else replace(master, rtol=run.rtol)
 
