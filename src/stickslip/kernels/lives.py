@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ._jit import inlined, jit
 from .growth import EXPONENTIAL, LOGARITHMIC, Growth
+from .rules import integrals, radau
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -30,19 +31,8 @@ _TOP = 1e-9
 """Nearest to the top of a barrier, over the threshold: there the slope of Kramers' prefactor grows beyond bounds."""
 
 
-def _radau() -> tuple[Floats, Floats]:
-    """Radau nodes on (0, 1] and the matrix of integrals from 0 to each node; its last row are the weights."""
-    legendre = np.polynomial.legendre.Legendre
-    inner = (legendre.basis(NODES) - legendre.basis(NODES - 1)).roots()
-    node = np.sort(0.5 * (1.0 + inner.real))
-    node[-1] = 1.0
-    powers = np.arange(NODES)
-    vandermonde = node[:, None] ** powers
-    integral = node[:, None] ** (powers + 1) / (powers + 1)
-    return node, np.ascontiguousarray(np.linalg.solve(vandermonde.T, integral.T).T)
-
-
-NODE, INTEGRAL = _radau()
+NODE = radau(NODES)
+INTEGRAL = integrals(NODE)
 """Stiffly accurate collocation: a fast decay within a panel is damped, not resolved."""
 
 
