@@ -422,8 +422,17 @@ def under_gumbel(low: Array, high: Array) -> tuple[Array, Array]:
 
 
 def blurred_survival(distribution: Distribution, width: float, u: Array) -> Array:
-    """Survival of a newborn of any threshold at ``u = A ln G``: thresholds blurred by a Gumbel distribution."""
-    high = distribution.support[1]
-    # Beyond the largest threshold nothing is left to integrate over.
-    z, weight = under_gumbel(np.minimum(np.maximum((u - high) / width, -38.0), 4.0), np.full_like(u, 4.0))
-    return np.asarray(np.sum(weight * distribution.survival(u[:, None] - width * z), axis=1))
+    """Survival of a newborn of any threshold at ``u = A ln G``: ``J(u)``, thresholds blurred by a Gumbel distribution.
+
+    The mean of the survival ``J_c(u - A s)`` over ``s = ln E``, ``E`` drawn from ``exp(-E)``.
+    """
+    # Between these the weight exp(s - exp(s)) is more than rounding.
+    edges = np.linspace(-38.0, 3.7, 140)
+    node, share = np.polynomial.legendre.leggauss(6)
+    half = 0.5 * np.diff(edges)
+    s = ((edges[:-1] + half)[:, None] + half[:, None] * node).ravel()
+    weight = (half[:, None] * share).ravel() * np.exp(s - np.exp(s))
+    found = np.zeros_like(u)
+    for shift, part in zip((width * s).tolist(), (weight / weight.sum()).tolist(), strict=True):
+        found += part * distribution.survival(np.maximum(u - shift, 0.0))
+    return found

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ._jit import inlined, jit
 from .growth import EXPONENTIAL, LOGARITHMIC, Growth
 from .hazard import BELL, PARABOLIC, TOP, Hazard, log_rate
+from .rules import integrals, radau
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -24,19 +25,8 @@ FIXED = -1
 NODES = 8
 
 
-def _radau() -> tuple[Floats, Floats]:
-    """Radau nodes on (0, 1] and the matrix of integrals from 0 to each node; its last row are the weights."""
-    legendre = np.polynomial.legendre.Legendre
-    inner = (legendre.basis(NODES) - legendre.basis(NODES - 1)).roots()
-    node = np.sort(0.5 * (1.0 + inner.real))
-    node[-1] = 1.0
-    powers = np.arange(NODES)
-    vandermonde = node[:, None] ** powers
-    integral = node[:, None] ** (powers + 1) / (powers + 1)
-    return node, np.ascontiguousarray(np.linalg.solve(vandermonde.T, integral.T).T)
-
-
-NODE, INTEGRAL = _radau()
+NODE = radau(NODES)
+INTEGRAL = integrals(NODE)
 """Stiffly accurate collocation: a fast decay within a panel is damped, not resolved."""
 
 

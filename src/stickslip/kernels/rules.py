@@ -29,25 +29,26 @@ def _slopes(nodes: Array, points: Array) -> Array:
     return np.asarray((power * points[:, None] ** np.maximum(power - 1, 0)) @ _powers(nodes))
 
 
-def _integrals(nodes: Array) -> Array:
+def integrals(nodes: Array) -> Array:
+    """Integrals from 0 to each node of the polynomials that are 1 at one node and 0 at the others."""
     power = np.arange(1, nodes.size + 1)
     return np.ascontiguousarray((nodes[:, None] ** power / power) @ _powers(nodes))
 
 
-def _radau() -> Array:
-    """Places where the Legendre polynomials of the last two orders are equal; the last is 1."""
-    difference = np.zeros(P + 1)
-    difference[P], difference[P - 1] = 1.0, -1.0
+def radau(count: int) -> Array:
+    """Places on (0, 1] where the Legendre polynomials of the last two orders are equal; the last is 1."""
+    difference = np.zeros(count + 1)
+    difference[count], difference[count - 1] = 1.0, -1.0
     places = np.sort(0.5 * (1.0 + np.polynomial.legendre.legroots(difference)))
     places[-1] = 1.0
     return np.asarray(places)
 
 
-NODE = np.append(0.0, _radau())
+NODE = np.append(0.0, radau(P))
 """Start and nodes of a step, as fractions of it, shape (P + 1,)."""
-COLLOCATION = _integrals(NODE[1:])
+COLLOCATION = integrals(NODE[1:])
 """Integrals up to each node from the values at the nodes, the start left out: the scheme Radau IIA."""
-INTEGRAL = _integrals(NODE)
+INTEGRAL = integrals(NODE)
 """The same from the values at the start and the nodes."""
 MONOMIAL = _powers(NODE)
 """Coefficients of the polynomial through start and nodes."""

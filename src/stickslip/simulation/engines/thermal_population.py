@@ -173,26 +173,15 @@ def activation_width(interface: Interface) -> float:
 
 @lru_cache(maxsize=64)
 def _thermal_table(distribution: Distribution, width: float) -> tuple[float, Table]:
-    """Tabulate ``J(u)``, the mean of the survival ``J_c(u - A ln E)`` over ``E`` drawn from ``exp(-E)``."""
+    """Tabulate ``J(u)``, from its smallest ``u`` on."""
     from stickslip.kernels.survival import tabulate
+    from stickslip.lives import blurred_survival
 
-    # Of s = ln E: between these the weight exp(s - exp(s)) is more than rounding.
-    edges = np.linspace(-38.0, 3.7, 140)
-    node, share = np.polynomial.legendre.leggauss(6)
-    half = 0.5 * np.diff(edges)
-    s = (edges[:-1] + half)[:, None] + half[:, None] * node
-    weight = (half[:, None] * share * np.exp(s - np.exp(s))).ravel()
-    weight /= weight.sum()
-    shifts = width * s.ravel()
     low, high = -38.0 * width, distribution.support[1] + 3.8 * width
-
-    def survival(x: Array) -> Array:
-        found = np.zeros_like(x)
-        for shift, part in zip(shifts, weight, strict=True):
-            found += part * distribution.survival(np.maximum(x + low - shift, 0.0))
-        return found
-
-    return low, tabulate(survival, high - low, np.empty(0), tolerance=1e-10, most=4096)
+    table = tabulate(
+        lambda x: blurred_survival(distribution, width, x + low), high - low, np.empty(0), tolerance=1e-10, most=4096
+    )
+    return low, table
 
 
 def _threshold_nodes(distribution: Distribution, width: float) -> tuple[Array, Array]:
