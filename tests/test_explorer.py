@@ -2010,7 +2010,8 @@ def test_every_control_can_be_touched_without_an_error(bench):
     for name in ("simulate", "map", "stop", "trace", "fit", "fronts"):
         page.click(f"#tab-{name}")
         if name == "fit":
-            page.wait_for_selector("body[data-fit-state='']", timeout=120_000)  # of the sample that was tried
+            page.click("#sample")
+            page.wait_for_selector("body[data-fit-state='']", timeout=120_000)
         controls = page.locator(
             "button:visible, select:visible, input[type=checkbox]:visible, input[type=range]:visible"
         )
@@ -2022,6 +2023,8 @@ def test_every_control_can_be_touched_without_an_error(bench):
             if control.get_attribute("role") == "tab" or control.get_attribute("data-download"):
                 continue
             if control.get_attribute("id") in ("fit-coarse", "fit-full", "quick-open"):  # minutes; another page
+                continue
+            if control.get_attribute("id") == "tour-begin" and name != "simulate":  # it leads to another page
                 continue
             if kind == "range":
                 control.fill(str(int(control.input_value()) // 2 + 200))
