@@ -17,7 +17,9 @@ import numpy as np
 from scipy.special import gamma
 
 import stickslip as ss
-from stickslip.model import Operation, Scales
+from stickslip.advise import Band, Mitigation, Prediction
+from stickslip.model import Contacts, Operation, Scales
+from stickslip.model.distributions import Distribution
 from stickslip.model.parameters import parameter_named
 from stickslip.simulation import estimate, record
 from stickslip.stability import count_unstable
@@ -86,7 +88,7 @@ def draw(number: int) -> ss.Rig:
 _KINDS = ("gaussian", "gamma", "log-normal", "uniform", "weibull")
 
 
-def _thresholds(kind: str, std: float) -> ss.Distribution:
+def _thresholds(kind: str, std: float) -> Distribution:
     if kind == "gamma":
         return ss.Gamma(mean=1.0, std=std)
     if kind == "log-normal":
@@ -131,6 +133,7 @@ def _watch(rig: ss.Rig, count: int, seed: int, longer: float, start: Start) -> t
 
 def motion(rig: ss.Rig, start: Start = ss.FromRest(), *, seed: int = 1000) -> set[str]:
     """Return what may be said of a rig at its first speed: kinds of motion that runs do not contradict."""
+    assert isinstance(rig.method, Contacts)
     count = rig.method.count
     runs = [_watch(rig, count, seed + k, longer, start) for k, longer in enumerate((1.0, 2.0))]
     swings = [swing for swing, _ in runs]
@@ -202,7 +205,7 @@ def disagreements(number: int) -> Iterator[tuple[str, str]]:
         yield "attempt", f"{attempt.parameter} to {attempt.reached:.4g}: {kinds}" if kinds == {"smooth sliding"} else ""
 
 
-def _about_here(found: ss.Prediction, here: ss.Rig) -> Iterator[tuple[str, str]]:
+def _about_here(found: Prediction, here: ss.Rig) -> Iterator[tuple[str, str]]:
     kind = found.regime.kind
     if kind == "undecided":
         yield "undecided", f"{found.regime.reason}; growing modes {found.unstable_modes}"
@@ -218,7 +221,7 @@ def _about_here(found: ss.Prediction, here: ss.Rig) -> Iterator[tuple[str, str]]
     yield "regime", "" if fits else f"{found.verdict} | runs: {kinds}, growing modes {found.unstable_modes}"
 
 
-def _about_a_band(found: ss.Prediction, band: ss.advise.Band) -> Iterator[tuple[str, str]]:
+def _about_a_band(found: Prediction, band: Band) -> Iterator[tuple[str, str]]:
     rig, middle = found.rig, math.sqrt(band.low * band.high)
     if band.high < 1.15 * band.low:
         return
@@ -237,7 +240,7 @@ def _about_a_band(found: ss.Prediction, band: ss.advise.Band) -> Iterator[tuple[
     yield "band", "" if fits else f"{band} at {middle:.4g}: {kinds}"
 
 
-def _about_a_mitigation(found: ss.Prediction, mitigation: ss.advise.Mitigation) -> Iterator[tuple[str, str]]:
+def _about_a_mitigation(found: Prediction, mitigation: Mitigation) -> Iterator[tuple[str, str]]:
     rig, names = found.rig, mitigation.parameters
     for kind, values, start in (
         ("decays", mitigation.stops, ss.FromRest()),
