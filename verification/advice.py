@@ -17,13 +17,8 @@ import numpy as np
 from scipy.special import gamma
 
 import stickslip as ss
-<<<<<<< HEAD
-from stickslip.advise import Prediction
-from stickslip.model import Operation, Scales
-=======
 from stickslip.advise import Band, Mitigation, Prediction
 from stickslip.model import Contacts, Operation, Scales
->>>>>>> predict
 from stickslip.model.distributions import Distribution
 from stickslip.model.parameters import parameter_named
 from stickslip.simulation import estimate, record
@@ -138,11 +133,7 @@ def _watch(rig: ss.Rig, count: int, seed: int, longer: float, start: Start) -> t
 
 def motion(rig: ss.Rig, start: Start = ss.FromRest(), *, seed: int = 1000) -> set[str]:
     """Return what may be said of a rig at its first speed: kinds of motion that runs do not contradict."""
-<<<<<<< HEAD
-    assert isinstance(rig.method, ss.Contacts)
-=======
     assert isinstance(rig.method, Contacts)
->>>>>>> predict
     count = rig.method.count
     runs = [_watch(rig, count, seed + k, longer, start) for k, longer in enumerate((1.0, 2.0))]
     swings = [swing for swing, _ in runs]
@@ -231,11 +222,7 @@ def _about_here(found: Prediction, here: ss.Rig) -> Iterator[tuple[str, str]]:
     yield "regime", "" if fits else f"{found.verdict} | runs: {kinds}, growing modes {found.unstable_modes}"
 
 
-<<<<<<< HEAD
-def _about_a_band(found: Prediction, band: ss.advise.Band) -> Iterator[tuple[str, str]]:
-=======
 def _about_a_band(found: Prediction, band: Band) -> Iterator[tuple[str, str]]:
->>>>>>> predict
     rig, middle = found.rig, math.sqrt(band.low * band.high)
     if band.high < 1.15 * band.low:
         return
@@ -254,11 +241,7 @@ def _about_a_band(found: Prediction, band: Band) -> Iterator[tuple[str, str]]:
     yield "band", "" if fits else f"{band} at {middle:.4g}: {kinds}"
 
 
-<<<<<<< HEAD
-def _about_a_mitigation(found: Prediction, mitigation: ss.advise.Mitigation) -> Iterator[tuple[str, str]]:
-=======
 def _about_a_mitigation(found: Prediction, mitigation: Mitigation) -> Iterator[tuple[str, str]]:
->>>>>>> predict
     rig, names = found.rig, mitigation.parameters
     for kind, values, start in (
         ("decays", mitigation.stops, ss.FromRest()),

@@ -195,15 +195,9 @@ def _contacts(data: xr.Dataset) -> int | None:
 def without_line(values: Array, at: Array) -> Array:
     """Values less the straight line through them; sums, as products of long vectors would wake the threads of BLAS."""
     at = at - at.mean()
-<<<<<<< HEAD
-    rest: Array = values - values.mean()
-    rest -= at * (float((at * rest).sum()) / float((at * at).sum()))
-    return rest
-=======
     rest = values - values.mean()
     slope = float((at * rest).sum()) / float((at * at).sum())
     return np.asarray(rest - slope * at)
->>>>>>> predict
 
 
 def turns(force: Array, smallest: float, among: NDArray[np.intp] | None = None) -> tuple[list[int], list[int]]:
