@@ -346,7 +346,8 @@ def test_speed_and_stiffness_tell_how_stiff_the_interface_is():
     rate = fitting.pick_events(trace).loading_rate
     K = 100.0
     speed = rate * (1.0 + 0.25) / K
-    found = ss.fit(trace, prior=NARROW, draws=1500, known={"stiffness": K, "speed": (speed, 0.02 * speed)})
+    # Within the series that would not be refused such a stiff spring is rare: more draws than else.
+    found = ss.fit(trace, prior=NARROW, draws=4000, known={"stiffness": K, "speed": (speed, 0.02 * speed)})
     assert found["stiffness_ratio"].median == pytest.approx(0.25, abs=0.06)
     with pytest.raises(InputError, match="cannot rise faster than the spring is wound up"):
         ss.fit(trace, prior=NARROW, draws=1500, known={"stiffness": K, "speed": 0.5 * speed})

@@ -130,7 +130,7 @@ def infer(
     if (weights > 1e-3).sum() < nearest:
         raise InputError(
             f"fit: {(weights > 1e-3).sum()} of {len(parts)} draws agree with what is known, at least {nearest} are "
-            "needed; check the known values, or give their errors as (value, error)"
+            "needed; check the known values, give their errors as (value, error), or take more draws"
         )
     sample = _kept(parts, found, weights, target, scale, nearest)
     simulations = len(table)
