@@ -30,6 +30,7 @@ LIMIT = 600
 
 TESTS = {
     "advise": "test_advise",
+    "advise/elastic.py": "test_elastic",
     "answers.py": "test_plain test_model",
     "cli.py": "test_cli",
     "console.py": "test_cli",
@@ -43,9 +44,11 @@ TESTS = {
     "io/files.py": "test_files",
     "kernels": "test_contacts test_panels test_simulate test_ageing",
     "kernels/arrest.py": "test_mechanisms",
+    "kernels/between_events.py": "test_contacts test_thermal_runs",
     "kernels/births.py": "test_panels test_master_equation",
     "kernels/block": "test_elastic",
     "kernels/event": "test_contacts test_simulate test_turning_drives",
+    "kernels/expansions.py": "test_contacts",
     "kernels/flight.py": "test_contacts test_simulate test_turning_drives",
     "kernels/groups.py": "test_panels test_master_equation",
     "kernels/growth.py": "test_ageing test_simulate_ageing",
@@ -53,6 +56,7 @@ TESTS = {
     "kernels/langevin": "test_ageing test_simulate_ageing",
     "kernels/leapfrog.py": "test_elastic",
     "kernels/lives.py": "test_friction_laws",
+    "kernels/lots.py": "test_population",
     "kernels/network.py": "test_elastic",
     "kernels/oscillator.py": "test_contacts test_simulate test_turning_drives",
     "kernels/panel": "test_panels test_master_equation",
