@@ -280,7 +280,7 @@ def test_series_that_would_be_refused_are_not_compared():
 
 def test_statistics_that_all_draws_share_stop_no_fit():
     """Drops all alike: their scatter is next to nothing in every series."""
-    prior = Prior(contacts=(400.0, 500.0), track_scatter=(0.0, 1e-6), threshold_std=(0.02, 0.021))
+    prior = Prior(contacts=(8.0, 10.0))
     made = table(prior=prior, draws=400, slips=60)
     same = replace(
         made, peaks=np.ones_like(made.peaks), troughs=np.full_like(made.troughs, 0.5), count=made.count * 0 + 60
