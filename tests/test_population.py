@@ -194,21 +194,25 @@ def test_the_variance_of_the_force_in_rigid_sliding():
 
 @pytest.mark.slow
 def test_the_spectrum_in_rigid_sliding_is_that_of_contacts():
-    """In octaves up to the frequency of the samples: as many values each as make its error 2 %."""
-    lives, times = 4_000.0, np.arange(0.0, 4_000.0, 0.037)
+    """In octaves up to the frequency of the samples, with errors from the scatter of parts of the run.
+
+    What is faster than steps is too weak: by 7 % in the last octave at the default tolerance.
+    """
+    parts, length = 16, 2**13
+    times = 0.037 * np.arange(parts * length)
 
     def octaves(method):
-        track = follow(
-            engine_for(CYCLING, method, None, ss.FromSliding()), ss.constant(1.0, duration=lives), 0.0, times
-        )
-        F = track["friction_force"]
-        power = np.abs(np.fft.rfft(F - F.mean())) ** 2 / F.size * method.count
-        edges = (power.size * 0.5 ** np.arange(7)).astype(int)
-        return np.array([power[low:high].mean() for high, low in pairwise(edges)]), edges
+        engine = engine_for(CYCLING, method, None, ss.FromSliding())
+        F = follow(engine, ss.constant(1.0, duration=times[-1]), 0.0, times)["friction_force"].reshape(parts, length)
+        power = np.abs(np.fft.rfft(F - F.mean(), axis=1)) ** 2 / length * method.count
+        edges = (power.shape[1] * 0.5 ** np.arange(7)).astype(int)
+        bands = np.stack([power[:, low:high].mean(axis=1) for high, low in pairwise(edges)])
+        return bands.mean(axis=1), bands.std(axis=1, ddof=1) / math.sqrt(parts)
 
-    exact, edges = octaves(ss.Contacts(1_000, seed=1))
-    found, _ = octaves(ss.Population(1_000, seed=1))
-    assert np.all(np.abs(found / exact - 1) < 4 * math.sqrt(2) / np.sqrt(-np.diff(edges)) + 0.02)
+    exact, noise = octaves(ss.Contacts(1_000, seed=1))
+    for rtol, slack in ((1e-4, 0.09), (1e-5, 0.03)):
+        found, more = octaves(ss.Population(1_000, seed=1, rtol=rtol))
+        assert np.all(np.abs(found - exact) < 4 * np.hypot(noise, more) + slack * exact), (rtol, found / exact - 1)
 
 
 def cycles(method, duration):
