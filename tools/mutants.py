@@ -35,6 +35,7 @@ TESTS = {
     "io/files.py": "test_files",
     "io": "test_rig test_store",
     "kernels/cohorts.py": "test_cohorts test_simulate",
+    "kernels/between_events.py": "test_contacts test_thermal_runs",
     "kernels/event_queue.py": "test_contacts",
     "kernels/events.py": "test_contacts test_simulate test_turning_drives",
     "kernels/flight.py": "test_contacts test_simulate test_turning_drives",
