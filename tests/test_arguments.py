@@ -42,7 +42,7 @@ SPEEDS = {
     "is_sustained": lambda v: ss.is_sustained(RIG.replace(velocity=v)),
     "bistable_range": lambda v: ss.bistable_range(RIG, "velocity", between=v),
     "sustained": lambda v: ss.sustained(RIG, "velocity", between=v),
-    "critical": lambda v: ss.critical(RIG, "velocity", between=v),
+    "critical": lambda v: ss.critical(RIG, "velocity", between=(v, 10.0)),
     "rigid_slide": lambda v: ss.rigid_slide(INTERFACE, v),
 }
 INTERFACES = {

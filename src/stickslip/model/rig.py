@@ -250,25 +250,33 @@ class Rig(Answer):
         except InputError as error:
             raise error.at(f"{place} = {value!r}") from None
 
-    def span(self, parameter: Parameter, between: Ends | None) -> tuple[float, float]:
+    def around(self, parameter: Parameter) -> tuple[float, float]:
+        """Return the range a factor `USUAL_RANGE` either way of what the rig has, in natural units.
+
+        Raises
+        ------
+        InputError
+            If the rig has 0.
+        """
+        here = parameter.get(self.natural)
+        if here <= 0:
+            raise InputError(f"between: {parameter.name} is {here:g}, so give a range, such as (0.1, 10)")
+        return here / USUAL_RANGE, here * USUAL_RANGE
+
+    def span(self, parameter: Parameter, between: Ends) -> tuple[float, float]:
         """Return a range of a parameter in its natural unit.
 
         Parameters
         ----------
         parameter : Parameter
-        between : (float or str, float or str), optional
-            Its ends, rising, as in `Ends`; by default a factor `USUAL_RANGE` either way of what the rig has.
+        between : (float or str, float or str)
+            Its ends, rising, as in `Ends`.
 
         Raises
         ------
         InputError
             If it is no range.
         """
-        if between is None:
-            here = parameter.get(self.natural)
-            if here <= 0:
-                raise InputError(f"between: {parameter.name} is {here:g}, so give a range, such as (0.1, 10)")
-            return here / USUAL_RANGE, here * USUAL_RANGE
         ends = sequence("between", between, "two values, such as (0.1, 10)")
         if len(ends) != 2:
             raise InputError(f"between = {shown(between)}: must be two values, such as (0.1, 10)")

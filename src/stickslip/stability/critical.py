@@ -233,7 +233,8 @@ def _range(rig: Rig, parameter: Parameter | str, between: Ends | None) -> tuple[
     """The parameter, the rig and the range, in natural units."""
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
     varied = parameter_named(parameter)
-    return varied, rig.natural, *rig.span(varied, between)
+    low, high = rig.around(varied) if between is None else rig.span(varied, between)
+    return varied, rig.natural, low, high
 
 
 # ---------------------------------------------------------------- the search
