@@ -51,7 +51,7 @@ _BREAK = 2.4e-7
 """Seconds a break of a contact takes."""
 _AGE = 2e-7
 """The same for a contact with ageing thresholds in one time of ageing, whether it breaks or not."""
-_AGEING_BREAK = 6e-6
+_AGEING_BREAK = 2.6e-6
 """The same for a break of a contact whose threshold ages."""
 _PANELS = 1e-4, 1.5e-5
 """Seconds the master equation takes over an ``x_s``, and over a radian in which the slider rings after a slip."""
