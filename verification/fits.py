@@ -93,13 +93,18 @@ def coverage_test(
             trace = synthetic_trace(**truth, slips=slips, samples=samples, noise=noise, seed=int(rng.integers(1 << 31)))
             found = fit(trace)
         except InputError as error:
-            refused[re.sub(r"[-+]?\d+\.?\d*(e[-+]?\d+)?", "#", str(error))[:70]] += 1
+            refused[_reason(error)] += 1
             continue
         edge += not found.adjusted
         rows.append((prior.parts(np.array(list(truth.values()))), prior.parts(found.values)))
         if report is not None:
             report(f"{len(rows)} of {truths}")
     return _coverage(rows, edge, refused)
+
+
+def _reason(error: InputError) -> str:
+    """A refusal without its figures."""
+    return re.sub(r"[-+]?\d+\.?\d*(e[-+]?\d+)?", "#", str(error))[:70]
 
 
 def _coverage(
@@ -138,7 +143,11 @@ def contraction_test(truths: int = 200, *, seed: int = 2) -> Coverage:
         if not valid:
             refused["fewer slips"] += 1
             continue
-        sample = infer(made, IDEAL, statistics, rounds=0, seen=seen)
+        try:
+            sample = infer(made, IDEAL, statistics, rounds=0, seen=seen)
+        except InputError as error:
+            refused[_reason(error)] += 1
+            continue
         edge += not sample.adjusted
         rows.append((part, sample.resample(1000, rng)))
     return _coverage(rows, edge, refused)
