@@ -322,20 +322,31 @@ def test_the_master_equation_slides_with_the_steady_force(newborn, sliding_force
     assert abs(run["attached"] - attached_fraction(interface, 1.0)).max() < 1e-4
 
 
-@settings(max_examples=15, deadline=None)
-@given(
-    interfaces.filter(lambda interface: not interface.track_scatter),
-    st.sampled_from([THERE_AND_BACK, ss.constant(1.0, duration=4)]),
-)
-def test_contacts_and_the_master_equation_agree_within_noise(interface, drive):
+def compare_with_contacts(interface, drive):
     """Until an instability has had the time to make much of little noise."""
     rig = rig_of(replace(interface, initial=ss.Gaussian(mean=0.0, std=0.01)), drive, count=100_000)
     out = ss.Output(interval=0.01)
     run = ss.simulate(rig, method=ss.MasterEquation(), output=out)
-    assert imbalance(run) < 1e-4
+    assert imbalance(run) < 3e-4  # rtol is 1e-4
     exact = ss.simulate(rig, output=out)
     for name in ("spring_force", "attached"):
-        assert float(np.sqrt(((run[name] - exact[name]) ** 2).mean())) < 0.01, name
+        assert float(abs(run[name] - exact[name]).mean()) < 0.005, name  # an arrest may be a sample sooner or later
+
+
+@settings(max_examples=10, deadline=None)
+@given(
+    interfaces.filter(lambda interface: not interface.track_scatter and interface.newborn is None),
+    st.sampled_from([THERE_AND_BACK, ss.constant(1.0, duration=4)]),
+)
+def test_contacts_and_the_master_equation_agree_within_noise(interface, drive):
+    compare_with_contacts(interface, drive)
+
+
+def test_they_agree_with_stretched_newborns():
+    interface = ss.Interface(
+        thresholds=TENTH, delay=ss.Delay(0.2), sliding_force=0.2, newborn=ss.Gaussian(mean=0.2, std=0.1)
+    )
+    compare_with_contacts(interface, ss.constant(1.0, duration=4).then(ss.constant(-1.0, duration=2)))
 
 
 NODE, WEIGHT = np.polynomial.legendre.leggauss(150)

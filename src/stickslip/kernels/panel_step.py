@@ -37,7 +37,6 @@ from .panel_state import (
     VELOCITY,
     Case,
     Delays,
-    Newborn,
     State,
     Work,
 )
@@ -126,9 +125,10 @@ def heading(state: State, work: Work) -> float:
 
 
 @inlined
-def is_relaxed(newborn: Newborn) -> bool:
-    """Whether contacts attach unstretched."""
-    return newborn.stretching.size == 1 and newborn.stretching[0] == 0.0
+def only_lose(case: Case) -> bool:
+    """Whether contacts bring no energy where they attach stretched, or slide with more force than broke them."""
+    newborn = case.newborn.stretching
+    return bool(newborn.size == 1 and newborn[0] == 0.0 and case.sliding_force == 0.0)
 
 
 @inlined

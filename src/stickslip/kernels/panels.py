@@ -83,7 +83,7 @@ from .panel_state import (
     State,
     Work,
 )
-from .panel_step import element_at, heading, is_relaxed, try_step
+from .panel_step import element_at, heading, only_lose, try_step
 from .rules import INCREASE, INTEGRAL, MONOMIAL, NODE, PART, P, Q
 from .survival import Table
 
@@ -217,8 +217,8 @@ def _move(state: State, work: Work, case: Case, dt: float) -> None:
     scalar[CONTACT_FORCE], scalar[ATTACHED] = nodes[AT_FORCE, P], nodes[AT_ATTACHED, P]
     scalar[WORK] += nodes[AT_WORK, P]
     scalar[DAMPED] += nodes[AT_DAMPED, P]
-    # What the slider did to the contacts, and they do not store. What attaches stretched brings energy.
-    scalar[LOST] += max(nodes[AT_LOST, P], 0.0) if is_relaxed(case.newborn) else nodes[AT_LOST, P]
+    # What the slider did to the contacts, and they do not store.
+    scalar[LOST] += max(nodes[AT_LOST, P], 0.0) if only_lose(case) else nodes[AT_LOST, P]
     scalar[STORED] = nodes[AT_STORED, P]
     _spring(scalar, case)
 
@@ -453,7 +453,7 @@ def _run(
                 _curve(work, row)
         while filled < times.size and times[filled] < scalar[TIME] - smallest:
             _sample(rows[filled], times[filled], start, state, work, case, dt)
-            if is_relaxed(case.newborn):
+            if only_lose(case):
                 lost = min(max(rows[filled, LOST], start[LOST]), scalar[LOST])
                 rows[filled, LOST] = max(lost, rows[filled - 1, LOST]) if filled > 0 else lost
             filled += 1
