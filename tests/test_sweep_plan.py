@@ -169,7 +169,7 @@ MISTAKES = [
     ("rig.interface.thresholds", {"distribution": "exponential"}, "Interface.thresholds", "has no std to vary"),
     ("run.contcts", 3, "run.contcts", "did you mean 'contacts'"),
     ("run.contacts", 0, "Contacts.count = 0", "at least 1"),
-    ("run.method", "monte carlo", "run.method", "'contacts' or 'master equation'"),
+    ("run.method", "monte carlo", "run.method", "'contacts', 'population' or 'master equation'"),
     ("run.method", "master equation", "run.contacts", "method = 'contacts'"),
     ("run.rtol", 1e-4, "run.rtol", "method = 'master equation'"),
     ("run.distance", "4 mm", "run.distance = '4 mm'", "plain number"),
