@@ -118,8 +118,6 @@ def number(
         though neither 0 nor a quantity that may be negative.
     """
     wanted = _range_in_words(above, at_least, below, at_most) + (f" ({hint})" if hint else "")
-    if isinstance(value, str) and value[:1].isdigit() and value[-1].isalpha():
-        wanted += "; a record is in natural units: give SI to read_rig or Rig.replace"
     if isinstance(value, bool) or not isinstance(value, Real):
         raise InputError(f"{place} = {shown(value)}: must be a number{wanted}", place)
     try:

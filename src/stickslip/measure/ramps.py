@@ -121,6 +121,8 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
         If the drive does not change, goes up and down more than once, or travels less than two windows, or
         there are too few samples in a window.
     """
+    import xarray as xr
+
     instance("transitions: run", run, xr.Dataset, "a run of simulate()")
     for name, value, of in (("level", level, "spring_force"), ("window", window, "displacement")):
         unit = str(run[of].attrs.get("units", "")) if of in run else ""

@@ -66,9 +66,12 @@ def check(record: Any) -> None:
         if mark is None or get_origin(kind) is tuple or (value is None and type(None) in get_args(kind)):
             continue
         place = mark.place or f"{type(record).__name__}.{name}"
+        hint = mark.hint
+        if isinstance(value, str) and value[:1].isdigit() and value[-1].isalpha() and not hint.startswith("in "):
+            hint = f"{hint or 'in natural units'}; give SI to read_rig or Rig.replace"
         if kind is int:
             checked: float = whole(
-                place, value, at_least=int(mark.at_least or 0), at_most=_whole_or_none(mark.at_most), hint=mark.hint
+                place, value, at_least=int(mark.at_least or 0), at_most=_whole_or_none(mark.at_most), hint=hint
             )
         else:
             checked = number(
@@ -78,7 +81,7 @@ def check(record: Any) -> None:
                 at_least=mark.at_least,
                 at_most=mark.at_most,
                 infinite=mark.infinite,
-                hint=mark.hint,
+                hint=hint,
             )
         object.__setattr__(record, name, checked)
 
