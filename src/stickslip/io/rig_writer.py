@@ -167,7 +167,8 @@ class RigWriter:
             return "never" if math.isinf(delay.time) else self._quantity(delay.time, "time")
         if isinstance(delay, OnArrest):
             return "on arrest"
-        return self._record("model", delay, DELAYS)
+        found = self._record("model", delay, DELAYS)
+        return {key: value for key, value in found.items() if (key, value) != ("model", "random")}  # as without
 
     def _drive(self) -> Document:
         pieces = self.rig.drive.pieces
