@@ -58,10 +58,10 @@ def find_cycles(t: Array, force: Array) -> Cycles:
 
     The autocorrelation tells one period from a part of it (ringing, a small drop after a large one) and from
     several; each cycle is then timed by itself, from one rise through the upper quarter of the range of the force
-    to the next.
+    in a typical cycle to the next.
     """
     lag, correlation = _autocorrelation_peak(t, force)
-    low, high = float(force.min()), float(force.max())
+    low, high = _typical_range(t, force, lag)
     begins, times = rises(t, force, low + 0.25 * (high - low), high - 0.25 * (high - low))
     if math.isfinite(lag) and begins.size:
         first = [0]
@@ -73,6 +73,18 @@ def find_cycles(t: Array, force: Array) -> Cycles:
     period = float(each.mean()) if each.size else math.nan
     variation = float(each.std(ddof=1)) / period if each.size > 1 else math.nan
     return Cycles(period=period, variation=variation, correlation=correlation, begins=begins, times=times)
+
+
+def _typical_range(t: Array, force: Array, lag: float) -> tuple[float, float]:
+    """Median of the lowest and of the highest force of a period; the extremes where none is known.
+
+    One cycle that is larger than the others would otherwise put the levels beyond the smaller ones.
+    """
+    starts = np.searchsorted(t, np.arange(t[0], t[-1] - lag, lag)) if math.isfinite(lag) else np.empty(0, dtype=int)
+    if starts.size < FEWEST_CYCLES or np.any(np.diff(starts) == 0):
+        return float(force.min()), float(force.max())
+    lowest, highest = (extreme.reduceat(force, starts) for extreme in (np.minimum, np.maximum))
+    return float(np.median(lowest)), float(np.median(highest))
 
 
 def rises(t: Array, force: Array, low: float, high: float) -> tuple[NDArray[np.intp], Array]:
