@@ -663,6 +663,8 @@ def test_the_strokes_of_a_test_to_and_fro_are_judged_apart(displacement):
     assert "6 stick-slip" in result.reason
     found = drops(slipping)
     assert set(found["stroke"].values.tolist()) == set(range(6))
+    before = found["force_before"]
+    assert before.attrs["mean"] == pytest.approx(float(np.abs(before).mean()))  # along each stroke: no mean of signs
     assert found.sizes["event"] == pytest.approx(6 * 19, abs=6)
     assert float(found["drop"].max()) < 1.2  # no reversal among them
     assert found.attrs["count"] == found.sizes["event"]
