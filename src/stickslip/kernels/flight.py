@@ -286,6 +286,25 @@ def first_crossing(f: Flight, to_ahead: float, to_behind: float, most: float, cu
 
 
 @bare
+def calm(f: Flight, to_ahead: float, to_behind: float, most: float) -> float:
+    """Time up to `most` in which the slider cannot reach either side, however it oscillates; 0 if that is short.
+
+    A light slider that sticks oscillates a thousand times while the spring is loaded: none of its turns matters.
+    """
+    g = 0.5 * f.eta
+    d = f.w2 - g * g
+    if not d > 0.0 or f.q2 != 0.0:
+        return 0.0
+    w = math.sqrt(d)
+    swing = math.hypot(f.y0, (f.v0 + g * f.y0) / w)
+    ahead, behind = to_ahead - f.q0 - swing, to_behind + f.q0 - swing
+    if not (ahead > 0.0 and behind > 0.0):
+        return 0.0
+    h = most if f.q1 == 0.0 else min(most, (ahead if f.q1 > 0.0 else behind) / abs(f.q1))
+    return h if w * h > math.pi else 0.0
+
+
+@bare
 def settled(f: Flight, h: float, small: float) -> float:
     """Longest flight up to `h` in which the slider does not oscillate, unless by less than a small amplitude."""
     g = 0.5 * f.eta
