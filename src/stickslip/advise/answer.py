@@ -168,7 +168,9 @@ class Prediction(Answer):
         how = ""
         if self.regime.kind in _OSCILLATES:
             how = "" if self.frequency is None else f", {self._frequency(self.frequency)}"
-            how += f", force ±{self._said(self.amplitude, 'force', digits=3)} ({100 * self.relative_amplitude:.0f} % of "
+            how += (
+                f", force ±{self._said(self.amplitude, 'force', digits=3)} ({100 * self.relative_amplitude:.0f} % of "
+            )
             how += "static friction peak to peak)"
         parts = [f"{self._at_which_speeds()}{how}", self._not_simulated(), f"at {speed}: {self._here()}"]
         if not self.complete:  # only the run at the rig's speed has been made: the rest is linear theory
@@ -293,9 +295,7 @@ class Prediction(Answer):
         """What the verdict would be over a range of delays."""
         words = []
         for band in self.delays:
-            what = (
-                "linearly stable" if band.kind == "stable" else "linearly unstable, so stick-slip or oscillation"
-            )
+            what = "linearly stable" if band.kind == "stable" else "linearly unstable, so stick-slip or oscillation"
             words.append(f"{what} from {self._said(band.low, 'time')} to {self._said(band.high, 'time')}")
         return "with a delay of re-attachment it would be, at this speed, " + ", ".join(words)
 
