@@ -256,7 +256,7 @@ class Prediction(Answer):
         return " and ".join(self._region(region) for region in regions)
 
     def _not_simulated(self) -> str:
-        """Where smooth sliding is stable and nothing is known of a start at rest, in words; nothing of a fast answer."""
+        """Where smooth sliding is stable and starts at rest are not known, in words; nothing of a fast answer."""
         places = [band for band in self.bands if band.kind == "stable"] if self.complete else []
         where = " and ".join(f"from {self._span(band.low, band.high)}" for band in places)
         return f"{where} smooth sliding is linearly stable, and starts at rest were not judged" if where else ""

@@ -88,7 +88,7 @@ class Survey:
         return tuple(_joined([part for band in self._linear for part in self._parts(band)]))
 
     def _grid(self, i: int) -> list[float]:
-        """Speeds in a range, evenly by their logarithm; next to a limit of linear stability, just on its stable side."""
+        """Speeds in a range, evenly by their logarithm; next to a limit of stability, just on its stable side."""
         band = self._linear[i]
         low, high = band.low, band.high
         if band.kind == "stable":
@@ -123,7 +123,7 @@ class Survey:
         """
         told = _OSCILLATES if band.kind == "unstable" else (*_OSCILLATES, "smooth sliding")
         inside = sorted(speed for speed in self._known if band.low <= speed <= band.high)
-        seen = [(v, kind if (kind := self._known[v]) in told else band.kind) for v in inside]
+        seen = [(v, kind if (kind := self._known[v]) is not None and kind in told else band.kind) for v in inside]
         if band.kind == "stable":
             return seen
         # One speed left out between two with the same oscillation tells nothing against it.
