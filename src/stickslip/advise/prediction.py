@@ -132,9 +132,9 @@ def complete(found: Prediction, *, progress: Progress | None = None) -> Predicti
     found = replace(found, margins=tuple(_margins(rig, linear)), complete=True)
     report(0.4)
     if found.ill:
-        changing = Budget((1.0 - _FOR_SPEEDS) * left + 0.5 * allowed.left)
+        changing = Budget((1.0 - _FOR_SPEEDS) * left)
         found = _with_mitigations(found, setting, changing, lambda share: report(0.4 + 0.5 * share))
-        allowed = Budget(0.5 * allowed.left + min(changing.left, _FOR_SPEEDS * left))
+        allowed = Budget(allowed.left + min(changing.left, _FOR_SPEEDS * left))
         survey.look(allowed, lambda share: report(0.9 + 0.1 * share))
     report(1.0)
     return replace(found, bands=tuple(_scaled(band, speed) for band in survey.bands()))
