@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import stickslip as ss
-from stickslip.measure import drops, read_trace, regime, statistics, transitions
+from stickslip.measure import counted, drops, read_trace, regime, statistics, transitions
 from stickslip.measure.arrays import turns
 from stickslip.measure.periods import find_cycles
 
@@ -857,6 +857,65 @@ def test_a_slip_that_overshoots_is_not_taken_for_ringing():
     )
     assert drops(run).sizes["event"] == cycles
     assert regime(run).kind == "stick-slip"
+
+
+# ----------------------------------------------------------------------------------------------- what it is not called
+
+
+@pytest.mark.parametrize(("contacts", "stiffness"), [(10, 0.3), (31, 0.3), (31, 0.05)])
+def test_few_contacts_that_slip_are_not_called_smooth(contacts, stiffness):
+    """The force jumps by a quarter of static friction and more, at many times the speed of the drive."""
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.3), initial=ss.Gaussian(mean=0.0, std=0.05))
+    mass = (stiffness + 1.0) / 1e4
+    slider = ss.Slider(stiffness=stiffness, mass=mass, damping=math.sqrt(stiffness / mass))
+    rig = ss.Rig(interface, slider, ss.constant(1.0, 100.0), method=ss.Contacts(contacts, seed=3))
+    seen = ss.regime(ss.simulate(rig))
+    assert seen == "stick-slip"
+    assert seen.reason.startswith("irregular")
+    assert seen.largest_velocity > 10
+
+
+def test_so_few_contacts_that_their_noise_is_most_of_the_force_do_not_slide_smoothly():
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.3), delay=ss.Delay(0.1))
+    mass = 6.0 / 1e4
+    slider = ss.Slider(stiffness=5.0, mass=mass, damping=math.sqrt(5.0 / mass))
+    seen = ss.regime(ss.simulate(ss.Rig(interface, slider, ss.constant(1.0, 100.0), method=ss.Contacts(10, seed=3))))
+    assert seen == "sustained oscillation"
+    assert "10" in seen.reason
+
+
+@pytest.mark.parametrize("contacts", [630, 2520])
+def test_slips_of_aged_contacts_are_not_hidden_below_the_static_friction_of_the_start(contacts):
+    """The thresholds age: in sliding the force is a thirtieth of static friction, and so is its noise."""
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.3106), ageing=ss.Langevin(rate=0.30041))
+    slider = ss.Slider(stiffness=0.04518344, mass=1.6051970e-4, damping=7.01152)
+    rig = ss.Rig(interface, slider, ss.constant(2.2172, 27.06), method=ss.Contacts(contacts, seed=13))
+    assert ss.regime(ss.simulate(rig)) == "stick-slip"
+
+
+def test_a_bar_that_is_still_being_loaded_is_undecided():
+    interface = ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=0.1), initial=ss.Gaussian(mean=0.0, std=0.05), delay=ss.Delay(0.05)
+    )
+    bar = ss.Chain(blocks=8, coupling=2.0, side=0.1, mass=1e-3, damping=10.0, viscosity=0.05)
+    seen = ss.regime(ss.simulate(ss.Rig(interface, bar, ss.constant(1.0, 20.0), method=ss.Contacts(100, seed=1))))
+    assert seen == "undecided"
+    assert "the force still rises" in seen.reason
+    assert "more would tell" in seen.reason
+
+
+def test_drops_of_an_oscillation_without_sticking_are_cycles_and_no_slips():
+    run = ss.simulate(ss.example("precision_stage").replace(velocity="2 mm/s"))
+    seen, found = ss.regime(run), ss.drops(run)
+    assert (seen.kind, seen.drops_are) == ("sustained oscillation", "cycles")
+    assert found.attrs["drops_are"] == "cycles"
+    assert counted(found) == f"{found.sizes['event']} cycles"
+    figure = ss.plot.overview(run, events=found)
+    labels = {line.get_label() for line in figure.axes[0].lines}
+    assert counted(found) in labels
+    slips = ss.drops(ss.simulate(ss.example("brake_pad")))
+    assert slips.attrs["drops_are"] == "slips"
+    assert counted(slips).endswith(" slips")
 
 
 def test_a_force_that_repeats_exactly_is_correlated_at_its_period():

@@ -302,7 +302,7 @@ def measure(
                     for name, column in catalogue.data_vars.items()
                     if "mean" in column.attrs
                 }
-                | {"count": catalogue.attrs["count"]},
+                | {"count": catalogue.attrs["count"], "drops_are": catalogue.attrs["drops_are"]},
                 "events": {str(name): plain(catalogue[name].to_numpy()) for name in catalogue.variables},
                 "unreadable": unreadable,
             }
@@ -310,12 +310,12 @@ def measure(
         return
     print(seen, *front_map.in_words(trace), sep="\n")
     print()
-    print(f"{catalogue.attrs['count']} slips; mean ± standard deviation:")
+    print(f"{measures.counted(catalogue)}; mean ± standard deviation:")
     for name, text in measures.statistics(catalogue):
         print(f"{name}: {text}")
     if note := trace.attrs.get("note"):
         print(f"note: {note}")
-    for what, where in (("slips", events), ("picture", plot)):
+    for what, where in ((str(catalogue.attrs["drops_are"]), events), ("picture", plot)):
         if where is not None:
             print(f"{what}: {where}")
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _TITLES = {parameter.name: parameter.title for parameter in (*PARAMETERS, *UNITS_OF_A_RIG)}
 _OSCILLATES = ("stick-slip", "sustained oscillation")
-_KINDS = {"unstable": "linearly unstable"}
+_KINDS = {"unstable": "linearly unstable", "stable": "linearly stable"}
 """What bands are called in a sentence, where that is not their kind."""
 
 
@@ -165,15 +165,17 @@ class Prediction(Answer):
         speed = self._said(self.rig.velocity, "velocity")
         if not self.judged:
             return f"cannot be judged: nothing says how contacts strengthen with rest; {self._by_delay()}"
-        parts = [self._at_which_speeds()]
+        how = ""
         if self.regime.kind in _OSCILLATES:
-            if self.frequency is not None:
-                parts[0] += f", {self._frequency(self.frequency)}"
-            parts[0] += (
+            how = "" if self.frequency is None else f", {self._frequency(self.frequency)}"
+            how += (
                 f", force ±{self._said(self.amplitude, 'force', digits=3)} ({100 * self.relative_amplitude:.0f} % of "
             )
-            parts[0] += "static friction peak to peak)"
-        parts.append(f"at {speed}: {self._here()}")
+            how += "static friction peak to peak)"
+        parts = [f"{self._at_which_speeds()}{how}", self._not_simulated(), f"at {speed}: {self._here()}"]
+        if not self.complete:  # only the run at the rig's speed has been made: the rest is linear theory
+            parts = [f"at {speed}: {self._here()}{how}", self._at_which_speeds()]
+        parts = [part for part in parts if part]
         others = [pair for pair in self.at_speeds if pair[0] != self.rig.velocity]
         parts += [f"at {self._speed(other)}: {kind}" for other, kind in others]
         if self.between is not None:
@@ -209,9 +211,9 @@ class Prediction(Answer):
     def _over_its_range(self, low: float, high: float) -> str:
         """The motion over the range of speeds at which the rig works, were each of them to last."""
         parts: list[tuple[float, str]] = []
-        for band, kind in zip(self.bands, self._told([band.kind for band in self.bands]), strict=True):
+        for band in self.bands:
             if band.high > low and band.low < high:
-                kind += " from rest only" if band.bistable else ""
+                kind = _KINDS.get(band.kind, band.kind) + (" from rest only" if band.bistable else "")
                 if not parts or parts[-1][1] != kind:
                     parts.append((max(low, band.low), kind))
         words = [f"{kind} from {self._speed(begin)}" for begin, kind in parts]
@@ -239,11 +241,11 @@ class Prediction(Answer):
     def _at_which_speeds(self) -> str:
         """Ranges of speed with oscillation, each with how far it also persists from rest."""
         low, high = self.speeds_searched
-        rough = [band for band in self.bands if band.kind != "smooth sliding"]
+        rough = [band for band in self.bands if band.kind not in ("smooth sliding", "stable")]
         if not rough:
             if self.theory_note:
                 return self.theory_note
-            kind = "smooth sliding" if self.complete else "linearly stable"
+            kind = "smooth sliding" if self.complete and not self._not_simulated() else "linearly stable"
             return f"{kind} at all speeds from {self._span(low, high)}"
         regions: list[list[Band]] = []
         for band in rough:
@@ -253,17 +255,16 @@ class Prediction(Answer):
                 regions.append([band])
         return " and ".join(self._region(region) for region in regions)
 
+    def _not_simulated(self) -> str:
+        """Where smooth sliding is stable and starts at rest are not known, in words; nothing of a fast answer."""
+        places = [band for band in self.bands if band.kind == "stable"] if self.complete else []
+        where = " and ".join(f"from {self._span(band.low, band.high)}" for band in places)
+        return f"{where} smooth sliding is linearly stable, and starts at rest were not judged" if where else ""
+
     def _region(self, region: list[Band]) -> str:
         core = [band for band in region if not band.bistable] or region
         begin, end = core[0].low, core[-1].high
-        kinds = [band.kind for band in core]
-        kinds = self._told(kinds)
-        words, at = [], begin
-        for i, (kind, band) in enumerate(zip(kinds, core, strict=True)):
-            if i + 1 < len(kinds) and kinds[i + 1] == kind:
-                continue
-            words.append(f"{kind} from {self._span(at, band.high)}")
-            at = band.high
+        words = [f"{_KINDS.get(band.kind, band.kind)} from {self._span(band.low, band.high)}" for band in core]
         beyond = []
         if region[0].low < begin:
             beyond.append(f"down to {self._speed(region[0].low)}")
@@ -273,16 +274,6 @@ class Prediction(Answer):
             beyond[-1] += " or more" if region[-1].high >= self.speeds_searched[1] else ""
         rest = f" (from rest also {' and '.join(beyond)})" if beyond else ""
         return ", ".join(words) + rest + (" from rest only" if core[0].bistable else "")
-
-    def _told(self, kinds: list[str]) -> list[str]:
-        """Kinds of motion of neighbouring bands; what was not simulated, as runs there take long, is as beside it."""
-        seen = [self.regime.kind] if self.regime.kind in _OSCILLATES else ["oscillation"]
-        known = next((kind for kind in kinds if kind in _OSCILLATES), seen[0])
-        told = []
-        for kind in kinds:
-            known = kind if kind in _OSCILLATES else known
-            told.append(known if kind == "unstable" else kind)
-        return told
 
     def _span(self, low: float, high: float) -> str:
         """Two speeds; the ends of the search say that they are."""
@@ -304,9 +295,7 @@ class Prediction(Answer):
         """What the verdict would be over a range of delays."""
         words = []
         for band in self.delays:
-            what = (
-                "smooth sliding" if band.kind == "smooth sliding" else "linearly unstable, so stick-slip or oscillation"
-            )
+            what = "linearly stable" if band.kind == "stable" else "linearly unstable, so stick-slip or oscillation"
             words.append(f"{what} from {self._said(band.low, 'time')} to {self._said(band.high, 'time')}")
         return "with a delay of re-attachment it would be, at this speed, " + ", ".join(words)
 

@@ -126,22 +126,18 @@ def complete(found: Prediction, *, progress: Progress | None = None) -> Predicti
     left = (_ALL - spent) * (1.0 if rig.interface.ageing is None else _AGED)
     speed = rig.unit("x_s/time")
     linear = tuple(_scaled(band, 1.0 / speed) for band in found.bands)
-    bands = speeds.bands_by_runs(
-        setting, linear, found.regime, Budget(_FOR_SPEEDS * left), lambda share: report(0.3 * share)
-    )
-    found = replace(
-        found,
-        bands=tuple(_scaled(band, speed) for band in bands),
-        margins=tuple(_margins(rig, linear)),
-        complete=True,
-    )
+    survey = speeds.Survey(setting, linear, found.regime)
+    allowed = Budget(_FOR_SPEEDS * left)
+    survey.look(allowed, lambda share: report(0.3 * share))
+    found = replace(found, margins=tuple(_margins(rig, linear)), complete=True)
     report(0.4)
     if found.ill:
-        found = _with_mitigations(
-            found, setting, Budget((1.0 - _FOR_SPEEDS) * left), lambda share: report(0.4 + 0.6 * share)
-        )
+        changing = Budget((1.0 - _FOR_SPEEDS) * left)
+        found = _with_mitigations(found, setting, changing, lambda share: report(0.4 + 0.5 * share))
+        allowed = Budget(allowed.left + min(changing.left, _FOR_SPEEDS * left))
+        survey.look(allowed, lambda share: report(0.9 + 0.1 * share))
     report(1.0)
-    return found
+    return replace(found, bands=tuple(_scaled(band, speed) for band in survey.bands()))
 
 
 def _with_mitigations(found: Prediction, setting: Rig, budget: Budget, report: Progress) -> Prediction:
@@ -258,7 +254,7 @@ def _over_delays(rig: Rig) -> tuple[Band, ...]:
     found = []
     for a, b in pairwise(ends):
         inside = any(x < math.sqrt(a * b) < y for x, y in stable)
-        found.append(Band(kind="smooth sliding" if inside else "unstable", bistable=False, low=a * size, high=b * size))
+        found.append(Band(kind="stable" if inside else "unstable", bistable=False, low=a * size, high=b * size))
     return tuple(found)
 
 
@@ -277,7 +273,7 @@ def _margins(rig: Rig, bands: tuple[Band, ...]) -> Iterator[Margin]:
             continue
         low, high = _searched(parameter, value, rig)
         if parameter is VELOCITY:
-            smooth = [(band.low, band.high) for band in bands if band.kind == "smooth sliding"]
+            smooth = [(band.low, band.high) for band in bands if band.kind == "stable"]
             stable = [(max(a, low), min(b, high)) for a, b in smooth if a < high and b > low]
         else:
             stable = stable_ranges(parameter, setting, low, high)

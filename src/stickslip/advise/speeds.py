@@ -16,8 +16,9 @@ from stickslip.model.rig import Rig
 
 RANGE, AGED_RANGE = 100.0, 10.0
 """Speeds are looked at within this factor of those of the drive."""
-_INSIDE = 5
-"""Speeds simulated where smooth sliding is unstable, and over the whole range where it is stable everywhere."""
+_APART = 3.0
+"""Speeds on the grid lie within this factor of each other."""
+_OSCILLATES = ("stick-slip", "sustained oscillation")
 _DEAREST = 0.3
 """Seconds that a run at another speed may take: slow drives of light sliders are told by theory alone."""
 
@@ -28,8 +29,9 @@ class Band:
 
     Attributes
     ----------
-    kind : {"smooth sliding", "stick-slip", "sustained oscillation", "unstable"}
-        From a start at rest; "unstable" where smooth sliding is unstable by theory and nothing was simulated.
+    kind : {"smooth sliding", "stick-slip", "sustained oscillation", "stable", "unstable"}
+        From a start at rest; "stable" or "unstable" where linear theory says that of smooth sliding, and what comes of
+        a start at rest was not simulated or could not be judged.
     bistable : bool
         Whether smooth sliding, once reached, is stable as well (linear).
     low, high : float
@@ -51,121 +53,110 @@ def bands_by_theory(setting: Rig, low: float, high: float) -> tuple[Band, ...]:
 
 def _kind_of(low: float, high: float, stable: list[tuple[float, float]]) -> str:
     middle = math.sqrt(low * high)
-    return "smooth sliding" if any(a < middle < b for a, b in stable) else "unstable"
+    return "stable" if any(a < middle < b for a, b in stable) else "unstable"
 
 
-def bands_by_runs(
-    setting: Rig, linear: tuple[Band, ...], here: Regime, budget: Budget, report: Callable[[float], None]
-) -> tuple[Band, ...]:
-    """Tell the motion where smooth sliding is unstable, and how far it persists from rest where that is stable."""
-    method, operation = contacts_of(setting), setting.operation
-    known: dict[float, str] = {setting.velocity: here.kind}
+class Survey:
+    """Runs from rest at speeds over the whole range: a grid first, then by halving where two neighbours differ.
 
-    def kind(speed: float) -> str:
-        if speed not in known:
-            there = at_speed(setting, speed)
-            if cost_of(replace(there, method=method)) > _DEAREST:
-                return "unknown"
-            try:
-                known[speed] = judge(there, method, budget).kind
-            except (Spent, InputError):
-                return "unknown"
-        return known[speed]
+    What was not simulated, or could not be judged, is called neither smooth nor stick-slip.
+    """
 
-    for speed in (*operation.speeds, *(operation.between or ())):
-        kind(speed)  # where the rig works comes first, while there is time
-    found: list[Band] = []
-    for i, band in enumerate(linear):
-        report(i / len(linear))
-        if band.kind == "unstable":
-            found += _inside(band, kind, known)
-        else:
-            below = i > 0 and linear[i - 1].kind == "unstable"
-            above = i + 1 < len(linear) and linear[i + 1].kind == "unstable"
-            found += _beside(band, kind, known, below, above)
-    return tuple(_joined(found))
+    def __init__(self, setting: Rig, linear: tuple[Band, ...], here: Regime) -> None:
+        self._setting, self._method, self._linear = setting, contacts_of(setting), linear
+        self._known: dict[float, str | None] = {setting.velocity: here.kind}
 
-
-def _inside(band: Band, kind: Callable[[float], str], known: dict[float, str]) -> list[Band]:
-    """Kinds of motion where smooth sliding is unstable, by runs on a grid; where two differ, by halving."""
-    places = [band.low * (band.high / band.low) ** ((k + 0.5) / _INSIDE) for k in range(_INSIDE)]
-    places = sorted({*places, *(speed for speed in known if band.low < speed < band.high)}, reverse=True)
-    kinds = [(speed, _oscillation(kind(speed))) for speed in places][::-1]
-    ends = [band.low]
-    for (left, one), (right, two) in pairwise(kinds):
-        if one == two:
-            ends.append(right)
-            continue
-        while "unstable" not in (one, two) and math.log(right / left) > 2 * PRECISION:
-            middle = math.sqrt(left * right)
-            seen = _oscillation(kind(middle))
-            if seen == "unstable":
+    def look(self, budget: Budget, report: Callable[[float], None]) -> None:
+        """Simulate where the rig works, on the grid, and then closer to where motion changes, with what there is."""
+        own = self._setting.velocity
+        operation = self._setting.operation
+        grid = [speed for i in range(len(self._linear)) for speed in self._grid(i)]
+        near = sorted(grid, key=lambda speed: abs(math.log(speed / own)))
+        places = [*operation.speeds, *(operation.between or ()), *near]
+        for i, speed in enumerate(places):
+            report(0.7 * i / len(places))
+            self._known.setdefault(speed, None)
+            self._try(speed, budget)
+        report(0.7)
+        while (pair := self._widest_change()) is not None:
+            if not self._try(math.sqrt(pair[0] * pair[1]), budget):
                 break
-            left, right = (middle, right) if seen == one else (left, middle)
-        ends.append(math.sqrt(left * right))
-    ends.append(band.high)
-    return [
-        replace(band, kind=what, low=low, high=high)
-        for (_, what), low, high in zip(kinds, ends, ends[1:], strict=False)
-    ]
+        report(1.0)
+
+    def bands(self) -> tuple[Band, ...]:
+        """The motion at each speed, as far as it was seen."""
+        return tuple(_joined([part for band in self._linear for part in self._parts(band)]))
+
+    def _grid(self, i: int) -> list[float]:
+        """Speeds in a range, evenly by their logarithm; next to a limit of stability, just on its stable side."""
+        band = self._linear[i]
+        low, high = band.low, band.high
+        if band.kind == "stable":
+            nearest = min(1.0 + 2.0 * PRECISION, (high / low) ** 0.25)
+            low = low * nearest if i > 0 else low
+            high = high / nearest if i + 1 < len(self._linear) else high
+            count = max(math.ceil(math.log(high / low) / math.log(_APART)), 1)
+            return [low * (high / low) ** (k / count) for k in range(count + 1)]
+        count = max(math.ceil(math.log(high / low) / math.log(_APART)), 1)
+        return [low * (high / low) ** ((k + 0.5) / count) for k in range(count)]
+
+    def _try(self, speed: float, budget: Budget) -> bool:
+        """Simulate at a speed, if that has not been done; whether it is not too dear."""
+        if self._known.get(speed) is not None:
+            return True
+        there = at_speed(self._setting, speed)
+        if cost_of(replace(there, method=self._method)) > _DEAREST:
+            return False
+        try:
+            seen = judge(there, self._method, budget).kind
+        except Spent:
+            return False
+        except InputError:
+            seen = "undecided"
+        self._known[speed] = seen
+        return True
+
+    def _seen(self, band: Band) -> list[tuple[float, str]]:
+        """Speeds tried in a range, rising, with the motion there; "stable" or "unstable" where that is not known.
+
+        A run that seems smooth where smooth sliding is unstable has not grown yet, or is hidden by noise.
+        """
+        told = _OSCILLATES if band.kind == "unstable" else (*_OSCILLATES, "smooth sliding")
+        inside = sorted(speed for speed in self._known if band.low <= speed <= band.high)
+        seen = [(v, kind if (kind := self._known[v]) is not None and kind in told else band.kind) for v in inside]
+        if band.kind == "stable":
+            return seen
+        # One speed left out between two with the same oscillation tells nothing against it.
+        sides = zip([(0.0, ""), *seen], seen, [*seen[1:], (0.0, "?")], strict=False)
+        return [each for one, each, two in sides if not (each[1] == band.kind and one[1] == two[1] != band.kind)]
+
+    def _widest_change(self) -> tuple[float, float] | None:
+        """Neighbours with different motion that are furthest apart; None where all changes are found."""
+        found: list[tuple[float, float, float]] = []
+        for band in self._linear:
+            for (left, one), (right, two) in pairwise(self._seen(band)):
+                if one != two and band.kind not in (one, two) and math.log(right / left) > 2.0 * PRECISION:
+                    found.append((right / left, left, right))
+        return max(found)[1:] if found else None
+
+    def _parts(self, band: Band) -> list[Band]:
+        """A range cut where the motion changes; where the place of a change is not known, that part is open."""
+        seen = self._seen(band)
+        if not seen:
+            return [band]
+        parts, begin = [], band.low
+        for (left, one), (right, two) in pairwise(seen):
+            if one == two:
+                continue
+            unclear = band.kind not in (one, two) and math.log(right / left) > 2.0 * PRECISION
+            first, last = (left, right) if unclear else (math.sqrt(left * right),) * 2
+            parts += [_part(band, one, begin, first), _part(band, band.kind, first, last)]
+            begin = last
+        return [*parts, _part(band, seen[-1][1], begin, band.high)]
 
 
-def _oscillation(kind: str) -> str:
-    """Of a run where smooth sliding is unstable: one that seems smooth has not grown yet, or is hidden by noise."""
-    return kind if kind in ("stick-slip", "sustained oscillation") else "unstable"
-
-
-def _beside(band: Band, kind: Callable[[float], str], known: dict[float, str], below: bool, above: bool) -> list[Band]:
-    """How far an oscillation from rest persists into a range of speeds where smooth sliding is stable."""
-    seeds = sorted(speed for speed in known if band.low < speed < band.high and _persists(known[speed]))
-    if not below and not above and not seeds:  # an oscillation without a boundary of smooth sliding beside it
-        grid = [band.low * (band.high / band.low) ** (k / (_INSIDE - 1)) for k in range(_INSIDE)]
-        seeds = sorted(speed for speed in grid if _persists(kind(speed)))
-    low, high = band.low, band.high
-    ends: list[tuple[float, float]] = []
-    for begin, way in ([(low, 1)] if below else []) + ([(high, -1)] if above else []):
-        ends.append((begin, _where_it_decays(begin, high if way > 0 else low, kind)))
-    for speed in seeds:
-        if not any(min(pair) <= speed <= max(pair) for pair in ends):
-            ends.append((_where_it_decays(speed, low, kind), _where_it_decays(speed, high, kind)))
-    bistable = [Band(kind="", bistable=True, low=min(pair), high=max(pair)) for pair in ends if pair[0] != pair[1]]
-    found, at = [], low
-    for part in sorted(bistable, key=lambda each: each.low):
-        inside = [what for speed, what in known.items() if part.low <= speed <= part.high and _persists(what)]
-        if part.low > at:
-            found.append(replace(band, low=at, high=part.low))
-        found.append(
-            replace(part, kind=max(inside, key=inside.count) if inside else "stick-slip", low=max(at, part.low))
-        )
-        at = part.high
-    if at < high:
-        found.append(replace(band, low=at, high=high))
-    return found
-
-
-def _persists(kind: str) -> bool:
-    return kind in ("stick-slip", "sustained oscillation")
-
-
-def _where_it_decays(begin: float, end: float, kind: Callable[[float], str]) -> float:
-    """From where an oscillation persists towards where it may not: the last value at which it was seen to."""
-    way = math.log(end / begin)
-    step, at, alive = 2.0 * PRECISION, 0.0, 0.0
-    while at != way:
-        at = at + math.copysign(step, way) if abs(at) + step < abs(way) else way
-        if not _persists(kind(begin * math.exp(at))):
-            break
-        alive = at
-        step *= 2.0
-    else:
-        return end
-    while abs(at - alive) > PRECISION:
-        middle = 0.5 * (alive + at)
-        if _persists(kind(begin * math.exp(middle))):
-            alive = middle
-        else:
-            at = middle
-    return begin * math.exp(alive) if alive else begin
+def _part(band: Band, kind: str, low: float, high: float) -> Band:
+    return Band(kind=kind, bistable=band.kind == "stable" and kind in _OSCILLATES, low=low, high=high)
 
 
 def _joined(bands: list[Band]) -> list[Band]:

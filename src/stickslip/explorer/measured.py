@@ -53,12 +53,13 @@ def trace(content: bytes, name: str, options: Options, width: int, watch: Watch)
     """Analyse a measured trace; `options` may name its columns (force, time) and the time from row to row (step)."""
     watch(0.0)
     data = _read(content, name, options)
+    found = measure.drops(data)
     yield {
         **force_trace(data, width),
         "name": name,
         "rows": int(data.attrs["rows"]),
         "note": str(data.attrs.get("note", "")),
-        "statistics": [list(line) for line in measure.statistics(measure.drops(data))],
+        "statistics": [["found", measure.counted(found)], *(list(line) for line in measure.statistics(found))],
     }
 
 

@@ -30,6 +30,7 @@ def force_trace(data: xr.Dataset, width: int, words: str | None = None) -> Plain
         "span": [float(data["time"][0]) / times["factor"], float(data["time"][-1]) / times["factor"]],
         "slips": {
             "count": 0 if slips is None else int(slips.sizes["event"]),
+            "counted": "no slips" if slips is None else measure.counted(slips),
             "start": floats(start / times["factor"]),
             "end": floats(end / times["factor"]),
             "before": floats(before / force["factor"]),

@@ -9,7 +9,7 @@ A slip is a drop of the force. Nothing here asks whether the slider is at rest: 
 driven slider creeps at ``v K/(K + k N_c)`` between slips, so rest tells nothing about the regime.
 """
 
-from stickslip.measure.catalogue import drops, statistics
+from stickslip.measure.catalogue import counted, drops, statistics
 from stickslip.measure.fronts import events, fronts
 from stickslip.measure.periods import Cycles, find_cycles
 from stickslip.measure.ramps import transitions
@@ -19,6 +19,7 @@ from stickslip.measure.verdict import Regime, regime, regime_of
 __all__ = [
     "Cycles",
     "Regime",
+    "counted",
     "drops",
     "events",
     "find_cycles",

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float | None = None) -> xr.Dataset:
     """Return one row per slip, a slip being a drop of the driving spring's force that stands out.
 
+    In a sustained oscillation in which the slider never sticks there are no slips; each drop belongs to a cycle then,
+    and the attribute ``drops_are`` says so.
+
     Peaks and troughs alternate such that every drop and every rise between them is at least `minimum_drop`.
     Drops that belong to the ringing after a slip are joined to it: the slider turned back before them (or,
     where only the force is known, the force came back much faster than it usually rises) by less than the drop
@@ -48,8 +51,9 @@ def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float |
         `slip` (distance between start and end) and `peak_velocity`; with strokes, `stroke`. In a noisy trace,
         the forces before and after a slip come from lines through the loading beside it, as the extremes of
         noise would overstate the drop. The attributes ``mean`` and ``std`` (sample standard deviation) of
-        each variable hold its statistics; the attributes of the table are ``count``, ``minimum_drop``,
-        ``noise``, ``criterion`` and ``cut``.
+        each variable hold its statistics; the attributes of the table are ``count``, ``drops_are`` ("slips", or
+        "cycles" of a sustained oscillation in which the slider never sticks), ``minimum_drop``, ``noise``,
+        ``criterion`` and ``cut``.
 
     Raises
     ------
@@ -74,12 +78,13 @@ def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float |
         trace = since(trace, after)
     strokes = find_strokes(trace) if trace.drive is None else []
     if not strokes:
-        found = find_slips(trace, minimum_drop)
-        if found.size and minimum_drop is None:
+        found, drops_are = find_slips(trace, minimum_drop), "slips"
+        if found.size:
             seen = over_the_window(trace, None)
-            if seen.kind == "smooth sliding":
+            drops_are = seen.drops_are
+            if seen.kind == "smooth sliding" and minimum_drop is None:
                 found = found.none(f"smooth sliding, {seen.reason}")
-        return _table(data, trace, found)
+        return _table(data, trace, found, drops_are)
     each = [_table(data, stroke, find_slips(stroke, minimum_drop)) for stroke in strokes]
     rows = [table.assign(stroke=("event", np.full(table.sizes["event"], i))) for i, table in enumerate(each)]
     whole = xr.concat(rows, "event", combine_attrs="override").assign_coords(
@@ -91,7 +96,7 @@ def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float |
     return with_statistics(whole)
 
 
-def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
+def _table(data: xr.Dataset, trace: Trace, found: Slips, drops_are: str = "slips") -> xr.Dataset:
     """One row per slip; mean and standard deviation of each column among its attributes."""
     import xarray as xr
 
@@ -132,6 +137,7 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
         coords={"event": ("event", np.arange(start.size), {"long_name": "number of the slip"})},
         attrs={
             "count": found.size,
+            "drops_are": drops_are,
             "minimum_drop": found.smallest,
             "noise": found.noise,
             "criterion": found.criterion,
@@ -149,6 +155,12 @@ def with_statistics(table: xr.Dataset) -> xr.Dataset:
             values = np.asarray(column.values, dtype=float) * (along if str(name).startswith("force_") else 1.0)
             column.attrs["mean"], column.attrs["std"], _ = mean_and_std(values)
     return table
+
+
+def counted(catalogue: xr.Dataset) -> str:
+    """Say how many slips a table of drops holds, or cycles, if they are none."""
+    name, count = str(catalogue.attrs.get("drops_are", "slips")), catalogue.sizes.get("event", 0)
+    return f"1 {name[:-1]}" if count == 1 else f"{count} {name}"
 
 
 def statistics(catalogue: xr.Dataset) -> list[tuple[str, str]]:

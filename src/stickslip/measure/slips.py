@@ -26,6 +26,7 @@ CONTACT_NOISE = 0.5  # standard deviation of the force of N contacts over static
 NO_MORE_THAN_NOISE, MORE_THAN_NOISE = 2.0, 3.0  # times that: below the one noise, above the other motion; a lightly
 # damped slider amplifies noise to what lies between, and it stays distributed as noise is
 NORMAL = 2.4  # fourth moment over the squared variance: 3 for noise, 1.5 for a sine
+LARGE_DROP = 0.2  # fast drops of this part of static friction are slips, and not noise, however few contacts there are
 COHERENT = 0.97  # autocorrelation at one period that even amplified noise does not reach
 CLEAR = 3.0  # drops this many times what noise may show need no smoothing
 _FOR_NOISE = 500_000  # samples from which noise is read
@@ -125,7 +126,12 @@ def contact_noise(trace: Trace) -> float:
     if not trace.contacts or not trace.largest:
         return math.inf
     rest = without_line(trace.force, trace.t)
-    return float(rest.std()) / (CONTACT_NOISE * abs(trace.largest) / math.sqrt(trace.contacts))
+    # Contacts that are attached for a part `a` of the time and stretched evenly up to 1 have a mean force of a/2, and a
+    # variance of a/3 - (a/2)^2. Thresholds that age are far below static friction in fast sliding.
+    attached = 1.0 if trace.attached is None else max(float(trace.attached.mean()), 1e-12)
+    stretched = min(CONTACT_NOISE * abs(trace.largest), abs(float(trace.force.mean())) / attached)
+    noise = stretched * math.sqrt(max(4.0 * attached - 3.0 * attached**2, 0.0) / trace.contacts)
+    return float(rest.std()) / noise if noise > 0 else math.inf
 
 
 def is_normal(force: Array) -> bool:
@@ -210,10 +216,12 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
         f"drops of at least {smallest:.3g}: {SMALLEST_PART_OF_DROP:g} of the typical drop, and above "
         f"{by_chance:.2g}, which the noise ({noise:.2g}{smoothing}) could show by chance"
     )
-    found = _fast(trace, _joined(trace, force, smallest, criterion, noise, cycles, among))
+    whole = _joined(trace, force, smallest, criterion, noise, cycles, among)
+    found = _fast(trace, whole)
     excess = contact_noise(trace)
     amplified = excess < MORE_THAN_NOISE and is_normal(trace.force)
-    if (excess <= NO_MORE_THAN_NOISE or amplified) and cycles.correlation < COHERENT:
+    noise_like = (excess <= NO_MORE_THAN_NOISE or amplified) and cycles.correlation < COHERENT
+    if noise_like and not _are_jumps(trace, whole):
         return found.none(f"{found.size} {criterion}, but no more than {trace.contacts} contacts make as noise")
     phase = _typical_phase(trace, found)
     known = trace.contacts is not None and excess >= MORE_THAN_NOISE
@@ -223,6 +231,17 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
         f"{found.size} {criterion}, but without a period, and they take {100 * phase:.0f} % of the time: noise of "
         "the contacts"
     )
+
+
+def _are_jumps(trace: Trace, found: Slips) -> bool:
+    """Whether the slider jumps by a good part of static friction: few contacts make such slips, however irregular."""
+    speed = speeds(trace, found)
+    if speed is None:
+        return False
+    weights = found.drops**2
+    jump = _weighted_median(found.drops, weights) >= LARGE_DROP * abs(trace.largest)
+    fast = _weighted_median(speed, weights) >= SLIP_VELOCITY
+    return jump and fast and _typical_phase(trace, found) <= SLIP_PHASE_OF_SLIPS
 
 
 def _typical_phase(trace: Trace, found: Slips) -> float:

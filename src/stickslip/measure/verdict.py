@@ -43,6 +43,7 @@ STEADY = 0.05  # change of ln(drop) from the first half of the window to the sec
 TINY = 0.02  # an oscillation below this part of static friction is smooth sliding
 SMALL = 0.10  # ... and one that decays, below this
 MOST_NOISE = 0.6  # irregular fluctuation below this part of static friction may be noise, if it is distributed so
+DRIFTS = 0.5  # a straight line through the force that takes more of its range than this is no noise about a mean
 MOST_STROKES = 0.75  # part of the strokes that must agree
 STUCK, STICKS = 0.05, 0.1  # a slider slower than this many times the drive sticks; part of the time for which it must
 
@@ -129,6 +130,12 @@ class Regime(Answer):
     time_unit: str = ""
     force_unit: str = ""
     notes: tuple[str, ...] = ()
+
+    @property
+    def drops_are(self) -> Literal["slips", "cycles"]:
+        """What the drops of the force are: in a sustained oscillation in which the slider never sticks, cycles."""
+        sticks = self.stuck is not None and self.stuck >= STICKS
+        return "cycles" if self.kind == "sustained oscillation" and not sticks else "slips"
 
     def __eq__(self, other: object) -> bool:
         if isinstance(other, str):
@@ -464,6 +471,12 @@ def _without_drops(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]
     part = f"{100 * oscillation / friction:.3g} % of static friction" if friction else "a force of 0"
     if oscillation < TINY * friction:
         return "smooth sliding", f"the force fluctuates by {part}"
+    drift = float(np.polyfit(trace.t - trace.t[0], trace.force, 1)[0] * span)
+    if abs(drift) > DRIFTS * oscillation and abs(drift) > 2.0 * found.smallest:
+        return "undecided", (
+            f"the force still {'rises' if drift > 0 else 'falls'}, by {abs(drift):.3g} in the window, and shows no "
+            f"complete slip; about {trace.time_in_words(4.0 * span)} more would tell"
+        )
     excess = contact_noise(trace)
     if found.dismissed:
         relative = f"the force fluctuates by {part}, without a period"
@@ -473,6 +486,11 @@ def _without_drops(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]
                 return "undecided", (
                     f"{relative}, and changes by a factor {seen.trend:.2g} between the halves of the window; about "
                     f"{trace.time_in_words(2.0 * span)} more would tell"
+                )
+            if oscillation > MOST_NOISE * friction:
+                return "sustained oscillation", (
+                    f"irregular, {part}, peak to peak, which so few contacts ({trace.contacts}) make as noise; "
+                    f"{_whether_it_sticks(seen)}"
                 )
             return "smooth sliding", f"{relative}, as the noise of {trace.contacts} contacts does"
         if oscillation > MOST_NOISE * friction or not is_normal(trace.force):
@@ -486,13 +504,6 @@ def _without_drops(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]
                 f"{trace.time_in_words(2.0 * span)} more would tell"
             )
         return "smooth sliding", f"{relative}: noise of the contacts"
-    slope = np.polyfit(trace.t - trace.t[0], trace.force, 1)[0]
-    drift = float(slope * span)
-    if abs(drift) > 0.5 * oscillation and abs(drift) > 2.0 * found.smallest:
-        return "undecided", (
-            f"the force {'rises' if drift > 0 else 'falls'} by {abs(drift):.3g} and shows no complete slip; about "
-            f"{trace.time_in_words(4.0 * span)} more would tell"
-        )
     if oscillation > 2.0 * found.smallest and oscillation > SMALL * friction:
         return "undecided", (
             "too short: the force oscillates, but shows no complete drop in the window; about "

@@ -34,7 +34,8 @@ Prediction = Any  # `stickslip.advise.Prediction`: advice stands above pictures,
 
 _CYCLES_SHOWN = 12
 _COLOURS = {kind: REGIMES[kind][0] for kind in ("smooth sliding", "sustained oscillation", "stick-slip")}
-_COLOURS |= {"unstable": "#BFBFBF"}
+_COLOURS |= {"unstable": "#BFBFBF", "stable": "#FFFFFF"}
+_BY_THEORY = {"unstable": "unstable (linear)", "stable": "stable (linear)"}
 
 
 @house_style()
@@ -72,7 +73,7 @@ def _strip_of_speeds(ax: Axes, answer: Prediction) -> dict[str, Any]:
     for band in answer.bands:
         colour = _COLOURS.get(band.kind, "#FFFFFF")
         ax.axvspan(band.low, band.high, facecolor=colour, linewidth=0)
-        name = "unstable (linear)" if band.kind == "unstable" else band.kind
+        name = _BY_THEORY.get(band.kind, band.kind)
         handles.setdefault(band.kind, Patch(facecolor=colour, label=name, **edge))
         if band.bistable:
             ax.axvspan(band.low, band.high, facecolor="none", edgecolor="white", hatch="/////", linewidth=0)
@@ -146,7 +147,7 @@ def _margins(ax: Axes, answer: Prediction) -> dict[str, Any]:
             if edge is not None:
                 ax.plot([edge / margin.value] * 2, [k - 0.31, k + 0.31], color=BLACK, linewidth=1.4)
     unstable: Any = {"facecolor": _COLOURS["unstable"], "edgecolor": GREY, "linewidth": 0.5}
-    handles: dict[str, Any] = {"unstable": Patch(label="unstable (linear)", **unstable)}
+    handles: dict[str, Any] = {"unstable": Patch(label=_BY_THEORY["unstable"], **unstable)}
     for mitigation in answer.mitigations:
         if mitigation.stops is None or len(mitigation.parameters) > 1:
             continue

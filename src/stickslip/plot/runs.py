@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from stickslip.errors import InputError
-from stickslip.measure import drops, regime
+from stickslip.measure import counted, drops, regime
 from stickslip.measure.arrays import check_numbers
 from stickslip.measure.front_map import is_of_a_chain
 from stickslip.model.units import engineering
@@ -306,6 +306,7 @@ def _mark_slips(ax: Axes, events: xr.Dataset) -> None:
     count = events.sizes.get("event", 0)
     if count == 0:
         return
+    slips = events.attrs.get("drops_are", "slips") == "slips"
     start, end = events["start"].to_numpy(), events["end"].to_numpy()
     spans = [[(a, 0), (a, 1), (b, 1), (b, 0)] for a, b in zip(start, end, strict=True)]
     shade = PolyCollection(
@@ -315,9 +316,8 @@ def _mark_slips(ax: Axes, events: xr.Dataset) -> None:
         alpha=0.3,
         linewidth=0,
         zorder=0.5,
-        label="slipping",
+        label="slipping" if slips else "falling",
     )
     ax.add_collection(shade, autolim=False)
-    text = "1 slip" if count == 1 else f"{count} slips"
-    size = 3.5 if count <= _MANY_SLIPS else 2.0
+    size, text = 3.5 if count <= _MANY_SLIPS else 2.0, counted(events)
     ax.plot(start, events["force_before"], "o", color=VERMILLION, markersize=size, markeredgewidth=0, label=text)

@@ -82,7 +82,7 @@ function shading({ slips: { start, end, count } }) {
   return { x, y, yaxis: "y2", mode: "lines", line: { width: 0 }, fill: "toself", fillcolor: `${colour("orange")}50`, name: "slip" };
 }
 export function forceLayout(run, friction) {
-  const count = run.slips.count, factor = run.force.factor, dots = count > 0 ? `${count === 1 ? "1 slip" : `${count} slips`}, marked` : "";
+  const count = run.slips.count, factor = run.force.factor, dots = count > 0 ? `${run.slips.counted}, marked` : "";
   const names = [[friction?.kinetic, "Fₖ"], [friction?.static, "Fₛ"]].filter(([value]) => value !== null && value !== undefined);
   const words = [dots, keptBeside(run) ? "grey: the trace kept" : ""].filter(Boolean).join("; ");
   return { shapes: [], yaxis2: { overlaying: "y", range: [0, 1], visible: false, fixedrange: true }, xaxis: axis(label(run.time), { range: run.span }), yaxis: axis(upright(run.force)),

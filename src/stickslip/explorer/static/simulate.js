@@ -56,7 +56,7 @@ export async function drawForce() {
   const replayed = frames && !frames.exact ? [{ x: frames.clock.map((t) => t / run.time.factor), y: frames.pull.map((f) => f / run.force.factor), mode: "lines",
     line: { color: colour("purple"), width: 1 }, name: "replayed" }] : [];
   await draw("plot-force", [...forceTraces(run, shown.friction), ...replayed], forceLayout(run, shown.friction));
-  $("plot-force").setAttribute("aria-label", `Spring force against time: ${run.regime.kind}${slips ? `, ${slips} slips marked` : ""}`);
+  $("plot-force").setAttribute("aria-label", `Spring force against time: ${run.regime.kind}${slips ? `, ${run.slips.counted} marked` : ""}`);
   pointHere();
 }
 function drawRest() {

@@ -50,7 +50,7 @@ function show(found) {
   showRegime("trace-regime", found.regime, per && found.regime.kind !== "smooth sliding" && found.time.unit.endsWith("s") ? `${short(1 / per, 3)} Hz` : "");
   $("trace-reason").textContent = found.regime.reason;
   list("trace-evidence", found.regime.evidence);
-  table("statistics", [["slips", String(found.slips.count)], ...found.statistics]);
+  table("statistics", found.statistics);
   if (state.page === "trace") draw("plot-trace", forceTraces(found), forceLayout(found));
 }
 
