@@ -103,7 +103,7 @@ def bistable_range(
     start : FromRest or FromSliding
         From where the cycle is taken up.
     step, tolerance : float
-        As in `cycle_branch`.
+        As in `cycle_branch`; towards the ends of the range the step is doubled as long as the cycle persists.
     method : MasterEquation
 
     Returns
@@ -161,7 +161,9 @@ def _beside_boundaries(
         if not verdict.has_cycle:
             notes.append(f"at {name} = {value:.4g}, next to the linear boundary {edge.value:.5g}: {verdict}")
             continue
-        _, end = carried(span.parameter, Point(value, verdict, look, ride), furthest, step, tolerance)
+        # Towards another boundary there may be two folds, and a long step may lead over both.
+        bold = furthest in (span.low, span.high)
+        _, end = carried(span.parameter, Point(value, verdict, look, ride), furthest, step, tolerance, bold=bold)
         width = math.log(edge.value / end.value) * (1 if downwards else -1)
         gone = end.kind == "shrinks to nothing"
         if gone or width <= (4 if end.kind == "undecided" else 1) * tolerance:
@@ -183,7 +185,9 @@ def _apart_from_boundaries(span: Range, step: float, tolerance: float) -> tuple[
         first = first_point(span)
     except UndecidedError as reason:
         return [], [str(reason)]
-    low, high = (carried(span.parameter, first, until, step, tolerance)[1] for until in (span.low, span.high))
+    low, high = (
+        carried(span.parameter, first, until, step, tolerance, bold=True)[1] for until in (span.low, span.high)
+    )
     return [Interval(low=low, high=high)], []
 
 
@@ -213,7 +217,7 @@ def bistable_region(
     places : int
         Values of the first parameter.
     step, tolerance : float
-        As in `cycle_branch`.
+        As in `bistable_range`.
     progress : callable, optional
         Called with the fraction that is done.
 
