@@ -431,7 +431,9 @@ def test_cycles_held_up_show_the_fold_that_runs_bracket(case, parameter, value, 
     assert verdict.kind == "stick-slip"
     edge = held_fold(parameter, ride, value, look.period, decays_at, FINEST)
     assert edge.kind == "fold"
-    assert 0.999 * fold[0] < edge.value < 1.001 * fold[1]
+    assert edge.value == pytest.approx(math.sqrt(fold[0] * fold[1]), rel=1.5e-3)
+    assert edge.decays_at < fold[1]
+    assert edge.persists_at > fold[0]
     assert math.log(edge.persists_at / edge.decays_at) == pytest.approx(FINEST)
     assert held_fold(parameter, ride, value, look.period, decays_at, FINEST / 2) is None
 
@@ -478,7 +480,7 @@ def test_a_long_step_over_which_a_cycle_is_lost_is_not_believed(monkeypatch):
             return Carried(value)
 
     class Value:
-        def set(self, rig, value):
+        def set(self, _rig, value):
             return value
 
     def fate(ride):
@@ -486,7 +488,7 @@ def test_a_long_step_over_which_a_cycle_is_lost_is_not_believed(monkeypatch):
         verdict = replace(found, sustained=persists, kind="stick-slip" if persists else "smooth sliding")
         return verdict, ride, look
 
-    found, ride, look = settle(Ride.begin(Rig(FIG7.interface, FIG7.slider, constant(1.0)), FromRest(), cycles.METHOD))
+    found, _, look = settle(Ride.begin(Rig(FIG7.interface, FIG7.slider, constant(1.0)), FromRest(), cycles.METHOD))
     monkeypatch.setattr(branches, "settle", fate)
     monkeypatch.setattr(branches, "held_fold", lambda *_: None)
     first = Point(1.0, found, look, Carried(1.0))

@@ -12,6 +12,7 @@ import numpy as np
 from stickslip.answers import Answer
 from stickslip.cycles.branch import Point, carried, first_point
 from stickslip.cycles.edges import Edge, Interval, scaled
+from stickslip.cycles.fold import FINEST
 from stickslip.cycles.ride import METHOD, Range
 from stickslip.cycles.verdict import settle
 from stickslip.errors import InputError, UndecidedError
@@ -84,7 +85,7 @@ def bistable_range(
     between: tuple[float, float],
     start: Start = FromRest(),
     step: float = 0.15,
-    tolerance: float = 2e-3,
+    tolerance: float = FINEST,
     method: MasterEquation = METHOD,
 ) -> BistableRange:
     """Find where both smooth sliding and stick-slip persist: between the cycle's fold and the linear boundary.
@@ -103,7 +104,9 @@ def bistable_range(
     start : FromRest or FromSliding
         From where the cycle is taken up.
     step, tolerance : float
-        As in `cycle_branch`; towards the ends of the range the step is doubled as long as the cycle persists.
+        As in `cycle_branch`; towards the ends of the range the step is doubled as long as the cycle persists. Folds
+        are taken from cycles that are held up while they shrink, where these tell to .3 %; a smaller tolerance asks
+        for runs on either side, which takes five times as long.
     method : MasterEquation
 
     Returns

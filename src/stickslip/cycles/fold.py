@@ -38,8 +38,8 @@ _REST = 1.5e-3
 """What a fit may leave, as a change of the logarithm of the parameter: twice that of a cycle that is known to 1e-4."""
 _PAST = 0.2
 """How far the logarithm of the parameter has come back where the fold was missed."""
-FINEST = 2e-3
-"""Relative width of the bracket: folds found so lie within .1 % of those that runs bracket."""
+FINEST = 3e-3
+"""Relative width of the bracket: folds found so lie within .15 % of those that runs bracket."""
 
 
 class _Steered:
@@ -140,7 +140,7 @@ def held_fold(
             fits = [_fitted(np.array(place), np.array(sizes), count) for count in _LATEST]
             if fits[0][0] * way < 0.0:
                 answer = float(np.clip(fits[0][0] / answer, 0.5, 2.0)) * answer
-            if all(one * way < 0.0 for one, _ in fits) and abs(fits[1][1] - fits[0][1]) < 0.25 * FINEST:
+            if all(one * way < 0.0 for one, _ in fits) and abs(fits[1][1] - fits[0][1]) < 0.2 * FINEST:
                 fold = 0.5 * (fits[0][1] + fits[1][1])
                 beyond, before = fold + 0.5 * way * FINEST, fold - 0.5 * way * FINEST
                 if way * (end - fold) < 0.0 or way * (before - begin) < 0.0:
@@ -150,7 +150,7 @@ def held_fold(
 
 
 def _fitted(place: Array, sizes: Array, count: int) -> tuple[float, float]:
-    """How the drift answers to the parameter in the last cycles, and its logarithm at the fold; NaN if neither tells."""
+    """How the drift answers to the parameter in the last cycles, and its logarithm at the fold; NaN if not told."""
     if sizes.size < count + _MEMORY + 3:
         return math.nan, math.nan
     last = np.arange(sizes.size - count, sizes.size)

@@ -12,7 +12,7 @@ import numpy as np
 from stickslip.answers import Answer
 from stickslip.cycles.branch import Point
 from stickslip.cycles.edges import Edge, Interval, halved, scaled
-from stickslip.cycles.fold import held_fold
+from stickslip.cycles.fold import FINEST, held_fold
 from stickslip.cycles.ride import METHOD, Range
 from stickslip.cycles.verdict import Verdict, settle
 from stickslip.errors import UndecidedError, number
@@ -81,7 +81,7 @@ def sustained(
     between: tuple[float, float],
     start: Start = FromRest(),
     points: int = 8,
-    tolerance: float = 2e-3,
+    tolerance: float = FINEST,
     method: MasterEquation = METHOD,
 ) -> Sustained:
     """Find where an oscillation persists along a parameter, afresh from the same start at each value (nonlinear).
@@ -102,7 +102,8 @@ def sustained(
     points : int
         Runs per factor of 10, on a logarithmic grid; edges between two of them are found by halving.
     tolerance : float
-        Relative width of the bracket about an edge.
+        Relative width of the bracket about an edge. Down to .3 % the fold of the cycle is looked for first, and
+        the bracket lies about it if the start still leads to the cycle there.
     method : MasterEquation
 
     Returns
