@@ -1,9 +1,10 @@
 """The stability map and its boundary, beside a count at each point of the map; ageing contacts; the bistable range."""
 
 import numpy as np
+import pytest
 
 from stickslip.cycles import bistable_range, sustained
-from stickslip.model import MasterEquation, Rig, constant
+from stickslip.model import Rig, constant
 from stickslip.paper.cases import FIG6, FIG7, FIG8
 from stickslip.stability import aged, boundary, count_unstable, critical, growth_rate, onset, stability_map
 from stickslip.stability.from_axis import known
@@ -13,7 +14,6 @@ RIG = Rig(FIG7.interface, FIG7.slider, constant(1.0))
 STIFFNESSES, VELOCITIES = np.geomspace(0.1, 10, 200), np.geomspace(0.1, 10, 200)
 WINDOW = ((0.1, 10.0), (0.1, 10.0))
 AGED = Rig(FIG8.interface, FIG8.slider, constant(1.0))
-ROUGH = MasterEquation(rtol=1e-3)
 
 
 def test_map_of_200_by_200(benchmark):
@@ -84,10 +84,26 @@ def test_growth_rates_of_ageing_contacts_50_by_50_from_nothing(benchmark):
     benchmark.pedantic(stability_map, (AGED,), {"values": values, "growth": True}, setup=forget, rounds=1)
 
 
-def test_bistable_range_of_figure_7(benchmark):
-    benchmark.pedantic(bistable_range, (RIG,), {"between": (0.3, 3.0), "method": ROUGH}, rounds=3, warmup_rounds=1)
+BY_RUNS = 2.99e-3
+"""Tolerance that asks for runs on either side of a fold; above it, folds are taken from cycles that are held up."""
 
 
-def test_sustained_delays_of_figure_6(benchmark):
+@pytest.mark.parametrize(("role", "tolerance"), [("plain", BY_RUNS), ("fast", 3e-3)])
+def test_bistable_range_of_figure_7(benchmark, role, tolerance):
+    benchmark.group = "bistable range of Fig. 7"
+    benchmark.extra_info.update(
+        role=role, promised=3, what="the fold from cycles held up, not from runs on either side"
+    )
+    settings = {"between": (0.3, 3.0), "tolerance": tolerance}
+    (band,) = benchmark.pedantic(bistable_range, (RIG,), settings, rounds=3, warmup_rounds=1)
+    assert abs(band.low.value - 0.7059) < 2e-3
+
+
+@pytest.mark.parametrize(("role", "tolerance"), [("plain", BY_RUNS), ("fast", 3e-3)])
+def test_sustained_delays_of_figure_6(benchmark, role, tolerance):
     rig = Rig(FIG6.interface, FIG6.slider, constant(1.0))
-    benchmark.pedantic(sustained, (rig, "delay"), {"between": (0.01, 1.0), "method": ROUGH}, rounds=3, warmup_rounds=1)
+    benchmark.group = "sustained delays of Fig. 6"
+    benchmark.extra_info.update(role=role, promised=1.4, what="the edge at the fold, not by halving")
+    settings = {"between": (0.01, 1.0), "tolerance": tolerance}
+    (window,) = benchmark.pedantic(sustained, (rig, "delay"), settings, rounds=3, warmup_rounds=1)
+    assert abs(window.low.value - 0.0757) < 2e-4

@@ -9,7 +9,11 @@ from scipy.optimize import least_squares
 
 from stickslip import cycles
 from stickslip.cycles import bistable_range, cycle_branch, is_sustained, sustained, sustained_onset
-from stickslip.cycles.ride import Ride
+from stickslip.cycles import branch as branches
+from stickslip.cycles.branch import Point, carried
+from stickslip.cycles.fold import FINEST, held_fold
+from stickslip.cycles.ride import Range, Ride, extreme
+from stickslip.cycles.verdict import settle
 from stickslip.errors import InputError, UndecidedError
 from stickslip.measure import regime, transitions
 from stickslip.model import (
@@ -408,6 +412,91 @@ def test_varying_a_parameter_under_way_keeps_what_must_be_kept(parameter, value)
 def test_a_branch_that_is_not_there():
     with pytest.raises(UndecidedError, match="no cycle to follow"):
         cycle_branch(Rig(delayed(0.01), FIG6.slider, constant(1.0)), "velocity", begin=1.0, between=(0.5, 2.0))
+
+
+# ---------------------------------------------------------------- a fold without long runs
+
+
+@pytest.mark.parametrize(
+    ("case", "parameter", "value", "decays_at", "fold"),
+    [
+        (FIG7, VELOCITY, 0.8, 0.7, (0.70552, 0.70629)),  # bracketed by runs
+        (FIG6, DELAY, 0.09, 0.05, (0.07566, 0.07574)),
+    ],
+)
+def test_cycles_held_up_show_the_fold_that_runs_bracket(case, parameter, value, decays_at, fold):
+    rig = Rig(case.interface, case.slider, constant(1.0))
+    span = Range.of(rig, parameter, (decays_at, 2 * value), FromRest(), cycles.METHOD)
+    verdict, ride, look = settle(span.begin(value))
+    assert verdict.kind == "stick-slip"
+    edge = held_fold(parameter, ride, value, look.period, decays_at, FINEST)
+    assert edge.kind == "fold"
+    assert edge.value == pytest.approx(math.sqrt(fold[0] * fold[1]), rel=1.5e-3)
+    assert edge.decays_at < fold[1]
+    assert edge.persists_at > fold[0]
+    assert math.log(edge.persists_at / edge.decays_at) == pytest.approx(FINEST)
+    assert held_fold(parameter, ride, value, look.period, decays_at, FINEST / 2) is None
+
+
+# Three slips that differ, again and again, each with much ringing after it.
+RINGING = Rig(delayed(0.4), Slider(stiffness=0.1674, mass=7.88e-6, damping=10.9), constant(0.0388))
+
+
+def test_quick_ringing_is_sampled_where_it_turns():
+    ride = Ride.begin(RINGING, FromRest(), cycles.METHOD)
+    for _ in range(3):
+        ride, look = ride.look()
+    assert look.cycles[-3:] == pytest.approx(look.cycles[-6:-3], abs=3e-3)
+    assert sorted(look.cycles[-3:]) == pytest.approx([0.783, 0.991, 1.307], abs=3e-3)
+    assert is_sustained(RINGING).reason.endswith("no longer changes")
+
+
+def test_cycles_of_several_slips_have_no_held_fold():
+    _, ride, look = settle(Ride.begin(RINGING, FromRest(), cycles.METHOD))
+    assert held_fold(VELOCITY, ride, 0.0388, look.period, 0.03, 0.02) is None
+
+
+def test_an_extreme_is_not_guessed_between_samples_that_miss_an_oscillation():
+    def samples(apart):
+        t = 0.3 + apart * np.arange(40)
+        return t, np.sin(t), np.cos(t)
+
+    t, force, slope = samples(0.3)
+    assert extreme(t, force, slope, int(np.argmax(force))) == pytest.approx(1.0, abs=5e-3)
+    t, force, slope = samples(7.0)
+    assert extreme(t, force, slope, int(np.argmax(force))) == force.max()
+
+
+def test_a_long_step_over_which_a_cycle_is_lost_is_not_believed(monkeypatch):
+    # Persists above .3, but only if it is carried there by steps below .25 of the logarithm.
+    steps = []
+
+    class Carried:
+        def __init__(self, rig):
+            self.rig = rig
+
+        def turned(self, value):
+            steps.append(math.log(self.rig / value))
+            return Carried(value)
+
+    class Value:
+        def set(self, _rig, value):
+            return value
+
+    def fate(ride):
+        persists = ride.rig > 0.3 and steps[-1] < 0.25
+        verdict = replace(found, sustained=persists, kind="stick-slip" if persists else "smooth sliding")
+        return verdict, ride, look
+
+    found, _, look = settle(Ride.begin(Rig(FIG7.interface, FIG7.slider, constant(1.0)), FromRest(), cycles.METHOD))
+    monkeypatch.setattr(branches, "settle", fate)
+    monkeypatch.setattr(branches, "held_fold", lambda *_: None)
+    first = Point(1.0, found, look, Carried(1.0))
+    points, edge = carried(Value(), first, 0.01, 0.15, 2e-3, bold=True)
+    assert max(steps) > 0.25
+    assert edge.kind == "fold"
+    assert edge.value == pytest.approx(0.3, rel=2e-3)
+    assert all(point.value > 0.3 for point in points)
 
 
 # ---------------------------------------------------------------- the bistable band

@@ -12,6 +12,7 @@ import numpy as np
 from stickslip.answers import Answer
 from stickslip.cycles.branch import Point, carried, first_point
 from stickslip.cycles.edges import Edge, Interval, scaled
+from stickslip.cycles.fold import FINEST
 from stickslip.cycles.ride import METHOD, Range
 from stickslip.cycles.verdict import settle
 from stickslip.errors import InputError, UndecidedError
@@ -84,7 +85,7 @@ def bistable_range(
     between: tuple[float, float],
     start: Start = FromRest(),
     step: float = 0.15,
-    tolerance: float = 2e-3,
+    tolerance: float = FINEST,
     method: MasterEquation = METHOD,
 ) -> BistableRange:
     """Find where both smooth sliding and stick-slip persist: between the cycle's fold and the linear boundary.
@@ -103,7 +104,9 @@ def bistable_range(
     start : FromRest or FromSliding
         From where the cycle is taken up.
     step, tolerance : float
-        As in `cycle_branch`.
+        As in `cycle_branch`; towards the ends of the range the step is doubled as long as the cycle persists. Folds
+        are taken from cycles that are held up while they shrink, where these tell to .3 %; a smaller tolerance asks
+        for runs on either side, which takes five times as long.
     method : MasterEquation
 
     Returns
@@ -161,7 +164,9 @@ def _beside_boundaries(
         if not verdict.has_cycle:
             notes.append(f"at {name} = {value:.4g}, next to the linear boundary {edge.value:.5g}: {verdict}")
             continue
-        _, end = carried(span.parameter, Point(value, verdict, look, ride), furthest, step, tolerance)
+        # Towards another boundary there may be two folds, and a long step may lead over both.
+        bold = furthest in (span.low, span.high)
+        _, end = carried(span.parameter, Point(value, verdict, look, ride), furthest, step, tolerance, bold=bold)
         width = math.log(edge.value / end.value) * (1 if downwards else -1)
         gone = end.kind == "shrinks to nothing"
         if gone or width <= (4 if end.kind == "undecided" else 1) * tolerance:
@@ -183,7 +188,9 @@ def _apart_from_boundaries(span: Range, step: float, tolerance: float) -> tuple[
         first = first_point(span)
     except UndecidedError as reason:
         return [], [str(reason)]
-    low, high = (carried(span.parameter, first, until, step, tolerance)[1] for until in (span.low, span.high))
+    low, high = (
+        carried(span.parameter, first, until, step, tolerance, bold=True)[1] for until in (span.low, span.high)
+    )
     return [Interval(low=low, high=high)], []
 
 
@@ -213,7 +220,7 @@ def bistable_region(
     places : int
         Values of the first parameter.
     step, tolerance : float
-        As in `cycle_branch`.
+        As in `bistable_range`.
     progress : callable, optional
         Called with the fraction that is done.
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from stickslip.cycles.edges import Edge
+from stickslip.cycles.fold import held_fold
 from stickslip.cycles.ride import METHOD, Look, Range, Ride
 from stickslip.cycles.verdict import Verdict, settle
 from stickslip.errors import UndecidedError, number
@@ -157,34 +158,51 @@ def first_point(span: Range, begin: float | None = None) -> Point:
 
 
 def carried(
-    parameter: Parameter, first: Point, until: float, step: float, tolerance: float
+    parameter: Parameter, first: Point, until: float, step: float, tolerance: float, *, bold: bool = False
 ) -> tuple[list[Point], Edge]:
-    """Carry the cycle on towards a value; the points, and the end of the branch."""
+    """Carry the cycle on towards a value; the points, and the end of the branch.
+
+    A bold search, for which the points do not matter, doubles its steps as long as the cycle persists. That it decays
+    after such a step is believed only once it does after a short one, too; a fold is looked for before that.
+    """
     points: list[Point] = []
     here = first
     way = 1.0 if until > first.value else -1.0
     stride = largest = math.log1p(number("step", step, above=0, below=1))
     decays_at: float | None = None
     unstable_beyond: bool | None = None
+    believed = True
     while abs(math.log(until / here.value)) > 1e-12:
         value = here.value * math.exp(way * stride)
         if way * (value - until) > -1e-12 * until:
             value = until
+        far = abs(math.log(value / here.value)) > 1.001 * largest
         verdict, ride, look = settle(here.ride.turned(parameter.set(here.ride.rig, value)))
         if verdict.has_cycle:
             here = Point(value, verdict, look, ride)
             points.append(here)
             if decays_at is not None:
                 stride = 0.5 * abs(math.log(decays_at / value))
+            elif bold:
+                stride = max(2.0 * stride, largest)
+            else:
+                stride = min(stride, largest)
         elif verdict.sustained is False:
-            decays_at, unstable_beyond = value, verdict.linearly_unstable
+            if bold and decays_at is None and not here.verdict.linearly_unstable:
+                fold = held_fold(parameter, here.ride, here.value, here.look.period, value, tolerance)
+                if fold is not None:
+                    return points, fold
+            decays_at, unstable_beyond, believed = value, verdict.linearly_unstable, not far
             stride = 0.5 * abs(math.log(decays_at / here.value))
+        elif far:
+            stride = largest
+            continue
         else:
             return points, Edge.between(value if decays_at is None else decays_at, here.value, "undecided")
         if decays_at is not None and abs(math.log(decays_at / here.value)) <= tolerance:
-            # Where smooth sliding turns stable just as the cycle decays, the one has become the other.
-            gone = here.verdict.linearly_unstable and not unstable_beyond
-            return points, Edge.between(decays_at, here.value, "shrinks to nothing" if gone else "fold")
-        if decays_at is None:
-            stride = min(stride, largest)
+            if believed:
+                # Where smooth sliding turns stable just as the cycle decays, the one has become the other.
+                gone = here.verdict.linearly_unstable and not unstable_beyond
+                return points, Edge.between(decays_at, here.value, "shrinks to nothing" if gone else "fold")
+            stride, decays_at = abs(math.log(decays_at / here.value)), None
     return points, Edge.at(here.value, "end of range")

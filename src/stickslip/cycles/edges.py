@@ -26,7 +26,8 @@ class Edge(Answer):
         cycle does, where smooth sliding regains stability. *End of range*: the edge lies outside the range searched.
         *Undecided*: runs beyond it cannot tell.
     decays_at, persists_at : float
-        The bracket: runs on either side of the edge. Both are `value` if it is not runs that tell.
+        The bracket: runs on either side of the edge, or the error of a fold from cycles held up. Both are `value` if
+        it is not runs that tell.
     """
 
     value: float

@@ -10,7 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stickslip.answers import Answer
+from stickslip.cycles.branch import Point
 from stickslip.cycles.edges import Edge, Interval, halved, scaled
+from stickslip.cycles.fold import FINEST, held_fold
 from stickslip.cycles.ride import METHOD, Range
 from stickslip.cycles.verdict import Verdict, settle
 from stickslip.errors import UndecidedError, number
@@ -79,7 +81,7 @@ def sustained(
     between: tuple[float, float],
     start: Start = FromRest(),
     points: int = 8,
-    tolerance: float = 2e-3,
+    tolerance: float = FINEST,
     method: MasterEquation = METHOD,
 ) -> Sustained:
     """Find where an oscillation persists along a parameter, afresh from the same start at each value (nonlinear).
@@ -100,7 +102,8 @@ def sustained(
     points : int
         Runs per factor of 10, on a logarithmic grid; edges between two of them are found by halving.
     tolerance : float
-        Relative width of the bracket about an edge.
+        Relative width of the bracket about an edge. Down to .3 % the fold of the cycle is looked for first, and
+        the bracket lies about it if the start still leads to the cycle there.
     method : MasterEquation
 
     Returns
@@ -152,10 +155,21 @@ def _windows(probe: _Probe, grid: list[tuple[float, bool | None]], tolerance: fl
     for (one, before), (two, after) in itertools.pairwise(decided):
         if before != after:
             decays_at, persists_at = (two, one) if before else (one, two)
-            edges.append(halved(probe.persists, decays_at, persists_at, tolerance))
+            edges.append(_edge(probe, decays_at, persists_at, tolerance))
     if decided[-1][1]:
         edges.append(Edge.at(decided[-1][0], "end of range"))
     return tuple(Interval(low=low, high=high) for low, high in zip(edges[::2], edges[1::2], strict=True))
+
+
+def _edge(probe: _Probe, decays_at: float, persists_at: float, tolerance: float) -> Edge:
+    """Where the oscillation ends: at the fold of its cycle if the start still leads to it there, else by halving."""
+    fold = probe.fold(decays_at, persists_at, tolerance)
+    if fold is not None:
+        if probe.persists(fold.persists_at):
+            return Edge.between(fold.decays_at, fold.persists_at)
+        if probe.persists(fold.persists_at) is False:
+            decays_at = fold.persists_at
+    return halved(probe.persists, decays_at, persists_at, tolerance)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -266,7 +280,7 @@ def sustained_onset(
     if linear is not None:
         span = replace(span, high=min(span.high, 1.01 * linear))
     probe = _Probe(span)
-    edge = halved(probe.persists, *_bracket(probe), tolerance)
+    edge = _edge(probe, *_bracket(probe), tolerance)
     found = SustainedOnset(
         parameter=span.parameter.name,
         edge=edge,
@@ -309,18 +323,27 @@ class _Probe:
 
     def __init__(self, span: Range) -> None:
         self.span = span
-        self._known: dict[float, Verdict] = {}
+        self._known: dict[float, Point] = {}
+
+    def _at(self, value: float) -> Point:
+        if value not in self._known:
+            verdict, ride, look = settle(self.span.begin(value))
+            self._known[value] = Point(value, verdict, look, ride)
+        return self._known[value]
 
     def __call__(self, value: float) -> Verdict:
-        if value not in self._known:
-            self._known[value] = settle(self.span.begin(value))[0]
-        return self._known[value]
+        return self._at(value).verdict
 
     def persists(self, value: float) -> bool | None:
         """Whether an oscillation does."""
         return self(value).sustained
 
+    def fold(self, decays_at: float, persists_at: float, tolerance: float) -> Edge | None:
+        """Fold of the cycle that persists at one value, on the way to another; None if there is none."""
+        point = self._at(persists_at)
+        return held_fold(self.span.parameter, point.ride, persists_at, point.look.period, decays_at, tolerance)
+
     @property
     def undecided(self) -> tuple[float, ...]:
         """Values at which a run could not tell, rising."""
-        return tuple(sorted(value for value, verdict in self._known.items() if verdict.sustained is None))
+        return tuple(sorted(value for value, point in self._known.items() if point.verdict.sustained is None))

@@ -29,6 +29,9 @@ METHOD = MasterEquation(rtol=1e-4)
 MOST_TURNS = 1e11
 """Angle of a free oscillation of the slider in one cycle, above which times are not known to a part of a radian."""
 
+MOST_SAMPLES = 100_000
+"""In one cycle: they cost little beside the steps of a slider that rings, and say nothing if it rings between them."""
+
 LOOK = 3.0
 """Cycles, by their expected length, between two looks at the amplitude."""
 
@@ -112,7 +115,7 @@ class Ride:
         begin, duration = engine.here()[0], travel / velocity
         each = self.cycle / velocity
         # A slip takes about half a period of the slider on its spring; a cap keeps very quick slips affordable.
-        count = math.ceil(duration / max(min(each / 200, 0.3 / slider.frequency), each / 4000))
+        count = math.ceil(duration / max(min(each / 200, 0.3 / slider.frequency), each / MOST_SAMPLES))
         times = begin + duration * np.arange(1, count + 1) / count
         leg, samples = Leg(self.drive, begin + duration, times, Stop()), np.empty((count, len(engine.columns)))
         follow_leg(engine, leg, samples)
@@ -173,19 +176,21 @@ def _cycles(rows: Array, stiffness: float, velocity: float) -> tuple[Array, int]
     oscillations, means = [], []
     for a, b in itertools.pairwise(risen.tolist()):
         part = force[a : b + 1]
-        top, bottom = (_extreme(t, force, slope, a + int(i)) for i in (np.argmax(part), np.argmin(part)))
+        top, bottom = (extreme(t, force, slope, a + int(i)) for i in (np.argmax(part), np.argmin(part)))
         oscillations.append(top - bottom)
         means.append(float(part[1:].mean()))
     below = np.flatnonzero(force[: risen[-1]] < quarter)
     return np.array([oscillations, np.diff(times), means]), int(below[-1])
 
 
-def _extreme(t: Array, force: Array, slope: Array, i: int) -> float:
-    """Value where the slope changes sign next to a sample, by a parabola."""
+def extreme(t: Array, force: Array, slope: Array, i: int) -> float:
+    """Value where the slope changes sign next to a sample, by a parabola, unless the force is none between the two."""
     for j in (i, i - 1):
         if 0 <= j < t.size - 1 and slope[j] * slope[j + 1] < 0:
-            way = slope[j] / (slope[j] - slope[j + 1]) * (t[j + 1] - t[j])
-            return float(force[j] + 0.5 * way * slope[j])
+            apart, turn = t[j + 1] - t[j], slope[j] - slope[j + 1]
+            rise = 0.5 * (slope[j] + slope[j + 1]) * apart
+            if abs(force[j + 1] - force[j] - rise) < 0.2 * abs(turn) * apart:
+                return float(force[j] + 0.5 * slope[j] ** 2 / turn * apart)
     return float(force[i])
 
 
