@@ -183,6 +183,132 @@ def test_a_long_hold_is_over_soon(interface):
 
 
 # ---------------------------------------------------------------------------------------------------------------------
+# Contacts of different areas
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def of_areas(areas, warm, delay=0.0):
+    return ss.Interface(
+        thresholds=ss.Exponential(mean=1.0),
+        areas=areas,
+        temperature=ss.Barrier(height=50.0, power=1.0, attempts=1e6) if warm else None,
+        delay=ss.Delay(delay),
+    )
+
+
+@pytest.mark.parametrize(
+    ("areas", "warm", "force"),
+    [("fresh", False, 0.75), ("fresh", True, 0.5832), ("site", False, 0.5), ("site", True, 0.3935)],
+)
+def test_contacts_of_different_areas_slide_with_the_steady_force(areas, warm, force):
+    count, distance = 10_000, 6.0
+    run = slide(of_areas(areas, warm), 1.0, ss.Contacts(count, seed=3), distance)
+    # Forces of contacts go up to their areas: a standard deviation of .9 at most; they forget within 1.
+    error = 0.9 / math.sqrt(count * distance) if areas == "fresh" else 0.6 / math.sqrt(count)
+    assert run.mean() == pytest.approx(force, abs=3 * error)
+
+
+@pytest.mark.parametrize("areas", ["fresh", "site"])
+@pytest.mark.parametrize("delay", [0.0, 0.3])
+def test_contacts_of_different_areas_balance_their_energy(areas, delay):
+    """A slider that turns and rests: work is spent, and at rest the force of those that hold is what is summed."""
+    run = ss.simulate(pulled(of_areas(areas, warm=True, delay=delay)), method=ss.Contacts(400, seed=2))
+    spent = run.kinetic_energy + run.spring_energy + run.contact_energy + run.damped_energy + run.broken_energy
+    balance = run.work - spent
+    assert float(np.abs(balance - balance[0]).max()) < 1e-11 * float(run.work.max())
+    assert float(run.attached.min()) < 1.0 if delay else float(run.attached.min()) == 1.0
+    assert ss.rerun(run).identical(run)
+
+
+def test_contacts_of_one_area_are_contacts():
+    """Of area 1 all: the same run as without areas, by the engine that knows none."""
+    one = ss.Gaussian(mean=1.0, std=0.0)
+    runs = [
+        ss.simulate(pulled(ss.Interface(thresholds=one, areas=areas, delay=ss.Delay(0.1))), method=ss.Contacts(60))
+        for areas in (None, "site", "fresh")
+    ]
+    for name in ("friction_force", "displacement", "broken_energy"):
+        for run in runs[1:]:
+            np.testing.assert_allclose(run[name], runs[0][name], rtol=0, atol=1e-9)
+
+
+def test_sites_keep_their_areas():
+    interface, method = of_areas("site", warm=False, delay=0.3), ss.Contacts(500, seed=4)
+    engine = engine_of(interface, method)(Beginning(interface, None, 1.0, ss.FromSliding()), method)
+    before = np.sort(np.abs(engine._state.contacts["threshold"]))
+    follow(engine, ss.constant(1.0, 5.0).then(ss.constant(-1.0, 1.0)), 0.0, np.array([0.0, 6.0]))
+    np.testing.assert_array_equal(np.sort(np.abs(engine._state.contacts["threshold"])), before)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Thresholds that age by Langevin
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def noisy(temperature, std=0.1, delay=0.0, newborn=0.3):
+    return ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=std),
+        temperature=temperature,
+        ageing=ss.Langevin(rate=1.5, newborn=newborn),
+        delay=ss.Delay(delay),
+    )
+
+
+BARRIERS = {
+    "bell": BELL,
+    "parabolic": ss.Parabolic(temperature=0.02, attempts=1e4),
+    "barrier, Kramers": ss.Barrier(height=60.0, attempts=1e5, kramers=True),
+}
+
+
+@pytest.mark.parametrize("name", ["bell", *(pytest.param(name, marks=pytest.mark.slow) for name in [*BARRIERS][1:])])
+@pytest.mark.parametrize("delay", [0.0, 0.2])
+def test_noisy_thresholds_slide_with_the_steady_force(name, delay):
+    """Contacts one by one against their kinetic equation."""
+    interface, count, distance = noisy(BARRIERS[name], delay=delay), 4000, 4.0
+    run = slide(interface, 2.0, ss.Contacts(count, seed=5), distance)
+    error = 0.25 / math.sqrt(count * distance / 0.5)
+    assert run.mean() == pytest.approx(ss.kinetic_friction(interface, 2.0), abs=4 * error)
+
+
+@pytest.mark.parametrize("name", BARRIERS)
+def test_thresholds_with_little_noise_grow_by_a_rule(name):
+    """With less and less noise the kinetic equation gives the lives of thresholds that grow exponentially."""
+    growing = ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=1e-6),
+        temperature=BARRIERS[name],
+        ageing=ss.ExponentialGrowth(rate=1.5**2, newborn=0.3),
+    )
+    exact = ss.kinetic_friction(growing, 1.0)
+    off = [abs(ss.kinetic_friction(noisy(BARRIERS[name], std=std), 1.0) - exact) for std in (0.04, 0.02)]
+    assert off[1] < 4e-3
+    assert off[1] < 0.4 * off[0] + 1e-4  # second order in the noise; the equation is solved to 1e-4
+
+
+def test_noisy_thresholds_that_are_never_tried_are_those_without_temperature():
+    cold, barely = noisy(None), noisy(ss.Bell(width=0.01, attempts=1e-9))
+    assert ss.kinetic_friction(barely, 1.0) == pytest.approx(ss.kinetic_friction(cold, 1.0), abs=1e-5)
+    runs = [slide(one, 2.0, ss.Contacts(4000, seed=5), 4.0).mean() for one in (cold, barely)]
+    assert runs[1] == pytest.approx(runs[0], abs=6 * 0.25 / math.sqrt(4000 * 8.0))
+
+
+def test_noisy_thresholds_under_a_slider_with_mass():
+    """A stiff rig slides as a rigid one, and one that turns stays in balance."""
+    interface = noisy(BELL, delay=0.1)
+    rig = ss.Rig(interface, ss.Slider(stiffness=50.0, mass=0.1, damping=30.0), ss.constant(2.0, 3.0))
+    run = ss.simulate(rig, method=ss.Contacts(4000, seed=1), start=ss.FromSliding(), output=ss.Output(interval=0.01))
+    error = 0.25 / math.sqrt(4000 * 12.0)
+    assert float(run.friction_force.mean()) == pytest.approx(ss.kinetic_friction(interface, 2.0), abs=4 * error)
+    turned = ss.simulate(pulled(interface), method=ss.Contacts(300, seed=1))
+    drag = 20.0 * 1e-2 * turned.velocity
+    # At rest again after the hold spring and contacts are in balance.
+    at = turned.sel(time=4.9, method="nearest")
+    assert float(at.spring_force - at.friction_force - drag.sel(time=4.9, method="nearest")) == pytest.approx(
+        0.0, abs=0.02
+    )
+
+
+# ---------------------------------------------------------------------------------------------------------------------
 # Steps and holds
 # ---------------------------------------------------------------------------------------------------------------------
 

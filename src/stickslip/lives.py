@@ -30,14 +30,20 @@ Array = NDArray[np.float64]
 
 
 def has_lives(interface: Interface) -> bool:
-    """Whether steady sliding is a matter of lives: temperature, or thresholds that grow by a fixed rule."""
-    return interface.temperature is not None or isinstance(interface.ageing, ExponentialGrowth | LogarithmicGrowth)
+    """Whether steady sliding is a matter of lives: temperature, or thresholds that grow by a fixed rule.
+
+    Thresholds that age by `Langevin` go ways of their own, and their lives are not laid out here.
+    """
+    if isinstance(interface.ageing, Langevin):
+        return False
+    return interface.temperature is not None or interface.ageing is not None
 
 
 def mean_lives(interface: Interface, velocity: float) -> tuple[float, float]:
     """Return the force in steady sliding and its slope ``dF/dln v``.
 
-    ``F = M_1/(M_0 + v <tau>)``, with ``M_j`` the mean of the integral of ``x**j`` times the survival of a contact.
+    ``F = (M_1 + f_d v <tau>)/(M_0 + v <tau>)``, with ``M_j`` the mean of the integral of ``x**j`` times the survival of
+    a contact, and ``f_d`` the force of detached ones.
 
     Parameters
     ----------
@@ -59,11 +65,11 @@ def mean_lives(interface: Interface, velocity: float) -> tuple[float, float]:
     if length <= 0:
         return 0.0, 0.0  # contacts break as soon as they attach
     if math.isinf(length):
-        return 0.0, 0.0
+        return interface.sliding_force, 0.0
     slower = float(lives.weight @ lives.slope + lives.cap_slope.sum())
     less = float((lives.weight * lives.x) @ lives.slope + lives.cap_x @ lives.cap_slope)
-    force = work / length
-    return force, (less - force * (slower + away)) / length
+    force = (work + interface.sliding_force * away) / length
+    return force, (less + interface.sliding_force * away - force * (slower + away)) / length
 
 
 def _of_areas(interface: Interface, velocity: float) -> tuple[float, float]:
@@ -115,24 +121,15 @@ def lives_of(interface: Interface, velocity: float, highest: float = 0.0) -> Liv
     velocity : float
     highest : float
         Largest wave number ``|s|/v`` of a shake that is to be resolved.
-
-    Raises
-    ------
-    InputError
-        If thresholds age by `Langevin` while temperature acts.
     """
-    if isinstance(interface.ageing, Langevin):
-        raise InputError(
-            f"Interface.temperature = {interface.temperature}: not available with ageing by Langevin; use "
-            "LogarithmicGrowth, or no temperature",
-            "Interface.temperature",
-        )
+    ageing = interface.ageing
+    assert not isinstance(ageing, Langevin)
     # Panels are halved from octave to octave: few different ones, and they are kept.
     longest = 2.0 ** math.floor(math.log2(4.0 / max(highest, 4.0)))
     return _lives(
         hashable(interface.threshold_distribution),
         hashable(interface.temperature),
-        hashable(interface.ageing),
+        hashable(ageing),
         float(velocity),
         longest,
     )
@@ -173,7 +170,7 @@ def _lives(
 
 def hazard_of(temperature: Bell | Parabolic | Barrier | None) -> Hazard:
     """Return thermal activation as the kernels take it; without it, one that is never tried."""
-    from stickslip.kernels.hazard import BARRIER, BELL, PARABOLIC, Hazard
+    from stickslip.kernels.hazard import BARRIER, BELL, NONE, PARABOLIC, Hazard
 
     match temperature:
         case Bell(width=width, attempts=attempts):
@@ -182,7 +179,7 @@ def hazard_of(temperature: Bell | Parabolic | Barrier | None) -> Hazard:
             return Hazard(PARABOLIC, attempts, scale, 1.0, 0.0)
         case Barrier(height=height, attempts=attempts, power=power, kramers=kramers):
             return Hazard(BARRIER, attempts, height, power, float(kramers))
-    return Hazard(BELL, 0.0, 1.0, 1.0, 0.0)
+    return NONE
 
 
 def growth_of(ageing: ExponentialGrowth | LogarithmicGrowth | None) -> Growth:
