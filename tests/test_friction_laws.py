@@ -248,6 +248,7 @@ def test_areas_are_refused_where_they_are_not_known(tmp_path):
         ),
         lambda: ss.rigid_slide(interface, distance=1.0),
         lambda: ss.rigid_slide(interface, distance=1.0, method=ss.MasterEquation()),
+        lambda: ss.simulate(replace(rig, slider=ss.Chain(blocks=4, coupling=1.0, mass=0.1, damping=1.0, leaf=1.0))),
         lambda: ss.velocity_step(interface, before=1.0, after=2.0, distance=1.0),
     ):
         with pytest.raises(InputError, match=r"Interface\.areas = site: not available with"):
@@ -400,6 +401,8 @@ def test_what_is_refused():
     never = replace(THERMAL, delay=ss.Delay(math.inf))
     with pytest.raises(InputError, match="never re-attach"):
         dynamic_stiffness(never, 1.0, 1j)
+    with pytest.raises(InputError, match="does not change with the velocity"):
+        ss.rate_and_state(contacts(width=None))
     noisy = replace(THERMAL, ageing=ss.Langevin(rate=1.0, newborn=0.3))
     with pytest.raises(InputError, match="not available with the linear response of thresholds that age by Langevin"):
         dynamic_stiffness(noisy, 1.0, 1j)

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy import integrate, optimize
 
 import stickslip as ss
 from stickslip.simulation import estimate
@@ -34,7 +35,16 @@ STEADY = {
     "barrier, Kramers": (
         ss.Interface(thresholds=NARROW, temperature=ss.Barrier(height=100, attempts=1e6, kramers=True)), 1.0, 0.40097,
     ),
+    "parabolic, hot": (
+        ss.Interface(thresholds=NARROW, temperature=ss.Parabolic(temperature=0.05, attempts=1e6)), 1.0, 0.15507,
+    ),
+    "bell, delay, at the maximum": (
+        ss.Interface(thresholds=NARROW, temperature=BELL, delay=ss.Delay(0.01)), 0.9972, 0.45169,
+    ),
 }  # fmt: skip
+
+# Slopes of the friction law at the velocity 1, by the same quadrature.
+SLOPES = {"bell, narrow": 0.004938, "bell": 0.004455, "parabolic": 0.005473, "bell, growing": -0.00464}
 
 
 def slide(interface, velocity, method, distance):
@@ -49,6 +59,50 @@ def test_the_master_equation_slides_with_the_steady_force(case):
     interface, velocity, force = STEADY[case]
     run = slide(interface, velocity, ss.MasterEquation(), 0.2)
     assert run == pytest.approx(force, abs=1.5e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", SLOPES)
+def test_the_master_equation_slides_with_the_slope_of_the_friction_law(case):
+    interface, size = STEADY[case][0], 0.2
+    up, down = (slide(interface, math.exp(one), ss.MasterEquation(), 0.1).mean() for one in (size, -size))
+    assert (up - down) / (2 * size) == pytest.approx(SLOPES[case], abs=3e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("between", "turn"), [((100.0, 1e4), 1162.0), ((0.05, 20.0), 0.9972)])
+def test_the_master_equation_turns_where_friction_is_least_or_largest(between, turn):
+    interface = STEADY["bell, growing" if turn > 1 else "bell, delay, at the maximum"][0]
+    (exact,) = ss.turning_velocities(interface, between=between)
+    assert exact.velocity == pytest.approx(turn, rel=0.005)
+    place = np.array([-0.8, -0.4, 0.0, 0.4, 0.8])
+    force = [slide(interface, turn * math.exp(one), ss.MasterEquation(), 0.1).mean() for one in place]
+    roots = np.roots(np.polyder(np.polyfit(place, force, 3)))
+    # Four points a decade: a cubic gives the place to half a percent or so.
+    assert np.abs(roots).min() < 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("interface", "s", "kappa"),
+    [
+        (T, 3j, -0.01093 + 0.01754j),
+        (LT, 1j, -0.00424 - 0.00370j),
+        (ss.Interface(thresholds=WIDE, temperature=BELL, ageing=GROWING, delay=ss.Delay(0.05)), 2j, -0.0406 - 0.0481j),
+    ],
+)
+def test_steps_of_the_master_equation_have_the_linear_response(interface, s, kappa):
+    """The transform of a small step, up and down, times the frequency squared."""
+    ratio, steps = 1.004, []
+    for after in (ratio, 1.0 / ratio):
+        run = ss.velocity_step(interface, before=1.0, after=after, distance=12.0, points=12_000)
+        later = run.time.to_numpy() >= 0
+        force = run.friction_force.to_numpy()[later]
+        steps.append((after * run.time.to_numpy()[later], (force - force[0]) / math.log(after)))
+    x, mean = steps[0][0], 0.5 * (steps[0][1] + np.interp(steps[0][0], *steps[1]))
+    end = mean[-200:].mean()
+    found = s * s * (integrate.simpson((mean - end) * np.exp(-s * x), x=x) + end / s)
+    assert abs(found - kappa) < 0.01 * abs(kappa)
 
 
 @pytest.mark.parametrize("case", STEADY)
@@ -363,22 +417,40 @@ def test_contacts_heal_by_the_slope_of_their_growth():
     assert healing < 0.02 * math.log(10)
 
 
-@pytest.mark.parametrize(("stiffness", "growth", "frequency"), [(0.0200, 0.0240, 2.370), (0.0216, -0.0239, 2.458)])
-def test_a_spring_decides_whether_a_small_step_grows(stiffness, growth, frequency):
-    run = ss.velocity_step(LT, before=1.0, after=1.003, distance=25.0, stiffness=stiffness)
+def mode_of(run, frequency):
+    """Growth and angular frequency of the one mode that is left late in a run."""
     late = run.time > 6.0
     t, force = run.time[late].to_numpy(), run.friction_force[late].to_numpy()
-    # The amplitudes of one complex mode are linear: search its growth and frequency alone.
-    from scipy.optimize import minimize
 
     def misfit(mode):
+        # The amplitudes of one complex mode are linear: search its growth and frequency alone.
         shape = np.exp(mode[0] * t)
         basis = np.stack([shape * np.cos(mode[1] * t), shape * np.sin(mode[1] * t), np.ones_like(t), t], axis=1)
         return float(np.sum((force - basis @ np.linalg.lstsq(basis, force, rcond=None)[0]) ** 2)) / np.ptp(force) ** 2
 
-    found = minimize(misfit, [growth, frequency], method="Nelder-Mead", options={"xatol": 1e-5, "fatol": 1e-12}).x
+    options = {"xatol": 1e-5, "fatol": 1e-12}
+    return optimize.minimize(misfit, [0.0, frequency], method="Nelder-Mead", options=options).x
+
+
+@pytest.mark.parametrize(("stiffness", "growth", "frequency"), [(0.0200, 0.0240, 2.370), (0.0216, -0.0239, 2.458)])
+def test_a_spring_decides_whether_a_small_step_grows(stiffness, growth, frequency):
+    run = ss.velocity_step(LT, before=1.0, after=1.003, distance=25.0, stiffness=stiffness)
+    found = mode_of(run, frequency)
     assert found[0] == pytest.approx(growth, abs=0.001)
     assert found[1] == pytest.approx(frequency, rel=0.003)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("std", "critical", "frequency"), [(0.1, 0.02347, 2.608), (0.5, 0.01669, 2.086)])
+def test_steps_on_springs_grow_below_the_critical_one(std, critical, frequency):
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=std), temperature=BELL, ageing=GROWING)
+    found = [
+        mode_of(ss.velocity_step(interface, before=1.0, after=1.003, distance=25.0, stiffness=k * critical), frequency)
+        for k in (0.96, 1.04)
+    ]
+    part = found[0][0] / (found[0][0] - found[1][0])
+    assert critical * (0.96 + 0.08 * part) == pytest.approx(critical, rel=0.01)
+    assert found[0][1] + part * (found[1][1] - found[0][1]) == pytest.approx(frequency, rel=0.01)
 
 
 def test_contacts_on_a_spring_are_cohorts_on_a_spring():

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.errors import InputError
 from stickslip.model import Barrier, Bell, Interface, Langevin, Parabolic
 from stickslip.model.ageing import ExponentialGrowth, LogarithmicGrowth
 from stickslip.model.distribution import Distribution
@@ -51,11 +50,6 @@ def mean_lives(interface: Interface, velocity: float) -> tuple[float, float]:
         With temperature, or thresholds that grow by a fixed rule.
     velocity : float
         Above 0, in ``x_s`` per time.
-
-    Raises
-    ------
-    InputError
-        If the interface is not one of those.
     """
     if interface.areas is not None:
         return _of_areas(interface, velocity)
@@ -165,7 +159,9 @@ def _lives(
         places.append((bend, temperature.width))
     edges = _edges(distribution, start, high, places, math.inf)
     x, weight = _gauss(edges)
-    return kernel.march(hazard, growth, x, weight * distribution.density(x), velocity, longest)
+    weight = weight * distribution.density(x)
+    met = weight > 1e-14 * weight.sum()
+    return kernel.march(hazard, growth, x[met], weight[met], velocity, longest)
 
 
 def hazard_of(temperature: Bell | Parabolic | Barrier | None) -> Hazard:

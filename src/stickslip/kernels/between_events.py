@@ -26,8 +26,8 @@ Counts = NDArray[np.int64]
 REACHED_END, CONDITION_HELD, DRAWS_USED_UP, BUDGET_SPENT, LOOK, WIND, WIND_BACK = range(7)
 
 # Floats of a motion.
-# `SUM` and `SQUARES` are of the positions of birth, each times the stiffness of its contact; `BEYOND` is what all attached
-# contacts together are stiffer than as many of stiffness 1.
+# `SUM` and `SQUARES` are of the positions of birth, each times the stiffness of its contact; `BEYOND` is what all
+# attached contacts together are stiffer than as many of stiffness 1.
 TIME, POSITION, VELOCITY, SUM, SQUARES, REFERENCE, WORK, DAMPED, BROKEN, LOOKED, ANCHOR, BEYOND = range(12)
 MOTION = 12
 # Counts of a motion.

@@ -2,9 +2,9 @@
 
 The rate of breaking follows the threshold of the moment, which is noisy: a contact breaks where the integral of the
 rate along its own path reaches a number drawn from ``exp(-E)``, or where it meets its threshold. Each contact takes
-steps of its own within a step of the slider: far from breaking one long step, near it steps in which the rate changes by
-no more than a factor of e^FINE. The threshold at the end of a step is exact; within it the rate goes as an exponential,
-times what the noise adds to its mean.
+steps of its own within a step of the slider: far from breaking one long step, near it steps in which the logarithm of
+the rate changes by no more than `FINE`. The threshold at the end of a step is exact; within it the rate goes as an
+exponential, times what the noise adds to its mean.
 """
 
 import math

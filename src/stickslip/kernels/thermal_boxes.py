@@ -57,8 +57,8 @@ Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
 Records = NDArray[np.void]
 
-# `threshold` is the strength, 0 for a detached contact, or minus that of its site if it keeps it; `since` the time of attachment; `most` the largest rate in the
-# box, 0 if the time of the contact is that of the end of its box.
+# `threshold` is the strength, 0 for a detached contact, or minus that of its site if it keeps it; `since` the time of
+# attachment; `most` the largest rate in the box, 0 if the time of the contact is that of the end of its box.
 CONTACT = np.dtype([("birth", np.float64), ("threshold", np.float64), ("since", np.float64), ("most", np.float64)])
 
 DRAWN, VARIED, DELAYED = range(COUNTS, COUNTS + 3)

@@ -9,7 +9,8 @@ moment at which it meets its threshold. With ``q = s/v``, ``S`` the survival and
     kappa = [M_0 - S^ + B W - Y - f_d (B S^ - L)]/(M_0 + v <tau>)
 
 per contact, in units of ``k``, with ``S^, W`` the transforms of the survival and of ``x`` times it, ``E(s) =
-<exp(-s tau)>``, and ``f_d`` the force of detached contacts. Without temperature and growth it is the response of `stickslip.stability.unaged`.
+<exp(-s tau)>``, and ``f_d`` the force of detached contacts. Without temperature and growth it is the response of
+`stickslip.stability.unaged`.
 """
 
 from __future__ import annotations

@@ -16,7 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError, shown
-from stickslip.model import Barrier, ElasticBody, FromRest, FromSliding, Interface, Prestressed, QuasiStatic, Slider, Start
+from stickslip.model import (
+    Barrier,
+    ElasticBody,
+    FromRest,
+    FromSliding,
+    Interface,
+    Prestressed,
+    QuasiStatic,
+    Slider,
+    Start,
+)
 from stickslip.model.newborn import mean_life
 
 if TYPE_CHECKING:
@@ -277,14 +287,14 @@ def engine_of(interface: Interface, method: object, slider: object = None) -> ty
         interface.allow(engine.mechanisms, name)
         engine.check(interface, method)
         return engine
+    if interface.areas is not None and any(kind is type(method) for kind, _, _, _ in ENGINES):
+        interface.allow((), f"a {type(slider).__name__}" if elastic else name)
     if elastic and any(kind is type(method) for kind, _, _, _ in ENGINES):
         body, known = type(slider).__name__, sorted({kind.__name__ for kind, _, _, bound in ENGINES if bound})
         if name not in known:
             raise InputError(f"method = {name}: is not for a {body}; use {' or '.join(known)}")
         field = "ageing" if ageing is not None else "temperature"
         raise InputError(f"Interface.{field} = {ageing or temperature}: not available with a {body}; leave it out")
-    if interface.areas is not None and any(kind is type(method) for kind, _, _, _ in ENGINES):
-        interface.allow((), name)
     if isinstance(method, QuasiStatic):
         raise InputError("QuasiStatic: is for an elastic slider, a Chain; use Contacts or MasterEquation")
     if temperature is not None:

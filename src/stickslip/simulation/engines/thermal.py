@@ -348,9 +348,7 @@ class Thinned(Thermal):
             since = -x / beginning.velocity
         else:  # growth towards a strength has come to its end; growth without end begins
             since = np.full(method.count, -math.inf if isinstance(interface.ageing, ExponentialGrowth) else 0.0)
-        self._state = kernel.make_state(
-            -x, threshold, since, pending, beginning.slider_velocity, self._model.as_stiff
-        )
+        self._state = kernel.make_state(-x, threshold, since, pending, beginning.slider_velocity, self._model.as_stiff)
         self._state.counts[shared.SLIDE] = int(beginning.sliding and self._sliding_force > 0)
         self._refill(first=True)
 
