@@ -80,6 +80,7 @@ def kinetic_friction(interface: Interface, velocity: float | Array = 0.0) -> flo
         return life.work / life.path * attached + interface.sliding_force * (1.0 - attached)
     from stickslip.kernels import langevin_steady
 
+    assert isinstance(interface.ageing, Langevin)
     interface.allow(("temperature",), "kinetic_friction of thresholds that age by Langevin")
     speed = numbers("velocity", velocity, above=0, hint="in x_s per time; ageing thresholds have no slow limit")
     _check_ageing_speeds(speed, interface.ageing)
