@@ -11,6 +11,7 @@ import pytest
 
 import stickslip as ss
 from stickslip import advise
+from stickslip.advise import prediction
 from stickslip.advise.judging import Budget, judge
 from stickslip.io import rig_files as rigs
 from stickslip.model.parameters import parameter_named
@@ -319,3 +320,13 @@ def test_mitigations_stay_within_what_could_be_built():
     assert ("mass",) not in bound
     assert ("load",) not in bound
     assert bound["stiffness",] == free["stiffness",]
+
+
+def test_without_an_answer_the_search_goes_on_beyond_its_time(monkeypatch):
+    monkeypatch.setattr(prediction, "_FOR_SPEEDS", 1.0)  # nothing is left for changes
+    monkeypatch.setattr(prediction, "_FOR_AN_ANSWER", 0.0)
+    assert not ss.predict(ss.example("precision_stage")).mitigations
+    monkeypatch.setattr(prediction, "_FOR_AN_ANSWER", 4.0)
+    found = ss.predict(ss.example("precision_stage"))
+    assert any(each.stops is not None for each in found.mitigations)
+    assert not {parameter_named(each.parameters[0]).title for each in found.mitigations} & set(found.not_searched)

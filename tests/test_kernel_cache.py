@@ -17,7 +17,8 @@ CALLER = "from ._jit import {how}\nfrom .callee import factor\n\n@{how}\ndef pro
 RUN = """
 import json
 from kernels import _jit, caller
-print(json.dumps([caller.product(2.0), sum(caller.product.stats.cache_hits.values()), str(_jit._PLACE)]))
+before = _jit.compiled_before()
+print(json.dumps([caller.product(2.0), sum(caller.product.stats.cache_hits.values()), str(_jit._PLACE), before]))
 """
 
 
@@ -54,6 +55,15 @@ def test_a_change_in_another_file_is_seen_and_what_did_not_change_is_not_compile
     assert run(house)[:2] == [4.0, 1]  # back on the other branch
 
 
+def test_the_first_use_is_told_from_later_ones(house):
+    assert [run(house)[3] for _ in range(2)] == [False, True]
+    done = subprocess.run(
+        [sys.executable, "-c", "from stickslip.console import working\nwith working('x'): pass"],
+        env=os.environ | {"NUMBA_CACHE_DIR": str(house / "empty")}, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert "first use: the solvers are compiled" in done.stderr
+
+
 def test_old_machine_code_is_swept_up(house):
     folders = []
     for factor in (1.0, 2.0, 3.0, 4.0):
@@ -70,7 +80,7 @@ def test_kernels_in_a_folder_that_cannot_be_written_are_kept_for_the_user(house)
     assert run(house, **user)[:2] == [4.0, 1]
     (house / "user" / "numba").rename(house / "moved")
     (house / "user" / "numba").write_text("")
-    assert run(house, **user) == [4.0, 0, "None"]  # nowhere: compiled each time
+    assert run(house, **user) == [4.0, 0, "None", False]  # nowhere: compiled each time
 
 
 def test_a_cache_of_the_users_choice_is_used(house):

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 import stickslip as ss
 from stickslip.measure import drops, read_trace, regime, statistics, transitions
 from stickslip.measure.arrays import turns
+from stickslip.measure.periods import find_cycles
 
 TRACE = Path(__file__).parent / "data" / "guldstrand_force7.txt"
 
@@ -663,6 +664,8 @@ def test_the_strokes_of_a_test_to_and_fro_are_judged_apart(displacement):
     assert "6 stick-slip" in result.reason
     found = drops(slipping)
     assert set(found["stroke"].values.tolist()) == set(range(6))
+    before = found["force_before"]
+    assert before.attrs["mean"] == pytest.approx(float(np.abs(before).mean()))  # along each stroke: no mean of signs
     assert found.sizes["event"] == pytest.approx(6 * 19, abs=6)
     assert float(found["drop"].max()) < 1.2  # no reversal among them
     assert found.attrs["count"] == found.sizes["event"]
@@ -854,3 +857,10 @@ def test_a_slip_that_overshoots_is_not_taken_for_ringing():
     )
     assert drops(run).sizes["event"] == cycles
     assert regime(run).kind == "stick-slip"
+
+
+def test_a_force_that_repeats_exactly_is_correlated_at_its_period():
+    t = np.arange(0.0, 200.0, 0.1)
+    found = find_cycles(t, np.sin(2.0 * np.pi * t / 5.0))
+    assert found.correlation == pytest.approx(1.0, abs=1e-3)  # a sample beside the peak it is cos(2 pi/50) = .992
+    assert found.period == pytest.approx(5.0, rel=1e-6)

@@ -69,6 +69,14 @@ def test_overview_of_a_run_marks_its_slips(run):
     assert len(np.unique(pixels(figure).reshape(-1, 3), axis=0)) > 50
 
 
+def test_the_module_draws_what_it_is_called_with(run):
+    assert [ax.get_title() for ax in plot(run).axes] == [ax.get_title() for ax in plot.overview(run).axes]
+    rig = example("precision_stage")
+    for no_picture in (3, run["spring_force"], rig):
+        with pytest.raises(InputError, match="there is no picture"):
+            plot(no_picture)
+
+
 def test_overview_in_si_units_chooses_prefixes(run_si):
     force, speed, attached = plot.overview(run_si).axes
     assert labels(force)[1] == "spring force (N)"

@@ -16,7 +16,6 @@ from cyclopts import App, CycloptsError, Parameter, Token
 from stickslip import __version__, console
 from stickslip.answers import plain
 from stickslip.errors import InputError, UndecidedError, one_line, shortened, shown
-from stickslip.progress import bar
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -127,12 +126,12 @@ def predict(
 
     _check_outputs(plot, read=rig)
     described = rigs.read_rig(rig)
-    with bar("predicting") as progress:
+    with console.working("predicting") as progress:
         found = advise.predict(described, fast=True, progress=progress)
     if not fast and isinstance(found, advise.Prediction):
         if sys.stderr.isatty():
             print(f"{found.verdict}\n... looking for mitigations", file=sys.stderr)
-        with bar("predicting") as progress:
+        with console.working("predicting") as progress:
             found = advise.complete(found, progress=progress)
     if plot is not None:
         from stickslip import plot as drawing
@@ -142,7 +141,7 @@ def predict(
     if described.fitted:
         from stickslip.fitting import over_draws
 
-        with bar("over the draws") as progress:
+        with console.working("over the draws") as progress:
             uncertain = over_draws(described, progress=progress)
     if json:
         console.print_json(found.to_dict() | ({"over_draws": uncertain.to_dict()} if uncertain else {}))
@@ -193,7 +192,7 @@ def simulate(
 
     _check_outputs(output, plot, read=rig)
     described = rigs.read_rig(rig)
-    with bar("simulating") as progress:
+    with console.working("simulating") as progress:
         result = run_case(described, progress=progress, long=long)
     result.attrs["rig"] = rigs.to_toml(described)
     _keep_run(result, output, plot, json=json)
@@ -219,7 +218,7 @@ def rerun(
 
     _check_outputs(output, plot, read=run)
     before = store.load(run)
-    with bar("simulating") as progress:
+    with console.working("simulating") as progress:
         result = simulation.rerun(before, progress=progress)
     result.attrs.update({key: value for key, value in before.attrs.items() if key not in result.attrs})
     _keep_run(result, output, plot, json=json)
@@ -401,7 +400,7 @@ def fit(
 
     _check_outputs(output, plot, read=trace)
     data = _read_data(trace, force, time, step, flip=flip)
-    with bar("simulating") as progress:
+    with console.working("simulating") as progress:
         found, written = fit_file(
             data, stiffness=stiffness, speed=speed, mass=mass, load=load, speeds=speeds, holds=holds,
             smallest=smallest, after=after, output=output, plot=plot, name=trace.stem, progress=progress,
@@ -443,7 +442,7 @@ def map(
             f"--over {shortened(over)}: must name two parameters with a comma between, such as stiffness,velocity"
         )
     described = rigs.read_rig(rig)
-    with bar("mapping") as progress:
+    with console.working("mapping") as progress:
         found = advise.chart(described, (names[0], names[1]), around, points, bistable=bistable, progress=progress)
     drawing.save(drawing.chart(found), output)
     if json:
@@ -542,7 +541,7 @@ def paper(
         places(one, output, kinds)
     made = []
     for one in chosen:
-        with bar(one.name) as progress:
+        with console.working(one.name) as progress:
             made.append(reproduce(one, output, formats=kinds, check=check, quick=quick, progress=progress))
         if not json:
             print(made[-1], end="\n\n" if one is not chosen[-1] else "\n", flush=True)
@@ -612,7 +611,7 @@ def _draw_sweep(result: xr.Dataset, picture: Path, *, bistable: bool) -> str:
     from stickslip import plot as drawing
     from stickslip.sweep.theory import with_theory
 
-    with bar("drawing") as progress:
+    with console.working("drawing") as progress:
         result = with_theory(result, bistable=bistable, progress=progress)
     drawing.save(drawing.sweep_picture(result), picture)
     return str(result.attrs["theory"])

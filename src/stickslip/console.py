@@ -38,6 +38,17 @@ def executor_of(workers: int | None, processes: bool, scheduler: str | None) -> 
 
 
 @contextmanager
+def working(title: str) -> Iterator[Callable[[float], None]]:
+    """Show a bar; before the very first one, why it will stand still for a while."""
+    from stickslip.kernels._jit import compiled_before
+
+    if not compiled_before():
+        print("first use: the solvers are compiled, once; this takes about half a minute", file=sys.stderr, flush=True)
+    with bar(title) as report:
+        yield report
+
+
+@contextmanager
 def progress_of(title: str) -> Iterator[Callable[[Progress], None]]:
     """How far a sweep is: a bar on a terminal; elsewhere, as in the log of a job, a line with the time now and then."""
     if sys.stderr.isatty():

@@ -33,6 +33,8 @@ _AGED = 10.0
 """How much more thresholds that age may take, whose runs cost a hundred times as much."""
 _FEWEST_CYCLES = 3.3
 """The first run lasts for so many, by their longest, whatever that takes; most are shorter."""
+_FOR_AN_ANSWER = 30.0
+"""For runs of what is left to try when no change was found in that time."""
 _LONGEST = 40.0
 """A run that cannot be judged is made twice as long, again and again, while the next takes less than this."""
 _RANGE, _AGED_RANGE = 30.0, 10.0
@@ -149,7 +151,13 @@ def _with_mitigations(found: Prediction, setting: Rig, budget: Budget, report: P
     for margin in found.margins:
         size = rig.unit(parameter_named(margin.parameter).unit)
         search.know(margin.parameter, [(low / size, high / size) for low, high in margin.stable])
-    single = search.single(changes.TURNABLE, lambda share: report(0.5 * share))
+    single = search.single(changes.TURNABLE, lambda share: report(0.4 * share))
+    if search.left_out and all(m.stops is None for m in single):  # a first answer may take longer than was planned
+        search.budget, left_out = Budget(_FOR_AN_ANSWER), search.left_out
+        search.left_out = []
+        again = tuple((p, sides) for p, sides in changes.TURNABLE if p.title in left_out)
+        more = search.single(again, lambda share: report(0.4 + 0.1 * share))
+        single = [m for m in single if m.parameters[0] not in {p.name for p, _ in again}] + more
     mitigated = {m.parameters[0] for m in single if m.stops is not None}
     turnable = [parameter.name for parameter, _ in changes.TURNABLE]
     attempts: list[Attempt] = []

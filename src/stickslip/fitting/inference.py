@@ -124,7 +124,8 @@ def infer(
     if edge > BEYOND:
         raise InputError(
             f"fit: no simulation comes near this trace: its distance from them lies at the {edge:.4g} percentile of "
-            "what the model makes; it is made by something else"
+            "what it makes. It knows slow stick-slip, in which contacts re-attach where the slider stops: drive slower "
+            "if the force falls between its slips or their size varies widely; else something else made the trace"
         )
     weights = np.ones(len(parts)) if likelihood is None else likelihood(table.prior.values(parts))
     if (weights > 1e-3).sum() < nearest:

@@ -59,6 +59,11 @@ def _sweep(home: Path) -> None:
 _PLACE = None if _numba.config.DISABLE_JIT else _place()
 
 
+def compiled_before() -> bool:
+    """Whether machine code of these kernels is kept from an earlier run."""
+    return _PLACE is not None and any(_PLACE.rglob("*.nbi"))
+
+
 def _compiled(function: F, **options: bool) -> F:
     """Compile a kernel: without the GIL, numpy's rules for division by zero, machine code in our own folder."""
     given = _numba.config.CACHE_DIR

@@ -142,10 +142,12 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
 
 
 def with_statistics(table: xr.Dataset) -> xr.Dataset:
-    """Write mean and standard deviation of each column to its attributes."""
+    """Write mean and standard deviation of each column to its attributes; of strokes, of forces along their own."""
+    along = np.sign(table["force_before"].values) if "stroke" in table else 1.0
     for name, column in table.data_vars.items():
         if name not in ("start", "end", "stroke"):
-            column.attrs["mean"], column.attrs["std"], _ = mean_and_std(np.asarray(column.values, dtype=float))
+            values = np.asarray(column.values, dtype=float) * (along if str(name).startswith("force_") else 1.0)
+            column.attrs["mean"], column.attrs["std"], _ = mean_and_std(values)
     return table
 
 

@@ -12,8 +12,18 @@ Every function draws what the Dataset holds, a run of the model or a measured tr
 'run.png'
 
 Figures are plain `matplotlib.figure.Figure` objects, unknown to pyplot: nothing to close, no window system needed.
+The module itself can be called: ``ss.plot(run)`` is ``ss.plot.overview(run)``, and ``ss.plot(answer)`` the picture of
+a prediction, a chart, a fit or any other answer that has one.
 """
 
+import sys
+from types import ModuleType
+
+import xarray as xr
+from matplotlib.figure import Figure
+
+from stickslip.answers import Answer
+from stickslip.errors import InputError
 from stickslip.plot.answers import chart, prediction, waves
 from stickslip.plot.elastic import (
     elastic_overview,
@@ -109,3 +119,19 @@ __all__ = [
     "velocity_step",
     "waves",
 ]
+
+
+class _Plot(ModuleType):
+    """A module that draws what it is called with: what a notebook tries first."""
+
+    def __call__(self, what: object) -> Figure:
+        """Draw a run, a measured trace or a sweep at a glance, or the picture of an answer."""
+        if isinstance(what, xr.Dataset):
+            return sweep_picture(what) if "regime" in what else overview(what)
+        if isinstance(what, Answer) and hasattr(what, "plot"):
+            figure: Figure = what.plot()
+            return figure
+        raise InputError(f"plot: of {type(what).__name__} there is no picture: give a run, trace, sweep or answer")
+
+
+sys.modules[__name__].__class__ = _Plot

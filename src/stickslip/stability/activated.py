@@ -26,24 +26,21 @@ from numpy.typing import ArrayLike
 from stickslip.errors import InputError
 from stickslip.lives import held, lives_of
 from stickslip.model import Bell, Interface
-from stickslip.stability.from_axis import count_from_axis, known, rightmost_from_axis, roots_from_axis
-from stickslip.stability.impedances import Impedance, is_plain, natural_frequencies
-from stickslip.stability.neutral import features
-from stickslip.stability.response import Array, ComplexArray, Precision, Scan
+from stickslip.stability.from_axis import FromAxis
+from stickslip.stability.impedances import Impedance, natural_frequencies
+from stickslip.stability.response import Array, ComplexArray, Precision
 
-ACCURACY = 1e-8
-"""Of kappa, per contact."""
 _LIVES = 8.0
 """How quickly a mode may decay to be looked for, per mean life."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class ActivatedResponse:
+class ActivatedResponse(FromAxis):
     """The linear response of contacts with temperature or with thresholds that grow by a fixed rule."""
 
     interface: Interface
 
-    inert: ClassVar[bool] = False
+    accuracy: ClassVar[float] = 1e-8
     # From octave to octave of the frequency the panels change.
     precision: ClassVar[Precision] = Precision(step=1e-4, settled=1e-9, slack=1e-6)
 
@@ -116,43 +113,17 @@ class ActivatedResponse:
         )
         return np.asarray(velocity * y)
 
-    def loss(self, body: Impedance, velocity: float | Array, omega: Array) -> Array:
-        """``Im(Z + kappa)``."""
-        s = 1j * omega
-        return np.asarray((body(s) + self.stiffness(velocity, s)).imag)
-
-    def scan(self, body: Impedance, velocity: float, softest: float | None) -> Scan:
-        """`loss` at all frequencies at which the response turns, and those of the rig."""
-        del softest
-        omega, kappa, *_ = known(self, velocity)
-        value = np.asarray((body(1j * omega) + kappa).imag)
-        more = np.empty(0)
-        fastest = float(np.max(np.abs(natural_frequencies(body)), initial=0.0))
-        if fastest > 0.3 * omega[-1]:
-            more = np.geomspace(omega[-1], 10.0 * fastest + omega[-1], 120)[1:]
-        if not is_plain(body):
-            more = np.union1d(more, features(body, omega, body(1j * omega)))
-        if more.size:
-            order = np.argsort(np.concatenate([omega, more]), kind="stable")
-            value = np.concatenate([value, self.loss(body, velocity, more)])[order]
-            omega = np.concatenate([omega, more])[order]
-        return Scan(omega, value)
-
-    def count(self, body: Impedance, velocity: float) -> int:
-        """Count the roots of ``Z + kappa`` with ``Re s > 0``, from the neutral frequencies."""
-        return count_from_axis(self, body, velocity, ACCURACY)
-
-    def rightmost(self, body: Impedance, velocity: float) -> complex:
-        """Return the rightmost root of ``Z + kappa`` among those found; growing ones are confirmed by their count."""
-        return rightmost_from_axis(self, body, velocity)
-
-    def roots(self, body: Impedance, velocity: float, starts: ComplexArray) -> ComplexArray:
-        """Return the roots not far from the axis, rightmost first: by secants from `starts`, or dips along the axis."""
-        return roots_from_axis(self, body, velocity, starts)
-
     def beside_axis(self, velocity: float, s: ComplexArray) -> ComplexArray:
         """``kappa(s)``, the same as `stiffness`."""
         return self.stiffness(velocity, s)
+
+    def beyond(self, body: Impedance, omega: Array) -> Array:
+        """Frequencies of a rig that `frequencies` may lack: there are some above those of the contacts."""
+        more = super().beyond(body, omega)
+        fastest = float(np.max(np.abs(natural_frequencies(body)), initial=0.0))
+        if fastest > 0.3 * omega[-1]:
+            more = np.union1d(more, np.geomspace(omega[-1], 10.0 * fastest + omega[-1], 120)[1:])
+        return more
 
     def quickest(self, velocity: float) -> float:
         """Decay rate beyond which no mode is looked for."""

@@ -22,19 +22,14 @@ from stickslip.errors import InputError
 from stickslip.model import DelayModel, Interface, Langevin
 from stickslip.model.distributions import Gaussian
 from stickslip.model.quadrature import hashable
-from stickslip.stability.from_axis import count_from_axis, known, rightmost_from_axis, roots_from_axis
-from stickslip.stability.impedances import Impedance, is_plain
-from stickslip.stability.neutral import features
-from stickslip.stability.response import Array, ComplexArray, Precision, Scan
+from stickslip.stability.from_axis import FromAxis
+from stickslip.stability.response import Array, ComplexArray, Precision
 from stickslip.theory import gaussian_ageing
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
     from stickslip.kernels.langevin_response import Excursions
-
-ACCURACY = 1e-3
-"""Of a tabulated kappa, per contact; about sharp resonances at low speed it is some times less."""
 
 _PER_DECADE, _ABOUT_ONE = 12.0, 5.0
 """Reduced speeds in the table, and how many more where newborns just leave their boundary (`_place`)."""
@@ -49,14 +44,15 @@ _LOWEST, _HIGHEST = 0.01, 1e6
 
 
 @dataclass(frozen=True, kw_only=True)
-class AgedResponse:
+class AgedResponse(FromAxis):
     """The linear response of ageing contacts with a Gaussian distribution of thresholds and a delay."""
 
     ageing: Langevin
     distribution: Gaussian
     delay: DelayModel
 
-    inert: ClassVar[bool] = False
+    # Of the table; about sharp resonances at low speed it is some times less.
+    accuracy: ClassVar[float] = 1e-3
     # Counts come from a table, crossings do not.
     precision: ClassVar[Precision] = Precision(step=1e-4, settled=1e-5, slack=1e-3)
 
@@ -88,39 +84,6 @@ class AgedResponse:
         top = _top(u, self._shape[0])
         w = np.union1d(np.geomspace(1e-4 / longest, top, 240), fine[fine < top])
         return np.asarray(w * self._square)
-
-    def loss(self, body: Impedance, velocity: float | Array, omega: Array) -> Array:
-        """``Im(Z + kappa)``."""
-        s = 1j * omega
-        return np.asarray((body(s) + self.stiffness(velocity, s)).imag)
-
-    def scan(self, body: Impedance, velocity: float, softest: float | None) -> Scan:
-        """`loss` at all frequencies at which the response turns, whatever the rig."""
-        del softest
-        omega, kappa, *_ = known(self, velocity)
-        value = np.asarray((body(1j * omega) + kappa).imag)
-        if not is_plain(body):
-            more = features(body, omega, body(1j * omega))
-            order = np.argsort(np.concatenate([omega, more]), kind="stable")
-            value = np.concatenate([value, self.loss(body, velocity, more)])[order]
-            omega = np.concatenate([omega, more])[order]
-        return Scan(omega, value)
-
-    def count(self, body: Impedance, velocity: float) -> int:
-        """Count the roots of ``Z + kappa`` with ``Re s > 0``, from the neutral frequencies."""
-        return count_from_axis(self, body, velocity, ACCURACY)
-
-    def rightmost(self, body: Impedance, velocity: float) -> complex:
-        """Return the rightmost root of ``Z + kappa`` among those found; growing ones are confirmed by their count."""
-        return rightmost_from_axis(self, body, velocity)
-
-    def roots(self, body: Impedance, velocity: float, starts: ComplexArray) -> ComplexArray:
-        """Return the roots not far from the axis, rightmost first: by secants from `starts`, or dips along the axis."""
-        return roots_from_axis(self, body, velocity, starts)
-
-    def beside_axis(self, velocity: float, s: ComplexArray) -> ComplexArray:
-        """``kappa(s)``, the same as `exact`."""
-        return self.exact(velocity, s)
 
     def quickest(self, velocity: float) -> float:
         """Decay rate beyond which no mode is looked for."""
