@@ -701,6 +701,7 @@ def test_contacts_that_grow_with_age_have_the_friction_of_their_lives(growth, ag
 
 def test_growth_too_slow_for_the_slider_carries_nothing():
     assert of_growing(ss.ExponentialGrowth(rate=1.0), 3.0) == 0.0
+    assert of_growing(ss.ExponentialGrowth(rate=1.0), 3.0, delay=0.2) == 0.0
 
 
 def test_a_logarithmic_threshold_that_does_not_grow_has_the_friction_of_the_renewal():

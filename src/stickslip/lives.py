@@ -261,6 +261,8 @@ def _in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float
 
     low, high = distribution.support
     end = kernel.reach(growth, high, v)
+    if end <= 0:  # even the strongest break as soon as they attach: there are no lives
+        return kernel.march(hazard, growth, np.empty(0), np.empty(0), v, longest)
     places = [(0.0, _shortest(distribution, hazard, growth, v))]
     knots = [knot for knot in distribution.knots if low - 1e-9 <= knot <= high + 1e-9]
     thermal = hazard.attempts > 0
