@@ -6,6 +6,7 @@ from math import erf, erfc, exp, sqrt
 import numpy as np
 import pytest
 
+import stickslip as ss
 from stickslip import model, stability
 from stickslip.kernels import langevin_contacts
 from stickslip.kernels.closure import Cohorts as ClosureCohorts
@@ -18,7 +19,7 @@ from stickslip.kernels.closure import (
     threshold_rates,
 )
 from stickslip.kernels.drive import Quadratic, drive_at
-from stickslip.kernels.growth import EXPONENTIAL, LOGARITHMIC, Growing, Growth, advance_growing, growing_friction
+from stickslip.kernels.growth import EXPONENTIAL, LOGARITHMIC, Growing, Growth, advance_growing
 from stickslip.kernels.langevin import Langevin, Life
 from stickslip.kernels.langevin_contacts import Contacts, advance_contacts, crossing, reflected
 from stickslip.kernels.langevin_density import Cohorts, advance_density, cell_widths, density_nodes
@@ -671,15 +672,24 @@ def test_the_closure_in_time_ends_in_its_steady_state():
 # ---------------------------------------------------------------- thresholds that grow with age
 
 
+def of_growing(ageing, velocity, delay=0.0):
+    """Friction of contacts whose thresholds grow, by their lives."""
+    thresholds = ss.Gaussian(mean=1.0, std=STD)
+    return ss.kinetic_friction(ss.Interface(thresholds=thresholds, ageing=ageing, delay=ss.Delay(delay)), velocity)
+
+
 @pytest.mark.parametrize(
-    "growth", [Growth(EXPONENTIAL, 2.25, 0.0), Growth(EXPONENTIAL, 1.0, 0.3), Growth(LOGARITHMIC, 0.1, 0.01)]
+    ("growth", "ageing"),
+    [
+        (Growth(EXPONENTIAL, 2.25, 0.0), ss.ExponentialGrowth(rate=2.25)),
+        (Growth(EXPONENTIAL, 1.0, 0.3), ss.ExponentialGrowth(rate=1.0, newborn=0.3)),
+        (Growth(LOGARITHMIC, 0.1, 0.01), ss.LogarithmicGrowth(slope=0.1, time=0.01)),
+    ],
 )
 @pytest.mark.parametrize("delay", [0.0, 0.2])
-def test_contacts_that_grow_with_age_have_the_friction_of_their_lives(growth, delay):
+def test_contacts_that_grow_with_age_have_the_friction_of_their_lives(growth, ageing, delay):
     rng, velocity, n = np.random.default_rng(13), 0.5, 4000
-    strengths = np.linspace(0.3, 1.7, 1401)
-    survival = np.array([0.5 * erfc((s - 1) / STD / sqrt(2)) for s in strengths])
-    exact = growing_friction(np.array([velocity]), growth, strengths, survival, delay)[0]
+    exact = of_growing(ageing, velocity, delay)
     pool = rng.normal(1.0, STD, 100_000)
     # Born at moments spread over a life, so that all ages are there from the start.
     contacts = Growing(np.zeros(n), rng.choice(pool, n), rng.uniform(0.0, 3.0, n))
@@ -690,12 +700,10 @@ def test_contacts_that_grow_with_age_have_the_friction_of_their_lives(growth, de
 
 
 def test_growth_too_slow_for_the_slider_carries_nothing():
-    strengths, survival = np.linspace(0.9, 1.1, 11), np.linspace(1.0, 0.0, 11)
-    assert growing_friction(np.array([3.0]), Growth(EXPONENTIAL, 1.0, 0.0), strengths, survival)[0] == 0.0
+    assert of_growing(ss.ExponentialGrowth(rate=1.0), 3.0) == 0.0
+    assert of_growing(ss.ExponentialGrowth(rate=1.0), 3.0, delay=0.2) == 0.0
 
 
 def test_a_logarithmic_threshold_that_does_not_grow_has_the_friction_of_the_renewal():
-    strengths = np.linspace(0.3, 1.7, 1401)
-    survival = np.array([0.5 * erfc((s - 1) / STD / sqrt(2)) for s in strengths])
-    force = growing_friction(np.array([0.7]), Growth(LOGARITHMIC, 0.0, 1.0), strengths, survival)[0]
-    assert force == pytest.approx(0.505, rel=1e-5)  # <x_s^2>/(2 <x_s>)
+    # <x_s^2>/(2 <x_s>)
+    assert of_growing(ss.LogarithmicGrowth(slope=0.0, time=1.0), 0.7) == pytest.approx((1 + STD**2) / 2, rel=1e-5)

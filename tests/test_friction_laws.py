@@ -86,9 +86,24 @@ def test_slope_of_the_friction_law(interface, slope, tolerance):
     assert ss.friction_slope(interface, 1.0) == pytest.approx(slope, abs=tolerance)
 
 
+SLIDING = [
+    replace(contacts(0.2, width=0.02, delay=0.2), sliding_force=0.3),
+    replace(contacts(ageing=0.02, delay=0.05), sliding_force=0.2),
+    replace(contacts(0.1, temperature=ss.Barrier(height=100.0, attempts=1e6), delay=0.1), sliding_force=0.6),
+    ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=0.2),
+        ageing=ss.ExponentialGrowth(rate=2.0, newborn=0.2),
+        delay=ss.Delay(0.2),
+        sliding_force=0.3,
+    ),
+]
+"""Interfaces whose detached contacts carry a force."""
+
+
 @pytest.mark.parametrize(
     "interface",
     [
+        *SLIDING,
         contacts(0.1, delay=0.05),
         contacts(ageing=0.02, delay=0.05),
         contacts(0.1, temperature=ss.Barrier(height=100.0, attempts=1e6), delay=0.01),
@@ -228,11 +243,18 @@ def test_areas_are_refused_where_they_are_not_known(tmp_path):
         lambda: ss.growth_rate(rig),
         lambda: ss.rate_and_state(interface),
         lambda: ss.simulate(replace(rig, slider=ss.Slider(stiffness=1.0, mass=0.1, damping=1.0))),
+        lambda: ss.simulate(
+            replace(rig, slider=ss.Slider(stiffness=1.0, mass=0.1, damping=1.0)), method=ss.Population(1000)
+        ),
         lambda: ss.rigid_slide(interface, distance=1.0),
+        lambda: ss.rigid_slide(interface, distance=1.0, method=ss.MasterEquation()),
+        lambda: ss.simulate(replace(rig, slider=ss.Chain(blocks=4, coupling=1.0, mass=0.1, damping=1.0, leaf=1.0))),
         lambda: ss.velocity_step(interface, before=1.0, after=2.0, distance=1.0),
     ):
         with pytest.raises(InputError, match=r"Interface\.areas = site: not available with"):
             ask()
+    with pytest.raises(InputError, match=r"sliding_force = 0\.1: not available with areas = 'site', as it is the same"):
+        ss.rigid_slide(replace(interface, sliding_force=0.1), distance=1.0, method=ss.Contacts(10))
     with pytest.raises(InputError, match="must be 'fresh', 'site' or None"):
         ss.Interface(thresholds=ss.Exponential(mean=1.0), areas="each")
     with pytest.raises(InputError, match="leave one of them out"):
@@ -255,6 +277,22 @@ def test_areas_are_refused_where_they_are_not_known(tmp_path):
     path.write_text(path.read_text().replace("areas =", 'v_half = "1 mm/s"\nareas ='))
     with pytest.raises(InputError, match=r"interface\.areas: leave it out"):
         ss.read_rig(path)
+
+
+@pytest.mark.parametrize("interface", SLIDING)
+def test_detached_contacts_carry_their_force(interface):
+    # Contacts and those that wait, apart: the force of the ones with no sliding force, and the fraction of the others.
+    bare, full = (replace(interface, sliding_force=force) for force in (0.0, 1.0))
+    waiting = ss.kinetic_friction(full, 1.0) - ss.kinetic_friction(bare, 1.0)
+    assert 0.0 < waiting < 1.0
+    expected = ss.kinetic_friction(bare, 1.0) + interface.sliding_force * waiting
+    assert ss.kinetic_friction(interface, 1.0) == pytest.approx(expected, rel=1e-12)
+    # While contacts wait, the slider goes v tau; while they hold, the mean stretching at which they break.
+    away = interface.delay.moment(1)
+    slower = ss.kinetic_friction(replace(bare, delay=ss.Delay(0.0)), 1.0)
+    assert ss.kinetic_friction(bare, 1.0) == pytest.approx(slower * (1.0 - waiting), rel=1e-9)
+    life = away * (1.0 - waiting) / waiting
+    assert 0.1 < life < 1.2
 
 
 def test_velocities_where_friction_turns():
@@ -316,6 +354,7 @@ def test_dynamic_stiffness(interface, s, kappa):
 @pytest.mark.parametrize(
     "interface",
     [
+        *SLIDING,
         THERMAL,
         contacts(ageing=0.02, delay=0.05),
         contacts(width=None, ageing=0.02),
@@ -362,7 +401,12 @@ def test_what_is_refused():
     never = replace(THERMAL, delay=ss.Delay(math.inf))
     with pytest.raises(InputError, match="never re-attach"):
         dynamic_stiffness(never, 1.0, 1j)
-    with pytest.raises(InputError, match="not available with ageing by Langevin"):
+    with pytest.raises(InputError, match="does not change with the velocity"):
+        ss.rate_and_state(contacts(width=None))
+    noisy = replace(THERMAL, ageing=ss.Langevin(rate=1.0, newborn=0.3))
+    with pytest.raises(InputError, match="not available with the linear response of thresholds that age by Langevin"):
+        dynamic_stiffness(noisy, 1.0, 1j)
+    with pytest.raises(InputError, match=r"Langevin\.newborn = 0 with Interface\.temperature: .*; give newborn > 0"):
         ss.kinetic_friction(replace(THERMAL, ageing=ss.Langevin(rate=1.0)), 1.0)
     with pytest.raises(InputError, match="no slow limit is left"):
         ss.kinetic_friction(THERMAL, 0.0)

@@ -73,7 +73,7 @@ def test_first_critical_velocity_lies_where_figures_9_and_10_have_it():
 def test_what_is_not_known_is_refused():
     warm = replace(FIG8.interface, ageing=Langevin(rate=1.0), temperature=Bell(width=0.01, attempts=1e6))
     for ask in (count_unstable, growth_rate):
-        with pytest.raises(InputError, match="not available with ageing by Langevin"):
+        with pytest.raises(InputError, match="the linear response of thresholds that age by Langevin"):
             ask(Rig(warm, FIG8.slider, constant(1.0)))
 
 

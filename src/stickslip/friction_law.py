@@ -57,7 +57,8 @@ def friction_slope(interface: Interface, velocity: float | Array) -> float | Arr
     instance("friction_slope: interface", interface, Interface, "an Interface")
     speed = numbers("velocity", velocity, above=0, hint="in x_s per time")
     if has_lives(interface) or interface.areas is not None:
-        interface.allow(("temperature", "areas"), "friction_slope")
+        one = "areas" if interface.areas is not None else "sliding_force"
+        interface.allow(("temperature", one), "friction_slope")
         slope = np.array([mean_lives(interface, v)[1] for v in speed.ravel().tolist()]).reshape(speed.shape)
     elif interface.ageing is None:
         attached = attached_fraction(interface, speed)

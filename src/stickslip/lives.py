@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.errors import InputError
 from stickslip.model import Barrier, Bell, Interface, Langevin, Parabolic
 from stickslip.model.ageing import ExponentialGrowth, LogarithmicGrowth
 from stickslip.model.distribution import Distribution
@@ -30,14 +29,20 @@ Array = NDArray[np.float64]
 
 
 def has_lives(interface: Interface) -> bool:
-    """Whether steady sliding is a matter of lives: temperature, or thresholds that grow by a fixed rule."""
-    return interface.temperature is not None or isinstance(interface.ageing, ExponentialGrowth | LogarithmicGrowth)
+    """Whether steady sliding is a matter of lives: temperature, or thresholds that grow by a fixed rule.
+
+    Thresholds that age by `Langevin` go ways of their own, and their lives are not laid out here.
+    """
+    if isinstance(interface.ageing, Langevin):
+        return False
+    return interface.temperature is not None or interface.ageing is not None
 
 
 def mean_lives(interface: Interface, velocity: float) -> tuple[float, float]:
     """Return the force in steady sliding and its slope ``dF/dln v``.
 
-    ``F = M_1/(M_0 + v <tau>)``, with ``M_j`` the mean of the integral of ``x**j`` times the survival of a contact.
+    ``F = (M_1 + f_d v <tau>)/(M_0 + v <tau>)``, with ``M_j`` the mean of the integral of ``x**j`` times the survival of
+    a contact, and ``f_d`` the force of detached ones.
 
     Parameters
     ----------
@@ -45,11 +50,6 @@ def mean_lives(interface: Interface, velocity: float) -> tuple[float, float]:
         With temperature, or thresholds that grow by a fixed rule.
     velocity : float
         Above 0, in ``x_s`` per time.
-
-    Raises
-    ------
-    InputError
-        If the interface is not one of those.
     """
     if interface.areas is not None:
         return _of_areas(interface, velocity)
@@ -59,11 +59,11 @@ def mean_lives(interface: Interface, velocity: float) -> tuple[float, float]:
     if length <= 0:
         return 0.0, 0.0  # contacts break as soon as they attach
     if math.isinf(length):
-        return 0.0, 0.0
+        return interface.sliding_force, 0.0
     slower = float(lives.weight @ lives.slope + lives.cap_slope.sum())
     less = float((lives.weight * lives.x) @ lives.slope + lives.cap_x @ lives.cap_slope)
-    force = work / length
-    return force, (less - force * (slower + away)) / length
+    force = (work + interface.sliding_force * away) / length
+    return force, (less + interface.sliding_force * away - force * (slower + away)) / length
 
 
 def _of_areas(interface: Interface, velocity: float) -> tuple[float, float]:
@@ -115,24 +115,15 @@ def lives_of(interface: Interface, velocity: float, highest: float = 0.0) -> Liv
     velocity : float
     highest : float
         Largest wave number ``|s|/v`` of a shake that is to be resolved.
-
-    Raises
-    ------
-    InputError
-        If thresholds age by `Langevin` while temperature acts.
     """
-    if isinstance(interface.ageing, Langevin):
-        raise InputError(
-            f"Interface.temperature = {interface.temperature}: not available with ageing by Langevin; use "
-            "LogarithmicGrowth, or no temperature",
-            "Interface.temperature",
-        )
+    ageing = interface.ageing
+    assert not isinstance(ageing, Langevin)
     # Panels are halved from octave to octave: few different ones, and they are kept.
     longest = 2.0 ** math.floor(math.log2(4.0 / max(highest, 4.0)))
     return _lives(
         hashable(interface.threshold_distribution),
         hashable(interface.temperature),
-        hashable(interface.ageing),
+        hashable(ageing),
         float(velocity),
         longest,
     )
@@ -168,12 +159,14 @@ def _lives(
         places.append((bend, temperature.width))
     edges = _edges(distribution, start, high, places, math.inf)
     x, weight = _gauss(edges)
-    return kernel.march(hazard, growth, x, weight * distribution.density(x), velocity, longest)
+    weight = weight * distribution.density(x)
+    met = weight > 1e-14 * weight.sum()
+    return kernel.march(hazard, growth, x[met], weight[met], velocity, longest)
 
 
 def hazard_of(temperature: Bell | Parabolic | Barrier | None) -> Hazard:
     """Return thermal activation as the kernels take it; without it, one that is never tried."""
-    from stickslip.kernels.hazard import BARRIER, BELL, PARABOLIC, Hazard
+    from stickslip.kernels.hazard import BARRIER, BELL, NONE, PARABOLIC, Hazard
 
     match temperature:
         case Bell(width=width, attempts=attempts):
@@ -182,7 +175,7 @@ def hazard_of(temperature: Bell | Parabolic | Barrier | None) -> Hazard:
             return Hazard(PARABOLIC, attempts, scale, 1.0, 0.0)
         case Barrier(height=height, attempts=attempts, power=power, kramers=kramers):
             return Hazard(BARRIER, attempts, height, power, float(kramers))
-    return Hazard(BELL, 0.0, 1.0, 1.0, 0.0)
+    return NONE
 
 
 def growth_of(ageing: ExponentialGrowth | LogarithmicGrowth | None) -> Growth:
@@ -268,6 +261,8 @@ def _in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float
 
     low, high = distribution.support
     end = kernel.reach(growth, high, v)
+    if end <= 0:  # even the strongest break as soon as they attach: there are no lives
+        return kernel.march(hazard, growth, np.empty(0), np.empty(0), v, longest)
     places = [(0.0, _shortest(distribution, hazard, growth, v))]
     knots = [knot for knot in distribution.knots if low - 1e-9 <= knot <= high + 1e-9]
     thermal = hazard.attempts > 0

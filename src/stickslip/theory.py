@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError, instance, number, numbers
-from stickslip.lives import growth_of, mean_lives
+from stickslip.lives import growth_of, has_lives, hazard_of, mean_lives
 from stickslip.model import ExponentialGrowth, Interface, Langevin, LogarithmicGrowth, Slider
 from stickslip.model.distributions import Gaussian
 from stickslip.model.newborn import mean_life
@@ -64,32 +64,37 @@ def kinetic_friction(interface: Interface, velocity: float | Array = 0.0) -> flo
         if the delay is infinite at zero velocity, or with `Langevin` a delay meets newborns without strength.
     """
     instance("kinetic_friction: interface", interface, Interface, "an Interface")
-    if interface.temperature is not None or interface.areas is not None:
-        interface.allow(("temperature", "areas"), "kinetic_friction with temperature or areas")
-        slow = interface.temperature is None and math.isfinite(interface.delay.moment(1))
-        hint = "in x_s per time; at a temperature no slow limit is left"
+    if has_lives(interface) or interface.areas is not None:
+        one = "areas" if interface.areas is not None else "sliding_force"
+        interface.allow(("temperature", one), f"kinetic_friction {_mechanism(interface)}")
+        fixed = interface.temperature is None and interface.ageing is None
+        slow = fixed and math.isfinite(interface.delay.moment(1))
+        why = "ageing thresholds have no slow limit" if interface.ageing else "at a temperature no slow limit is left"
+        hint = f"in x_s per time; {why}"
         speed = numbers("velocity", velocity, at_least=0 if slow else None, above=None if slow else 0, hint=hint)
         force = np.array([mean_lives(interface, v)[0] for v in speed.ravel().tolist()])
         return float(force[0]) if speed.ndim == 0 else np.asarray(force.reshape(speed.shape))
-    interface.allow(("sliding_force", "newborn") if interface.ageing is None else (), "kinetic_friction")
-    distribution = interface.threshold_distribution
     if interface.ageing is None:
+        interface.allow(("sliding_force", "newborn"), "kinetic_friction")
         attached, life = attached_fraction(interface, velocity), mean_life(interface)
         return life.work / life.path * attached + interface.sliding_force * (1.0 - attached)
+    from stickslip.kernels import langevin_steady
+
+    assert isinstance(interface.ageing, Langevin)
+    interface.allow(("temperature",), "kinetic_friction of thresholds that age by Langevin")
     speed = numbers("velocity", velocity, above=0, hint="in x_s per time; ageing thresholds have no slow limit")
-    delay = interface.delay.moment(1)
-    if isinstance(interface.ageing, Langevin):
-        from stickslip.kernels import langevin_steady
-
-        _check_ageing_speeds(speed, interface.ageing)
-        force = langevin_steady.steady_friction(speed.ravel(), ageing_constants(interface), delay)
-    else:
-        from stickslip.kernels import growth
-
-        strength = np.linspace(0.0, distribution.support[1], 8001)
-        survival = distribution.survival(strength)
-        force = growth.growing_friction(speed.ravel(), growth_model(interface), strength, survival, delay)
+    _check_ageing_speeds(speed, interface.ageing)
+    force = langevin_steady.steady_friction(
+        speed.ravel(), ageing_constants(interface), interface.delay.moment(1), hazard=hazard_of(interface.temperature)
+    )
     return float(force[0]) if speed.ndim == 0 else np.asarray(force.reshape(speed.shape))
+
+
+def _mechanism(interface: Interface) -> str:
+    """Say what makes it a matter of lives."""
+    if interface.areas is not None:
+        return "of areas"
+    return "of thresholds that grow" if interface.temperature is None else "with temperature"
 
 
 _SLOWEST, _FASTEST = 1e-12, 1e6
@@ -174,6 +179,11 @@ def gaussian_ageing(interface: Interface) -> tuple[Langevin, Gaussian]:
         raise InputError(
             f"Langevin.newborn = 0 with Interface.delay = {interface.delay}: newborns without strength break at once "
             "and without end, and a delay after each break leaves none that holds; give newborn > 0 or no delay"
+        )
+    if interface.temperature is not None and ageing.newborn == 0:
+        raise InputError(
+            "Langevin.newborn = 0 with Interface.temperature: newborns without strength break at once and without "
+            "end; give newborn > 0"
         )
     return ageing, distribution
 

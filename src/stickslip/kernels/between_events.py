@@ -26,8 +26,10 @@ Counts = NDArray[np.int64]
 REACHED_END, CONDITION_HELD, DRAWS_USED_UP, BUDGET_SPENT, LOOK, WIND, WIND_BACK = range(7)
 
 # Floats of a motion.
-TIME, POSITION, VELOCITY, SUM, SQUARES, REFERENCE, WORK, DAMPED, BROKEN, LOOKED, ANCHOR = range(11)
-MOTION = 11
+# `SUM` and `SQUARES` are of the positions of birth, each times the stiffness of its contact; `BEYOND` is what all
+# attached contacts together are stiffer than as many of stiffness 1.
+TIME, POSITION, VELOCITY, SUM, SQUARES, REFERENCE, WORK, DAMPED, BROKEN, LOOKED, ANCHOR, BEYOND = range(12)
+MOTION = 12
 # Counts of a motion.
 ATTACHED, SAMPLE, EVENTS, BREAKS, SLIDE = range(5)
 COUNTS = 5
@@ -79,7 +81,10 @@ class Constants(NamedTuple):
 
 
 class Leg(NamedTuple):
-    """A flight from one event towards the next: where it begins, with which forces, and its motion."""
+    """A flight from one event towards the next: where it begins, with which forces, and its motion.
+
+    `n` is the stiffness of the attached contacts, their number where all have stiffness 1.
+    """
 
     t: float
     X: float
@@ -90,15 +95,15 @@ class Leg(NamedTuple):
 
 
 @inlined
-def constants(slider: Slider, f_d: float, N: float) -> Constants:
-    """Return what does not change in a call."""
+def constants(slider: Slider, f_d: float, N: float, stiffest: float = 1.0) -> Constants:
+    """Return what does not change in a call; `stiffest` is how stiff the contacts may become, over their number."""
     if math.isinf(slider.stiffness):
         return Constants(0.0, 0.0, 0.0, 0.0, math.inf, f_d, N, 1.0 / N, True, False)
     if slider.mass == 0.0:
         return Constants(slider.stiffness, 0.0, 0.0, 0.0, math.inf, f_d, N, 1.0 / N, False, True)
     inverse_mass = 1.0 / slider.mass
     drag = slider.damping / inverse_mass
-    fastest = slider.damping + math.sqrt((slider.stiffness + 1.0) * inverse_mass)
+    fastest = slider.damping + math.sqrt((slider.stiffness + stiffest) * inverse_mass)
     return Constants(
         slider.stiffness, inverse_mass, slider.damping, drag, NEAR / fastest, f_d, N, 1.0 / N, False, False
     )
@@ -121,11 +126,17 @@ def drive_now(drive: Quadratic, t: float) -> tuple[float, float]:
 
 
 @inlined
+def attached_stiffness(motion: Floats, counts: Counts) -> float:
+    """Stiffness of all attached contacts together."""
+    return float(counts[ATTACHED] + motion[BEYOND])
+
+
+@inlined
 def set_out(motion: Floats, counts: Counts, drive: Quadratic, c: Constants) -> Leg:
     """Motion from here on, if nothing happened."""
     t, X, v = motion[TIME], motion[POSITION], motion[VELOCITY]
     D, drive_v = drive_now(drive, t)
-    n = float(counts[ATTACHED])
+    n = attached_stiffness(motion, counts)
     F_d = c.K * (D - X)
     if c.rigid or c.massless:
         free = c.N - n if c.f_d > 0.0 and counts[SLIDE] == 0 else 0.0
@@ -152,7 +163,7 @@ def set_out(motion: Floats, counts: Counts, drive: Quadratic, c: Constants) -> L
 @inlined
 def balance(motion: Floats, counts: Counts, drive: Quadratic, c: Constants) -> float:
     """Where a slider without mass is in balance."""
-    n, X = float(counts[ATTACHED]), motion[POSITION]
+    n, X = attached_stiffness(motion, counts), motion[POSITION]
     D = drive_now(drive, motion[TIME])[0]
     pull = c.K * D + (n * motion[REFERENCE] + motion[SUM]) * c.part
     stiffness = c.K + n * c.part
@@ -205,7 +216,7 @@ def sample(motion: Floats, counts: Counts, row: Floats, leg: Leg, part: float, a
     row[0] = leg.X + y
     row[1] = u
     row[2] = (n * x - motion[SUM]) * c.part
-    row[3] = n / c.N
+    row[3] = float(counts[ATTACHED]) / c.N
     row[4] = 0.5 * (n * x * x - 2.0 * x * motion[SUM] + motion[SQUARES]) * c.part
     row[5], row[6], row[7] = motion[WORK], motion[DAMPED], motion[BROKEN]
     if c.f_d > 0.0:
@@ -273,11 +284,12 @@ def turned(motion: Floats, counts: Counts, c: Constants, u: float) -> None:
 
 
 @inlined
-def count_in(motion: Floats, counts: Counts, c: Constants) -> None:
-    """Count a contact that attaches, unstretched, where the slider is."""
+def count_in(motion: Floats, counts: Counts, c: Constants, k: float = 1.0) -> None:
+    """Count a contact of stiffness `k` that attaches, unstretched, where the slider is."""
     y = motion[POSITION] - motion[REFERENCE]
-    motion[SUM] += y
-    motion[SQUARES] += y * y
+    motion[SUM] += k * y
+    motion[SQUARES] += k * y * y
+    motion[BEYOND] += k - 1.0
     counts[ATTACHED] += 1
     if c.f_d > 0.0:
         slid = detached_stretching(motion, counts, c.f_d, motion[POSITION])
@@ -285,13 +297,14 @@ def count_in(motion: Floats, counts: Counts, c: Constants) -> None:
 
 
 @inlined
-def count_out(motion: Floats, counts: Counts, birth: float, c: Constants) -> None:
-    """Count a contact that breaks: what was stored in it is lost, but for what detached contacts hold."""
+def count_out(motion: Floats, counts: Counts, birth: float, c: Constants, k: float = 1.0) -> None:
+    """Count a contact of stiffness `k` that breaks: what it stored is lost, but for what detached contacts hold."""
     y = birth - motion[REFERENCE]
-    motion[SUM] -= y
-    motion[SQUARES] -= y * y
+    motion[SUM] -= k * y
+    motion[SQUARES] -= k * y * y
+    motion[BEYOND] -= k - 1.0
     x = motion[POSITION] - birth
-    lost = x * x
+    lost = k * x * x
     if c.f_d > 0.0:
         slid = detached_stretching(motion, counts, c.f_d, motion[POSITION])
         lost -= slid * slid
@@ -301,17 +314,22 @@ def count_out(motion: Floats, counts: Counts, birth: float, c: Constants) -> Non
 
 
 @bare
-def sum_again(motion: Floats, counts: Counts, contacts: NDArray[np.void]) -> None:
-    """Sum the birth positions afresh, about the present position: rounding cannot pile up."""
+def sum_again(motion: Floats, counts: Counts, contacts: NDArray[np.void], as_stiff: bool = False) -> None:
+    """Sum the birth positions afresh, about the present position: rounding cannot pile up.
+
+    `as_stiff`: contacts are as stiff as their thresholds are large, see `Interface.areas`; else of stiffness 1.
+    """
     reference = motion[POSITION]
-    total, squares, attached = 0.0, 0.0, 0
+    total, squares, beyond, attached = 0.0, 0.0, 0.0, 0
     for i in range(contacts.size):
         if contacts[i]["threshold"] > 0.0:
             y = contacts[i]["birth"] - reference
-            total += y
-            squares += y * y
+            k = contacts[i]["threshold"] if as_stiff else 1.0
+            total += k * y
+            squares += k * y * y
+            beyond += k - 1.0
             attached += 1
-    motion[SUM], motion[SQUARES], motion[REFERENCE] = total, squares, reference
+    motion[SUM], motion[SQUARES], motion[REFERENCE], motion[BEYOND] = total, squares, reference, beyond
     counts[ATTACHED] = attached
 
 
@@ -331,7 +349,7 @@ def until_turning(flight: Flight, h: float) -> float:
 @jit
 def friction(motion: Floats, counts: Counts, f_d: float, N: float) -> float:
     """Friction force, per contact."""
-    n, X = float(counts[ATTACHED]), motion[POSITION]
+    n, X = attached_stiffness(motion, counts), motion[POSITION]
     force = n * (X - motion[REFERENCE]) - motion[SUM]
     if f_d > 0.0:
         force += (N - n) * (counts[SLIDE] * f_d if counts[SLIDE] != 0 else X - motion[ANCHOR])

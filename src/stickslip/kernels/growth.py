@@ -1,4 +1,4 @@
-"""N contacts whose thresholds grow with age in a given way, in steps of time, under a slider; and their friction."""
+"""N contacts whose thresholds grow with age in a given way, in steps of time, under a slider."""
 
 from typing import NamedTuple
 
@@ -48,72 +48,6 @@ def grown(growth: Growth, age: float) -> tuple[float, float]:
         young = np.exp(-growth.first * age)
         return 1.0 - young, growth.second * young
     return 1.0, growth.first * np.log1p(age / growth.second)
-
-
-@jit
-def growing_friction(
-    velocity: Floats,
-    growth: Growth,
-    strengths: Floats,
-    survival: Floats,
-    delay: float = 0.0,
-    steps: int = 4000,
-) -> Floats:
-    """Force in smooth sliding of contacts whose thresholds grow with age, by quadrature over the age.
-
-    A contact of age ``a`` holds if its strength exceeds all ``(v a' - addend)/factor``, a' <= a (see `grown`).
-
-    Parameters
-    ----------
-    velocity : ndarray, shape (n,)
-        Sliding velocities, not 0.
-    growth : Growth
-    strengths, survival : ndarray, shape (m,)
-        Fraction ``J_c`` of newborns whose strength exceeds the given one, ascending in strength; linear between.
-    delay : float
-        Mean time a broken contact stays detached.
-    steps : int
-        Steps of the age.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Force per contact; 0 where contacts break as soon as they attach.
-    """
-    force = np.zeros(velocity.size)
-    top = strengths[-1]
-    for k in range(velocity.size):
-        v = abs(velocity[k])
-        h = _oldest(growth, top, v) / steps
-        life, work, most, before = 0.0, 0.0, -np.inf, 1.0
-        if growth.kind == EXPONENTIAL and growth.second <= 0.0:
-            most = v / growth.first  # the start: threshold and stretching grow in proportion
-            before = np.interp(most, strengths, survival)
-        for j in range(1, steps + 1):
-            a = j * h
-            factor, addend = grown(growth, a)
-            most = max(most, (v * a - addend) / factor)
-            now = 1.0 if most < strengths[0] else (0.0 if most > top else np.interp(most, strengths, survival))
-            life += 0.5 * h * (before + now)
-            work += 0.5 * h * (before * (a - h) + now * a)
-            before = now
-        if life > 0.0:
-            force[k] = np.sign(velocity[k]) * v * work / (life + delay)
-    return force
-
-
-@jit
-def _oldest(growth: Growth, strength: float, v: float) -> float:
-    """Age by which even the strongest contact has broken."""
-    if growth.kind == EXPONENTIAL:
-        return (strength + growth.second) / v
-    end = 2.0 * strength / v
-    for _ in range(200):
-        _, addend = grown(growth, end)
-        if v * end > strength + addend:
-            break
-        end *= 1.5
-    return end
 
 
 @inlined

@@ -29,6 +29,10 @@ class Hazard(NamedTuple):
     kramers: float
 
 
+NONE = Hazard(BELL, 0.0, 1.0, 1.0, 0.0)
+"""No temperature: it is never tried."""
+
+
 @inlined
 def log_rate(hazard: Hazard, x: float, threshold: float) -> tuple[float, float, float]:
     """Logarithm of the rate over the attempts; its derivatives in the stretching ``x >= 0`` and in the threshold."""

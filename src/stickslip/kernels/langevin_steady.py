@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import jit
+from .hazard import NONE, Hazard, log_rate, rate
 from .langevin import Langevin, Life, age_nodes, between_nodes, life_at, margin_nodes, margin_rates
 from .langevin_survival import P, gauss, interpolate, panel_edges, survive
 
@@ -11,9 +12,14 @@ Floats = NDArray[np.float64]
 
 _GAUSS, _WEIGHT = gauss(8)
 
+RATIO = 0.2
+"""How much finer the cells are than the standard deviation over the length in which the rate grows by e."""
+
 
 @jit
-def life_moments(life: Life, cells: int, steps: int) -> tuple[float, float]:
+def life_moments(
+    life: Life, cells: int, steps: int, hazard: Hazard = NONE, mean: float = 1.0, time: float = 1.0
+) -> tuple[float, float]:
     """Moments of one life at one resolution: cells of the margin and steps of the age; see `steady_moments`."""
     u, delta = life.u, life.delta
     z = margin_nodes(life, cells)
@@ -22,11 +28,15 @@ def life_moments(life: Life, cells: int, steps: int) -> tuple[float, float]:
     c0, r = (1.0 - u) / delta, u / delta
     up, down, upper = np.zeros(m + 1), np.zeros(m + 1), np.zeros(m + 1)
     left, work = np.zeros(m + 1), np.zeros(m + 1)  # life and work still to come, as a function of the margin
-    b0, b1 = np.zeros(m + 1), np.zeros(m + 1)
+    b0, b1, out = np.zeros(m + 1), np.zeros(m + 1), np.zeros(m + 1)
     for j in range(steps - 1, -1, -1):
         da = age[j + 1] - age[j]
         middle = 0.5 * (age[j + 1] + age[j])
         margin_rates(z, c0 - r * middle, up, down)
+        if hazard.attempts > 0.0:
+            x = mean * u * middle
+            for i in range(1, m + 1):
+                out[i] = time * rate(hazard, x, x + mean * delta * z[i])
         # Crank-Nicolson rings on the abrupt start; the oldest ages, which hardly anyone reaches, damp that.
         implicit = 0.5 if j < steps - 8 else 1.0
         explicit = (1.0 - implicit) * da
@@ -37,8 +47,10 @@ def life_moments(life: Life, cells: int, steps: int) -> tuple[float, float]:
             b1[i] = (
                 work[i] + explicit * (down[i] * (work[i - 1] - work[i]) + up[i] * (work[k] - work[i])) + da * u * middle
             )
+            b0[i] -= explicit * out[i] * left[i]
+            b1[i] -= explicit * out[i] * work[i]
             below = implicit * down[i]
-            pivot = 1.0 / (1.0 + below + implicit * up[i] - below * upper[i - 1])
+            pivot = 1.0 / (1.0 + below + implicit * (up[i] + out[i]) - below * upper[i - 1])
             b0[i] = (b0[i] + below * b0[i - 1]) * pivot
             b1[i] = (b1[i] + below * b1[i - 1]) * pivot
             upper[i] = implicit * up[i] * pivot
@@ -56,20 +68,22 @@ def life_moments(life: Life, cells: int, steps: int) -> tuple[float, float]:
 
 
 @jit
-def _resolution(life: Life, cells: int) -> tuple[int, int]:
+def _resolution(life: Life, cells: int, steepest: float) -> tuple[int, int]:
     """Cells of the margin and steps of the age that keep the same accuracy everywhere.
 
     A narrow distribution makes thin layers, a newborn that must come down to its boundary makes a travelling pulse,
-    and a slow slide takes many times 1/rate^2.
+    a barrier a layer of its `steepest` rate, and a slow slide takes many times 1/rate^2.
     """
     peclet = life.newborn * max(life.u - 1.0, 0.0) / life.delta**2
-    more = min(max(1.0, 0.1 / life.delta, peclet / 60.0), 16.0)
+    more = min(max(1.0, 0.1 / life.delta, peclet / 60.0, RATIO * life.delta * steepest), 16.0)
     margins = int(cells * more)
     return margins, margins * (4 if life.u < 0.02 else 2)
 
 
 @jit
-def steady_moments(life: Life, cells: int) -> tuple[float, float]:
+def steady_moments(
+    life: Life, cells: int, hazard: Hazard = NONE, mean: float = 1.0, time: float = 1.0
+) -> tuple[float, float]:
     """Moments of one life of a contact in sliding at constant velocity, by the kinetic equation, Eqs. (13)-(17).
 
     With ``a`` the age in units of 1/rate^2 and ``S(a)`` the survivors, the moments are ``int S da`` and
@@ -86,15 +100,20 @@ def steady_moments(life: Life, cells: int) -> tuple[float, float]:
         slope in the margin, in units of the standard deviation).
     cells : int
         Cells of the coarser grid; 100 gives 1e-5 (for 1e-5 <= u <= 50 and delta >= 0.1).
+    hazard : Hazard
+        Rate at which temperature breaks contacts before they meet their thresholds; newborns must have strength.
+    mean, time : float
+        Mean threshold, and ``1/rate**2``: what the hazard knows of units.
 
     Returns
     -------
     life, work : float
         ``int S da`` and ``int u a S da``.
     """
-    margins, steps = _resolution(life, cells)
-    coarse, coarse_work = life_moments(life, margins, steps)
-    fine, fine_work = life_moments(life, 2 * margins, 2 * steps)
+    steepest = mean * abs(log_rate(hazard, 0.5 * mean, mean)[2]) if hazard.attempts > 0.0 else 0.0
+    margins, steps = _resolution(life, cells, steepest)
+    coarse, coarse_work = life_moments(life, margins, steps, hazard, mean, time)
+    fine, fine_work = life_moments(life, 2 * margins, 2 * steps, hazard, mean, time)
     # The error of a ratio is extrapolated, not those of its parts: they share most of it.
     ratio = (4.0 * fine_work / fine - coarse_work / coarse) / 3.0
     fine += (fine - coarse) / 3.0
@@ -102,7 +121,9 @@ def steady_moments(life: Life, cells: int) -> tuple[float, float]:
 
 
 @jit
-def steady_friction(velocity: Floats, langevin: Langevin, delay: float = 0.0, cells: int = 100) -> Floats:
+def steady_friction(
+    velocity: Floats, langevin: Langevin, delay: float = 0.0, cells: int = 100, hazard: Hazard = NONE
+) -> Floats:
     """Force of the contacts in smooth sliding, N to infinity, from Eqs. (13)-(17).
 
     A function of ``u = velocity/(rate^2 mean)`` alone (without delay); it falls as ``std^2/mean u/(u-1)^2`` at
@@ -116,6 +137,7 @@ def steady_friction(velocity: Floats, langevin: Langevin, delay: float = 0.0, ce
     delay : float
         Mean time a broken contact stays detached. With ``newborn = 0`` no contact ever holds for it.
     cells : int
+    hazard : Hazard
         See `steady_moments`.
 
     Returns
@@ -128,7 +150,7 @@ def steady_friction(velocity: Floats, langevin: Langevin, delay: float = 0.0, ce
     for i in range(velocity.size):
         if delay > 0.0 and langevin.newborn <= 0.0:
             continue
-        life, work = steady_moments(life_at(velocity[i], langevin), cells)
+        life, work = steady_moments(life_at(velocity[i], langevin), cells, hazard, langevin.mean, time)
         force[i] = np.sign(velocity[i]) * langevin.mean * work / (life + delay / time)
     return force
 

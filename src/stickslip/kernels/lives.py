@@ -23,7 +23,10 @@ FIXED = -1
 """Thresholds that do not grow, as a kind of `Growth`."""
 
 NODES = 8
-
+FOLDS = 1.75
+"""Powers of e by which a rate of breaking may grow in a panel: 2e-9 is lost."""
+QUIET = 24.0
+"""Breaks up to where panels begin to follow the rate: ``exp(-QUIET)``."""
 
 NODE = radau(NODES)
 INTEGRAL = integrals(NODE)
@@ -114,7 +117,7 @@ def march(hazard: Hazard, growth: Growth, strengths: Floats, weights: Floats, v:
         end = reach(growth, xi, v)
         if end <= 0.0:
             continue
-        quiet = -(np.log(hazard.attempts * end / v) + 40.0) if hazard.attempts > 0.0 else np.inf
+        quiet = -(np.log(hazard.attempts * end / v) + QUIET) if hazard.attempts > 0.0 else np.inf
         here, broken, late, first = 0.0, 0.0, 0.0, True
         pushed = 0.0
         while here < end and broken < 45.0:
@@ -125,10 +128,10 @@ def march(hazard: Hazard, growth: Growth, strengths: Floats, weights: Floats, v:
                 memory = v * growth.second if growth.kind == LOGARITHMIC else v / growth.first
                 h = min(h, 0.5 * (here + memory))
             if hazard.attempts > 0.0:
-                fine = 1.0 / (abs(steep) + abs(hard) * abs(pace) / v)
+                fine = FOLDS / (abs(steep) + abs(hard) * abs(pace) / v)
                 if hazard.kind == PARABOLIC:
                     most = end / hazard.scale
-                    fine = min(fine, 1.0 / (steep + 1.0 / np.sqrt(hazard.scale)))
+                    fine = min(fine, FOLDS / (steep + 1.0 / np.sqrt(hazard.scale)))
                 elif hazard.kind == BELL:
                     most = 1.0 / hazard.scale
                 else:
@@ -255,16 +258,19 @@ def shaken(lives: Lives, q: Complexes, fast: bool = False) -> Complexes:
     """
     found = np.zeros((4, q.size), np.complex128)
     matrix, value = np.empty((NODES, NODES), np.complex128), np.empty(NODES, np.complex128)
-    turn = np.empty(NODES, np.complex128)
+    turn, fed = np.empty(NODES, np.complex128), np.empty(NODES, np.complex128)
     stiff = bool(np.any(lives.decay != 0.0))
     thermal = bool(np.any(lives.push != 0.0))
     for m in range(q.size):
-        here, start = q[m], 0.0j
+        here, start, left = q[m], 0.0j, 1.0 + 0.0j
         lost, work, breaks, yields = 0.0j, 0.0j, 0.0j, 0.0j
         for k in range(lives.width.size):
             h, at = lives.width[k], k * NODES
             if lives.fresh[k]:
-                start = 0.0j
+                start, left = 0.0j, 1.0 + 0.0j
+            if not fast:
+                for j in range(NODES):
+                    turn[j] = np.exp(-here * h * NODE[j])
             if thermal and (stiff or fast):
                 for i in range(NODES):
                     value[i] = start
@@ -276,22 +282,26 @@ def shaken(lives: Lives, q: Complexes, fast: bool = False) -> Complexes:
                 start = value[NODES - 1]
             elif thermal:
                 for j in range(NODES):
-                    turn[j] = np.exp(-here * h * NODE[j])
+                    fed[j] = h * lives.source[at + j] / turn[j]
                 for i in range(NODES):
                     value[i] = start
                     for j in range(NODES):
-                        value[i] += h * INTEGRAL[i, j] * lives.source[at + j] / turn[j]
+                        value[i] += INTEGRAL[i, j] * fed[j]
                     value[i] *= turn[i]
                 start = value[NODES - 1]
             for i in range(at, at + NODES):
                 x, weight = lives.x[i], lives.weight[i]
-                gone = 1.0 + 0.0j if fast else _gone(here * x)
+                gone = 1.0 + 0.0j
+                if not fast:
+                    # what is left of exp(-q x), from panel to panel, but where the difference would lose digits
+                    gone = _gone(here * x) if abs(here) * x < 0.1 else 1.0 - left * turn[i - at]
                 lost += weight * lives.survival[i] * gone
                 work += weight * lives.survival[i] * x * (1.0 - gone)
                 if thermal:
                     more = weight * (lives.push[i] * value[i - at] - lives.drop[i] * (1.0 - gone))
                     breaks += more
                     yields += x * more
+            left *= turn[NODES - 1]
         for k in range(lives.cap_x.size):
             more = lives.cap_weight[k] * (1.0 + 0.0j if fast else _gone(here * lives.cap_x[k]))
             breaks += more

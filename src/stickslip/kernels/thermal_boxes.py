@@ -57,8 +57,8 @@ Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
 Records = NDArray[np.void]
 
-# `threshold` is the strength, 0 for a detached contact; `since` the time of attachment; `most` the largest rate in the
-# box, 0 if the time of the contact is that of the end of its box.
+# `threshold` is the strength, 0 for a detached contact, or minus that of its site if it keeps it; `since` the time of
+# attachment; `most` the largest rate in the box, 0 if the time of the contact is that of the end of its box.
 CONTACT = np.dtype([("birth", np.float64), ("threshold", np.float64), ("since", np.float64), ("most", np.float64)])
 
 DRAWN, VARIED, DELAYED = range(COUNTS, COUNTS + 3)
@@ -70,10 +70,17 @@ _CHANCE = 0.2
 
 
 class Model(NamedTuple):
-    """How contacts break and how their thresholds grow."""
+    """How contacts break and how their thresholds grow.
+
+    `as_stiff`: contacts are as stiff as their thresholds are large; else of stiffness 1. `own`: contacts keep their
+    strengths when they re-attach; else they draw new ones. `stiffest` is how stiff they may become, over their number.
+    """
 
     hazard: Hazard
     growth: Growth
+    as_stiff: bool = False
+    own: bool = False
+    stiffest: float = 1.0
 
 
 class Draws(NamedTuple):
@@ -101,18 +108,22 @@ class State(NamedTuple):
     cuts: Floats
 
 
-def make_state(birth: Floats, threshold: Floats, since: Floats, pending: Floats, velocity: float) -> State:
+def make_state(
+    birth: Floats, threshold: Floats, since: Floats, pending: Floats, velocity: float, as_stiff: bool = False
+) -> State:
     """Return the state of an interface at time 0, the slider at 0; boxes are drawn as soon as it goes on.
 
     Parameters
     ----------
     birth, threshold, since : ndarray, shape (N,)
-        Slider position at which each contact has no stretching, its strength (0 if it is detached), and when it
-        attached.
+        Slider position at which each contact has no stretching, its strength (0 if it is detached, or minus what it
+        keeps), and when it attached.
     pending : ndarray, shape (n,)
         Times of re-attachment of the last contacts, which are detached.
     velocity : float
         Of the slider.
+    as_stiff : bool
+        As in `Model`.
     """
     N = birth.size
     contacts = np.zeros(N, CONTACT)
@@ -131,7 +142,7 @@ def make_state(birth: Floats, threshold: Floats, since: Floats, pending: Floats,
         cuts=np.zeros(16),
     )
     state.motion[VELOCITY] = velocity
-    sum_again(state.motion, state.counts, contacts)
+    sum_again(state.motion, state.counts, contacts, as_stiff)
     return state
 
 
@@ -212,22 +223,23 @@ def _accepted(state: State, model: Model, slot: int, draws: Draws) -> bool:
 def _attach(state: State, model: Model, slot: int, draws: Draws, c: Constants) -> None:
     """A contact attaches, unstretched, where the slider is."""
     motion, counts = state.motion, state.counts
+    strength = -state.contacts[slot]["threshold"] if model.own else draws.thresholds[counts[DRAWN]]
     state.contacts[slot]["birth"] = motion[POSITION]
-    state.contacts[slot]["threshold"] = draws.thresholds[counts[DRAWN]]
+    state.contacts[slot]["threshold"] = strength
     state.contacts[slot]["since"] = motion[TIME]
     counts[DRAWN] += 1
-    count_in(motion, counts, c)
+    count_in(motion, counts, c, strength if model.as_stiff else 1.0)
     _enclose(state, model, slot, draws)
     if counts[DRAWN] == draws.thresholds.size:
-        sum_again(motion, counts, state.contacts)
+        sum_again(motion, counts, state.contacts, model.as_stiff)
 
 
 @bare
 def _let_go(state: State, model: Model, slot: int, draws: Draws, c: Constants) -> None:
     """Break a contact; without delay it attaches at once."""
-    counts = state.counts
-    count_out(state.motion, counts, state.contacts[slot]["birth"], c)
-    state.contacts[slot]["threshold"] = 0.0
+    counts, strength = state.counts, state.contacts[slot]["threshold"]
+    count_out(state.motion, counts, state.contacts[slot]["birth"], c, strength if model.as_stiff else 1.0)
+    state.contacts[slot]["threshold"] = -strength if model.own else 0.0
     delay = draws.fixed_delay
     if math.isnan(delay):
         delay = draws.delays[counts[DELAYED]]
@@ -253,7 +265,7 @@ def advance(
 ) -> int:
     """Move the state on, event by event, until a reason to stop; parameters and reasons as in `thermal_clock`."""
     motion, counts, acceleration = state.motion, state.counts, piece.drive.acceleration
-    c = constants(slider, f_d, float(state.contacts.size))
+    c = constants(slider, f_d, float(state.contacts.size), model.stiffest)
     random_delay = math.isnan(draws.fixed_delay)
     to_go = budget
     while True:

@@ -54,8 +54,8 @@ class Interface:
         threshold force and stiffness are 1. The threshold force goes with the area and the stiffness with its root,
         ``f_s = a`` and ``k = sqrt(a)``, so that a contact breaks at the stretching ``sqrt(a)``. With "fresh" a contact
         draws a new area whenever it re-attaches, with "site" it keeps its own: of exponential areas the one force is
-        half as large again as the other. Only steady sliding is known of such contacts. By default all contacts are
-        equally stiff.
+        half as large again as the other. Their steady sliding is known in closed form, their runs with `Contacts`. By
+        default all contacts are equally stiff.
     """
 
     thresholds: Distribution

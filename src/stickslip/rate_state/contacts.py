@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
+from scipy import interpolate, special
 
 from stickslip.lives import blurred_survival, growth_of, lives_of, reached_on
-from stickslip.model import Bell, ExponentialGrowth, Interface, Langevin
+from stickslip.model import Barrier, Bell, ExponentialGrowth, Interface, Langevin, Parabolic
 from stickslip.simulation.steps_and_holds import velocity_step
 from stickslip.stability.modes import respond
 from stickslip.theory import kinetic_friction
@@ -54,14 +54,23 @@ def step_on_spring(
         How much coarser the frequencies are than 1e-4 takes.
     """
     response = respond(interface)
-    fine = 0.1 / max(1.0, velocity * interface.delay.longest)
-    few, many = math.ceil(60 / coarse), math.ceil(250 / coarse)
-    y = np.concatenate(
-        [np.geomspace(1e-3, 1.0, few), np.arange(1.0, 30.0, coarse * fine)[1:], np.geomspace(30.0, 1e5, many)]
-    )
     if isinstance(interface.ageing, Langevin):  # its table has no more than this
         y = np.concatenate([np.geomspace(1e-3, 1.0, 60), np.geomspace(1.0, 1e3, 300)[1:]])
-    kappa = response.stiffness(velocity, 1j * y * velocity)
+        kappa = response.stiffness(velocity, 1j * y * velocity)
+    else:
+        fine = 0.1 / max(1.0, velocity * interface.delay.longest)
+        few, many = math.ceil(60 / coarse), math.ceil(250 / coarse)
+        y = np.concatenate(
+            [np.geomspace(1e-3, 1.0, few), np.arange(1.0, 30.0, coarse * fine)[1:], np.geomspace(30.0, 1e5, many)]
+        )
+        if isinstance(interface.temperature, Parabolic | Barrier):
+            # Milliseconds each: as few as follow its turns, the memory of contacts turning by .5 rad between two.
+            middle, far = y[(y >= 30.0) & (y < 100.0)], y[y >= 100.0]
+            known = np.unique(np.concatenate([y[:few:3], y[few:-many:2], middle, far[::3], y[-1:]]))
+            exact = response.stiffness(velocity, 1j * known * velocity)
+            kappa = interpolate.CubicSpline(np.log1p(known), exact)(np.log1p(y))
+        else:
+            kappa = response.stiffness(velocity, 1j * y * velocity)
     if math.isfinite(stiffness):
         kappa = kappa * stiffness / (kappa + stiffness)
     factor = np.asarray(kappa).imag / y

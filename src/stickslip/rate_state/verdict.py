@@ -185,7 +185,7 @@ def rate_and_state(
     Raises
     ------
     InputError
-        If there is no smooth sliding, or its response is not known.
+        If there is no smooth sliding, its response is not known, or friction does not change with the velocity.
     UndecidedError
         If `law` is "best" and `step` None while thresholds age or contacts wait: two laws describe a small step alike.
 
@@ -201,6 +201,11 @@ def rate_and_state(
         step = number("step", step, above=1, hint="ratio of the velocities")
     if law not in ("best", *LAWS):
         raise InputError(f"law = {shown(law)}: must be 'best', 'ageing' or 'slip'")
+    if respond(interface).inert:
+        raise InputError(
+            "rate_and_state: the friction force does not change with the velocity: without temperature, ageing and "
+            "delay there is nothing to fit; give one of them"
+        )
     mean = interface.threshold_distribution.moment(1)
     fit, misfit = _small(interface, speed, mean)
     failing, drift = _failing(interface, speed, mean, fit, misfit), np.full(3, math.nan)

@@ -241,7 +241,10 @@ def _check(rig: Rig) -> None:
     bodies = (Slider, Chain, Sheet)
     instance("simulate: Rig.slider", slider, bodies, "a Slider or a Chain; other impedances are for `stability`")
     if slider.mass == 0:
-        raise InputError("Slider.mass = 0: a simulation needs a mass above 0; the massless limit is for stability only")
+        raise InputError(
+            "Slider.mass = 0: a simulation needs a mass above 0; the massless limit is for stability and, at a "
+            "temperature, for velocity_step and slide_hold_slide"
+        )
     if snapshots and snapshots[-1] > drive.duration:
         raise InputError(f"Output.snapshots: {snapshots[-1]:g} lies beyond the end of the drive ({drive.duration:g})")
 

@@ -5,10 +5,12 @@ moment at which it meets its threshold. With ``q = s/v``, ``S`` the survival and
 
     U(x) = Int_0^x r_x(x') exp(-q (x - x')) dx',  Rc = Int_0^x r_x dx'
     L = <Int (U - exp(-q x) Rc) S dx> + <(1 - exp(-q x_c)) S(x_c)/(1 - f'/v)>,   Y the same with x before it
-    kappa = [M_0 - S^ + q E L W/(1 - E (1 - q S^)) - Y]/(M_0 + v <tau>)
+    B = q E L/(1 - E (1 - q S^))
+    kappa = [M_0 - S^ + B W - Y - f_d (B S^ - L)]/(M_0 + v <tau>)
 
-per contact, in units of ``k``, with ``S^, W`` the transforms of the survival and of ``x`` times it, and ``E(s) =
-<exp(-s tau)>``. Without temperature and growth it is the response of `stickslip.stability.unaged`.
+per contact, in units of ``k``, with ``S^, W`` the transforms of the survival and of ``x`` times it, ``E(s) =
+<exp(-s tau)>``, and ``f_d`` the force of detached contacts. Without temperature and growth it is the response of
+`stickslip.stability.unaged`.
 """
 
 from __future__ import annotations
@@ -66,8 +68,10 @@ class ActivatedResponse(FromAxis):
         rest, delay = held(lives)[0], self.interface.delay
         missing = np.asarray(delay.absence(s))
         back = 1.0 - missing
-        again = q * back * breaks * work / (missing + back * q * (rest - lost))
-        return np.asarray((lost + again - yields) / (rest + v * delay.moment(1)))
+        births = q * back * breaks / (missing + back * q * (rest - lost))
+        attached = births * (rest - lost) - breaks
+        found = lost + births * work - yields - self.interface.sliding_force * attached
+        return np.asarray(found / (rest + v * delay.moment(1)))
 
     def exact(self, velocity: ArrayLike, s: ArrayLike) -> ComplexArray:
         """``kappa(s)``; `velocity` and `s` broadcast."""

@@ -32,10 +32,10 @@ def respond(interface: Interface) -> Response:
     """
     instance("interface", interface, Interface, "an Interface")
     if has_lives(interface):
-        interface.allow(("temperature",), "the linear response")
+        interface.allow(("temperature", "sliding_force"), "the linear response")
         return activated_response(hashable(interface))
     if interface.ageing is not None:
-        interface.allow((), "the linear response")
+        interface.allow((), "the linear response of thresholds that age by Langevin")
         return aged_response(interface)
     interface.allow(("sliding_force", "newborn"), "the linear response")
     thresholds, sliding_force = as_unstretched(interface)

@@ -16,7 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError, shown
-from stickslip.model import ElasticBody, FromRest, FromSliding, Interface, Prestressed, QuasiStatic, Slider, Start
+from stickslip.model import (
+    Barrier,
+    ElasticBody,
+    FromRest,
+    FromSliding,
+    Interface,
+    Prestressed,
+    QuasiStatic,
+    Slider,
+    Start,
+)
 from stickslip.model.newborn import mean_life
 
 if TYPE_CHECKING:
@@ -270,11 +280,15 @@ def engine_of(interface: Interface, method: object, slider: object = None) -> ty
     """
     name, ageing, temperature = type(method).__name__, interface.ageing, interface.temperature
     elastic = isinstance(slider, ElasticBody)
-    engine = ENGINES.get((type(method), type(ageing), type(temperature), elastic))
+    # Contacts of different areas are those of a barrier relative to the threshold of each, be it never tried.
+    activation = type(temperature) if interface.areas is None else Barrier
+    engine = ENGINES.get((type(method), type(ageing), activation, elastic))
     if engine is not None:
         interface.allow(engine.mechanisms, name)
         engine.check(interface, method)
         return engine
+    if interface.areas is not None and any(kind is type(method) for kind, _, _, _ in ENGINES):
+        interface.allow((), f"a {type(slider).__name__}" if elastic else name)
     if elastic and any(kind is type(method) for kind, _, _, _ in ENGINES):
         body, known = type(slider).__name__, sorted({kind.__name__ for kind, _, _, bound in ENGINES if bound})
         if name not in known:
@@ -285,7 +299,7 @@ def engine_of(interface: Interface, method: object, slider: object = None) -> ty
         raise InputError("QuasiStatic: is for an elastic slider, a Chain; use Contacts or MasterEquation")
     if temperature is not None:
         also = "" if ageing is None else f" and ageing = {ageing}"
-        raise InputError(f"Interface.temperature = {temperature}{also}: not available with {name}")
+        raise InputError(f"Interface.temperature = {temperature}{also}: not available with {name}; use Contacts")
     if ageing is not None:
         raise InputError(f"Interface.ageing = {ageing}: not available with {name}; use Contacts")
     kinds = " or ".join(sorted(kind.__name__ for taken, kind, _, _ in ENGINES if taken is type(method)))

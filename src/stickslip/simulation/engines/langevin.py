@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
-from stickslip.model import Contacts, Interface, Langevin, MasterEquation, PaperClosure
+from stickslip.lives import hazard_of
+from stickslip.model import Barrier, Bell, Contacts, Interface, Langevin, MasterEquation, PaperClosure, Parabolic
 from stickslip.simulation.engines.base import Beginning, Individuals, Stretchings, slider_constants, solves
 from stickslip.simulation.engines.beginnings import (
     attached_now,
@@ -37,14 +38,21 @@ def _settling_time(beginning: Beginning, rate: float) -> float:
 
 
 @solves(Contacts, Langevin)
+@solves(Contacts, Langevin, temperature=(Bell, Parabolic, Barrier))
 class LangevinContacts(Steps):
-    """N contacts in small steps, with exact moments of breaking: `stickslip.kernels.langevin_contacts`."""
+    """N contacts in small steps, with exact moments of breaking: `stickslip.kernels.langevin_contacts`.
+
+    With temperature they take steps of their own: `stickslip.kernels.langevin_thermal`.
+    """
+
+    mechanisms = frozenset({"temperature"})
 
     def __init__(self, beginning: Beginning, method: Contacts) -> None:
         from stickslip.kernels.langevin_contacts import Contacts as Sampled
 
         initial, self._rng, delays = generators(method.seed)
         self._constants = ageing_constants(beginning.interface)
+        self._hazard = None if beginning.interface.temperature is None else hazard_of(beginning.interface.temperature)
         self.longest, self.reach = _STEP / self._constants.rate**2, _STEP * self._constants.mean
         self._delays = pool_of_delays(beginning.interface.delay, delays)
         x, threshold, pending = first_contacts(beginning, method.count, initial)
@@ -73,9 +81,12 @@ class LangevinContacts(Steps):
 
     def take(self, course: Course) -> Array:
         """Follow a course, and return the samples."""
-        from stickslip.kernels.langevin_contacts import advance_contacts
+        from stickslip.kernels import langevin_contacts, langevin_thermal
 
-        return advance_contacts(self.state, self._contacts, course, self._constants, self._delays, self._rng)
+        of, state, contacts = self._constants, self.state, self._contacts
+        if self._hazard is None:
+            return langevin_contacts.advance_contacts(state, contacts, course, of, self._delays, self._rng)
+        return langevin_thermal.advance_contacts(state, contacts, course, of, self._hazard, self._delays, self._rng)
 
 
 @solves(MasterEquation, Langevin)

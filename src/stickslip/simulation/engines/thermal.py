@@ -1,7 +1,7 @@
 """N contacts that break by thermal activation, event by event.
 
 Without ageing and by `Bell` they share a clock: `stickslip.kernels.thermal_clock`. All others are thinned, each by
-itself: `stickslip.kernels.thermal_boxes`.
+itself: `stickslip.kernels.thermal_boxes`; so are contacts of different areas, with or without temperature.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from stickslip.model import (
     Parabolic,
 )
 from stickslip.model.distributions import Distribution
+from stickslip.model.newborn import thresholds_beyond
 from stickslip.simulation.engines.base import (
     COLUMNS,
     Advance,
@@ -53,6 +54,8 @@ _EVENTS = 200_000
 """Events in an advance."""
 _POOL = 65_536
 """Lives to choose from, at least, for a start in steady sliding."""
+_LIVES = 16
+"""The same for each contact that keeps its threshold: its lives are much alike."""
 
 
 def growth_of(interface: Interface) -> Growth:
@@ -72,21 +75,48 @@ def check_newborns(interface: Interface) -> None:
 
 
 def _first_sliding(
-    beginning: Beginning, count: int, rng: np.random.Generator, lives: Callable[[Array], Array]
+    beginning: Beginning,
+    count: int,
+    rng: np.random.Generator,
+    newborns: Callable[[np.random.Generator, int], Array],
+    lives: Callable[[Array], Array],
 ) -> tuple[Array, Array, Array]:
     """Draw stretchings and thresholds in steady sliding (detached contacts last), and when the latter re-attach.
 
     ``P_c(x_c)`` times the survival up to ``x``: contacts that break late are met more often, at any stretching before.
-    `lives` draws the stretchings at which contacts of given thresholds break.
+    `newborns` draws thresholds, `lives` the stretchings at which contacts of given ones break.
     """
     velocity, delay = beginning.velocity, beginning.interface.delay
-    threshold = beginning.interface.threshold_distribution.sample(rng, max(_POOL, 4 * count))
+    threshold = newborns(rng, max(_POOL, 4 * count))
     reached = lives(threshold)
     attached = round(count * float(reached.mean() / (reached.mean() + velocity * delay.moment(1))))
     which = rng.choice(threshold.size, attached, p=reached / reached.sum())
     none = np.zeros(count - attached)
     x = np.append(reached[which] * rng.random(attached), none)
     return x, np.append(threshold[which], none), pending_times(delay, none.size, rng)
+
+
+def _first_of_sites(
+    beginning: Beginning, threshold: Array, rng: np.random.Generator, lives: Callable[[Array], Array]
+) -> tuple[Array, Array, Array]:
+    """Draw stretchings in steady sliding of contacts that keep their thresholds; as `_first_sliding`.
+
+    Each is met somewhere in one of its own lives and the time after it, the long ones more often. Detached contacts
+    have minus their thresholds.
+    """
+    velocity, delay, few = beginning.velocity, beginning.interface.delay, threshold.size
+    reached = lives(np.repeat(threshold, _LIVES)).reshape(few, _LIVES)
+    length = reached + velocity * delay.sample(rng, reached.size).reshape(reached.shape)
+    met = np.argmax(rng.random((few, 1)) * length.sum(axis=1, keepdims=True) < np.cumsum(length, axis=1), axis=1)
+    reached, length = (np.take_along_axis(one, met[:, None], axis=1)[:, 0] for one in (reached, length))
+    gone = length * rng.random(few)
+    held = gone < reached
+    x, pending = gone[held], (length - gone)[~held] / velocity
+    return (
+        np.append(x, np.zeros(pending.size)),
+        np.append(threshold[held], -threshold[~held]),
+        pending,
+    )
 
 
 class Thermal(Engine, Protocol):
@@ -122,8 +152,14 @@ class Thermal(Engine, Protocol):
         """Draw stretchings, thresholds and times of re-attachment of all contacts."""
         rng = self._rngs[0]
         if beginning.sliding:
-            return _first_sliding(beginning, count, rng, lambda xi: self._lives(xi, beginning.velocity))
+            return _first_sliding(
+                beginning, count, rng, self._newborns, lambda strength: self._lives(strength, beginning.velocity)
+            )
         return first_contacts(beginning, count, rng)
+
+    def _newborns(self, rng: np.random.Generator, size: int) -> Array:
+        """Draw thresholds."""
+        return self._distribution.sample(rng, size)
 
     def _lives(self, threshold: Array, velocity: float) -> Array:
         """Draw the stretchings at which newborn contacts break in steady sliding."""
@@ -149,7 +185,7 @@ class Thermal(Engine, Protocol):
         fixed = self._delay.time if isinstance(self._delay, Delay) else math.nan
         draws = kernel.Draws(np.empty(0), np.empty(0), np.empty(0), fixed) if first else self._draws
         if counts[kernel.DRAWN] >= draws.thresholds.size:
-            draws = draws._replace(thresholds=self._distribution.sample(threshold_rng, _BLOCK))
+            draws = draws._replace(thresholds=self._newborns(threshold_rng, _BLOCK))
             counts[kernel.DRAWN] = 0
         if counts[kernel.VARIED] + kernel.NEED > draws.variates.size:
             draws = draws._replace(variates=self._variates(_BLOCK))
@@ -281,7 +317,9 @@ class Clocked(Thermal):
 @solves(Contacts, temperature=(Parabolic, Barrier))
 @solves(Contacts, ExponentialGrowth, LogarithmicGrowth, temperature=(Bell, Parabolic, Barrier))
 class Thinned(Thermal):
-    """Contacts that break by any hazard, their thresholds growing with age or not."""
+    """Contacts that break by any hazard, their thresholds growing with age or not, and of different areas."""
+
+    mechanisms = Thermal.mechanisms | {"areas"}
 
     @property
     def _kernel(self) -> Any:
@@ -296,20 +334,56 @@ class Thinned(Thermal):
         self._begin(beginning, method)
         kernel = self._kernel
         interface = beginning.interface
-        self._model = kernel.Model(hazard_of(interface.temperature), growth_of(interface))
+        self._areas = interface.areas
+        self._model = kernel.Model(
+            hazard_of(interface.temperature),
+            growth_of(interface),
+            as_stiff=interface.areas is not None,
+            own=interface.areas == "site",
+        )
         x, threshold, pending = self._contacts(beginning, method.count)
+        if self._model.as_stiff:  # twice as stiff as now only by a rare choice of the strongest
+            self._model = self._model._replace(stiffest=2.0 * float(np.abs(threshold).mean()))
         if beginning.sliding:
             since = -x / beginning.velocity
         else:  # growth towards a strength has come to its end; growth without end begins
             since = np.full(method.count, -math.inf if isinstance(interface.ageing, ExponentialGrowth) else 0.0)
-        self._state = kernel.make_state(-x, threshold, since, pending, beginning.slider_velocity)
+        self._state = kernel.make_state(-x, threshold, since, pending, beginning.slider_velocity, self._model.as_stiff)
         self._state.counts[shared.SLIDE] = int(beginning.sliding and self._sliding_force > 0)
         self._refill(first=True)
 
     @staticmethod
     def check(interface: Interface, method: Contacts) -> None:  # noqa: ARG004
-        """Raise `InputError` for newborns without strength."""
+        """Raise `InputError` for newborns without strength, and for areas with a sliding force that knows none."""
         check_newborns(interface)
+        if interface.areas is not None and interface.sliding_force > 0:
+            raise InputError(
+                f"Interface.sliding_force = {interface.sliding_force:g}: not available with areas = "
+                f"{interface.areas!r}, as it is the same for all contacts; leave one of them out",
+                "Interface.sliding_force",
+            )
+
+    def _newborns(self, rng: np.random.Generator, size: int) -> Array:
+        """Draw thresholds; of contacts of different areas their stretchings at break, which are their stiffnesses."""
+        drawn = self._distribution.sample(rng, size)
+        return drawn if self._areas is None else np.sqrt(drawn)
+
+    def _contacts(self, beginning: Beginning, count: int) -> tuple[Array, Array, Array]:
+        """Draw stretchings, thresholds and times of re-attachment of all contacts."""
+        if self._areas is None or (beginning.sliding and self._areas == "fresh"):
+            return super()._contacts(beginning, count)
+        rng = self._rngs[0]
+        if beginning.sliding:
+            return _first_of_sites(
+                beginning,
+                self._newborns(rng, count),
+                rng,
+                lambda strength: self._lives(strength, beginning.velocity),
+            )
+        x, largest = beginning.interface.initial.sample(rng, count), math.sqrt(self._distribution.support[1])
+        while (again := np.flatnonzero(np.abs(x) >= largest)).size:
+            x[again] = beginning.interface.initial.sample(rng, again.size)
+        return x, np.sqrt(thresholds_beyond(self._distribution, rng, x * x)), np.empty(0)
 
     def _lives(self, threshold: Array, velocity: float) -> Array:
         """Draw the stretchings at which newborn contacts break in steady sliding."""
