@@ -149,6 +149,10 @@ class Trace:
         """A time with its unit."""
         return f"{time:.2g}" + {"": "", "time": " time units"}.get(self.time_unit, f" {self.time_unit}")
 
+    def force_in_words(self, force: float) -> str:
+        """A force with its unit."""
+        return f"{force:.3g}" + ("" if self.force_unit in ("", "1") else f" {self.force_unit}")
+
     def part(self, begin: float, end: float = math.inf) -> Trace:
         """What comes from a time on, up to another."""
         inside = slice(*np.searchsorted(self.t, [begin, end], side="left").tolist())

@@ -456,8 +456,8 @@ def _about_the_drive(trace: Trace) -> str:
         return "the drive stands still"
     if high - low > 2.0 * CONSTANT_DRIVE * max(abs(low), abs(high)):
         return (
-            f"the velocity of the drive goes through {low:.3g} to {high:.3g}; the regime is judged at constant "
-            "velocity: use transitions(), or select a stretch with data.sel(time=slice(from, to))"
+            "the velocity of the drive changes along it; the regime is judged at constant velocity: use transitions(), "
+            "or select a stretch with data.sel(time=slice(from, to))"
         )
     return ""
 
@@ -473,9 +473,10 @@ def _without_drops(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]
         return "smooth sliding", f"the force fluctuates by {part}"
     drift = float(np.polyfit(trace.t - trace.t[0], trace.force, 1)[0] * span)
     if abs(drift) > DRIFTS * oscillation and abs(drift) > 2.0 * found.smallest:
+        way = "rises" if drift > 0 else "falls"
         return "undecided", (
-            f"the force still {'rises' if drift > 0 else 'falls'}, by {abs(drift):.3g} in the window, and shows no "
-            f"complete slip; about {trace.time_in_words(4.0 * span)} more would tell"
+            f"the force still {way}, by {trace.force_in_words(abs(drift))} in the window, and shows no complete slip; "
+            f"about {trace.time_in_words(4.0 * span)} more would tell"
         )
     excess = contact_noise(trace)
     if found.dismissed:

@@ -23,7 +23,6 @@ from stickslip.model import (
     Delay,
     ElasticBody,
     ExponentialGrowth,
-    FromRest,
     FromSliding,
     Langevin,
     MasterEquation,
@@ -66,8 +65,8 @@ _AGEING_COHORT = 6e-8
 """The same for a cohort of the kinetic equation in one time of ageing or ``x_s``, for each of their number."""
 _RADIAN = 6e-7
 """The same for a radian of the slider's oscillation."""
-_LOADING = 0.4
-"""Of the mean threshold: force up to which the spring of a slider at rest is loaded with next to no break."""
+_FINEST_TURN = 1e-13
+"""Of a run's time; shorter turns of the slider are lost in the rounding of time."""
 _SAMPLE = 4e-7, 200.0
 """Seconds and bytes a sample takes."""
 _SAMPLES_PER_RADIAN, _FEWEST_SAMPLES, _MOST_SAMPLES = 10.0, 2e3, 5e4
@@ -214,8 +213,7 @@ def estimate(rig: Rig) -> Work:
         if isinstance(rig.start, FromSliding):
             largest = float(np.max(np.abs(rig.start.perturbation))) * abs(rig.drive.pieces[0].start)
             kicked = largest / frequency * min(turns, rings)
-        # While it sticks and no longer rings, its turns cost nothing.
-        swings = ringing if ageing is None and rig.interface.temperature is None else turns
+        swings = _swings(rig, slider, turns, rings, distance)
         words = f"{swings:.2g} rad of the slider's oscillation"
         parts.append(Part(key="slider.mass", value=slider.mass, quantity="mass", power=-0.5, what=words,
                           seconds=_RADIAN * swings))  # fmt: skip
@@ -225,8 +223,6 @@ def estimate(rig: Rig) -> Work:
     elif isinstance(rig.method, Contacts | QuasiStatic):
         count = rig.method.count
         lives = kicked / mean + sum(_lives(piece, mean, delay) for piece in rig.drive.pieces)
-        if isinstance(slider, Slider) and isinstance(rig.start, FromRest) and distance > 0:
-            lives *= max(1.0 - _LOADING * mean / slider.stiffness / distance, 0.0)  # nothing breaks before
         each = _BREAK if ageing is None else _AGEING_BREAK
         parts.append(Part(key="simulation.contacts", value=count, quantity=None, power=1.0,
                           what=f"about {count * lives:.2g} breaks of {count:.2g} contacts",
@@ -263,6 +259,15 @@ def estimate(rig: Rig) -> Work:
                       what=f"{samples:.2g} samples", seconds=_SAMPLE[0] * samples,
                       bytes=_SAMPLE[1] * samples))  # fmt: skip
     return Work(rig=rig, parts=tuple(parts))
+
+
+def _swings(rig: Rig, slider: Slider, turns: float, rings: float, distance: float) -> float:
+    """Radians of the slider's oscillation that cost time: once a slider that sticks rings no more, its turns do not."""
+    plain = rig.interface.ageing is None and rig.interface.temperature is None
+    if not (isinstance(rig.method, Contacts) and plain) or turns * _FINEST_TURN > 1.0:
+        return turns
+    slips = 1.0 + distance * min(slider.stiffness, 1.0)
+    return min(turns, 10.0 * rings * slips)
 
 
 def _lives(piece: Piece, mean: float, delay: float) -> float:

@@ -112,10 +112,9 @@ class AgedResponse(FromAxis):
     def _reduced(self, velocity: float) -> float:
         u = velocity / (self._square * self.distribution.mean)
         if not _SLOWEST <= u <= _FASTEST:
-            unit = self._square * self.distribution.mean
             raise InputError(
-                f"velocity = {velocity:g}: the stability of ageing contacts is computed between {_SLOWEST * unit:g} "
-                f"and {_FASTEST * unit:g} ({_SLOWEST:g} to {_FASTEST:g} times rate^2 f_0)"
+                f"velocity: is {u:.3g} times that of ageing, rate^2 times the mean threshold; the stability of ageing "
+                f"contacts is computed from {_SLOWEST:g} to {_FASTEST:g} times it"
             )
         return u
 
