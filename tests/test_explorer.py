@@ -1861,8 +1861,9 @@ def test_a_long_computation_holds_up_nobody(lesson):
     with ExitStack() as stack:
         visitors = [stack.enter_context(connect(lesson)) for _ in range(4)]
         sessions = [Session(visitor) for visitor in visitors]
-        for session in sessions[1:]:  # each asks for what takes many seconds
-            session.websocket.send(json.dumps({"kind": "advice", "id": 1, "document": preset("Fig. 8: ageing contacts")}))
+        long = {"kind": "advice", "id": 1, "document": preset("Fig. 8: ageing contacts")}
+        for session in sessions[1:]:
+            session.websocket.send(json.dumps(long))
         time.sleep(1)
         assert sessions[0].ask("run", small()).get("done")
         assert sessions[0].ask("chart", small(), over=["stiffness", "velocity"]).get("done")
