@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from stickslip.advise.linear import stable_ranges
 from stickslip.answers import Answer, plain
-from stickslip.elastic.modes import CriticalLength, critical_length, sliders_of
 from stickslip.errors import InputError, UndecidedError
 from stickslip.model import Chain, ElasticBody
 from stickslip.model.drive import constant
@@ -23,6 +22,8 @@ from stickslip.stability.modes import rightmost_root
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from stickslip.elastic.modes import CriticalLength
 
 _MODES = 5
 """Modes that are told of, of different stiffness, the softest first."""
@@ -173,6 +174,8 @@ def predict_waves(rig: Rig, report: Progress = lambda _share: None) -> ElasticPr
     InputError
         If the speed is not above 0, or nothing holds the slider.
     """
+    from stickslip.elastic.modes import critical_length, sliders_of  # some .13 s that no rigid rig needs
+
     setting = rig.natural
     body, interface, velocity = setting.slider, setting.interface, setting.velocity
     assert isinstance(body, ElasticBody)

@@ -117,7 +117,7 @@ def fit(content: bytes, name: str, options: Options, seconds: float, watch: Watc
     troughs = float(events.troughs.mean())
     readings = {
         "static": events.mean_peak * force,
-        # A slider on a spring swings about kinetic friction, and falls as far below it as damping leaves.
+        # A slider on a spring oscillates about kinetic friction, and falls as far below it as damping leaves.
         "kinetic": (troughs + overshoot * events.mean_peak) / (1.0 + overshoot) * force,
         "rate": events.loading_rate * force / seconds_of,
     }

@@ -224,8 +224,8 @@ def _proposals(
     weights = weights / weights.sum()
     centres = _logit(parts)
     mean = weights @ centres
-    spread = 1.5 * np.einsum("i,ij,ik->jk", weights, centres - mean, centres - mean) + 1e-4 * np.eye(len(KEYS))
-    root = np.linalg.cholesky(spread)
+    covariance = 1.5 * np.einsum("i,ij,ik->jk", weights, centres - mean, centres - mean) + 1e-4 * np.eye(len(KEYS))
+    root = np.linalg.cholesky(covariance)
     contacts = float(np.mean(prior.values(parts)[:, 0]))
     each = _PER_CONTACT * contacts * observation.slips_needed * (1.0 + contacts / 50.0)
     count = int(np.clip(_ROUND_COST / each, _FEWEST_IN_A_ROUND, _ROUND))

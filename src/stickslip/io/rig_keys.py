@@ -17,7 +17,7 @@ from stickslip.io.keys import Key
 from stickslip.io.validation import Sign
 from stickslip.model.ageing import AGEING_MODELS, Langevin
 from stickslip.model.delays import RandomDelay
-from stickslip.model.distributions import DISTRIBUTIONS, Distribution
+from stickslip.model.distributions import DISTRIBUTIONS
 from stickslip.model.methods import METHODS
 from stickslip.model.records import declared
 
@@ -535,11 +535,6 @@ def _meaning(record: type, name: str, kind: Any) -> tuple[str, Any]:
     kinds = [one for one in get_args(kind) if one is not NoneType] if get_origin(kind) is not Literal else [str]
     plain = kind if isinstance(kind, type) else (kinds or [float])[0]
     return meaning, {int: 1, str: "text"}.get(plain, 1.0)
-
-
-def is_distribution(kind: Any) -> bool:
-    """Whether a field of a record holds a distribution, a table in a table."""
-    return kind is Distribution
 
 
 def fields_of_method(kind: type) -> dict[str, str]:

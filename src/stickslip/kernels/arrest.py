@@ -72,8 +72,8 @@ def _arc(velocity: float, force: float, stiffness: float, ratio: float, gap: flo
     stop = math.atan2(velocity, bend) / omega
     if stop <= 0.0:
         return 0.0, 0.0, True
-    swing = -rest * math.cos(omega * stop) + across * math.sin(omega * stop)
-    furthest = rest + math.exp(-ratio * stop) * swing
+    oscillation = -rest * math.cos(omega * stop) + across * math.sin(omega * stop)
+    furthest = rest + math.exp(-ratio * stop) * oscillation
     if furthest < gap:
         return max(furthest, 0.0), 0.0, True
     low, high = 0.0, stop

@@ -58,7 +58,7 @@ from .between_events import (
 )
 from .drive import Quadratic
 from .event_queue import ENTRY, MOVED, Queue, clear, drop, first_place, first_slot, make_queue, peek, pop, push, used
-from .flight import Flight, at, calm, first_crossing, first_turn, heading, soon
+from .flight import Flight, at, first_crossing, first_turn, heading, out_of_reach, soon
 from .oscillator import Slider
 
 Floats = NDArray[np.float64]
@@ -366,7 +366,7 @@ def _next_event(state: State, leg: Leg, edges: _Edges, ahead: float, most: float
             h, y, u, side, applies = soon(leg.motion, -to_behind, most)
         side = -side
         if not applies:
-            h, side = (0.0 if edges.watch else calm(leg.motion, to_ahead, to_behind, most)), 0
+            h, side = (0.0 if edges.watch else out_of_reach(leg.motion, to_ahead, to_behind, most)), 0
             if h == 0.0:
                 h, side = first_crossing(leg.motion, to_ahead, to_behind, most, state.cuts)
             turn = first_turn(leg.motion, h, state.cuts) if edges.watch else np.inf

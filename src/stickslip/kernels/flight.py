@@ -286,7 +286,7 @@ def first_crossing(f: Flight, to_ahead: float, to_behind: float, most: float, cu
 
 
 @bare
-def calm(f: Flight, to_ahead: float, to_behind: float, most: float) -> float:
+def out_of_reach(f: Flight, to_ahead: float, to_behind: float, most: float) -> float:
     """Time up to `most` in which the slider cannot reach either side, however it oscillates; 0 if that is short.
 
     A light slider that sticks oscillates a thousand times while the spring is loaded: none of its turns matters.
@@ -296,8 +296,8 @@ def calm(f: Flight, to_ahead: float, to_behind: float, most: float) -> float:
     if not d > 0.0 or f.q2 != 0.0:
         return 0.0
     w = math.sqrt(d)
-    swing = math.hypot(f.y0, (f.v0 + g * f.y0) / w)
-    ahead, behind = to_ahead - f.q0 - swing, to_behind + f.q0 - swing
+    amplitude = math.hypot(f.y0, (f.v0 + g * f.y0) / w)
+    ahead, behind = to_ahead - f.q0 - amplitude, to_behind + f.q0 - amplitude
     if not (ahead > 0.0 and behind > 0.0):
         return 0.0
     h = most if f.q1 == 0.0 else min(most, (ahead if f.q1 > 0.0 else behind) / abs(f.q1))

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ._jit import inlined, jit
 from .oscillator import Load
-from .stepping import COLUMNS, LOSS, Course, Stroke, begin, fill, goes_on, keep, plan, settle
+from .stepping import COLUMNS, LOSS, Course, Stroke, attached_now, begin, fill, goes_on, keep, plan, settle
 
 Floats = NDArray[np.float64]
 
@@ -144,11 +144,7 @@ def advance_growing(
     n, x, attach = contacts.stretching.size, contacts.stretching, contacts.attach
     unready, strongest = growth.kind == EXPONENTIAL and growth.second <= 0.0, np.max(pool)
     here = begin(course, state)
-    total, count = 0.0, 0
-    for i in range(n):
-        if attach[i] <= here.time:
-            total += x[i]
-            count += 1
+    total, count = attached_now(x, attach, here.time)
     samples = np.empty((course.times.size, COLUMNS))
     load = Load(total / n, count / n, state[LOSS], 0.0)
     filled = fill(course, samples, 0, here, load, here.time, count / n)

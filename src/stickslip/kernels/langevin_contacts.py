@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ._jit import inlined, jit
 from .langevin import Langevin
 from .oscillator import Load
-from .stepping import COLUMNS, LOSS, Course, Stroke, begin, fill, goes_on, keep, plan, settle
+from .stepping import COLUMNS, LOSS, Course, Stroke, attached_now, begin, fill, goes_on, keep, plan, settle
 
 Floats = NDArray[np.float64]
 
@@ -319,13 +319,10 @@ def advance_contacts(
     if langevin.newborn <= 0.0 and np.max(delays) > 0.0:
         raise ValueError("a delay after breaking needs a newborn threshold above 0")
     here = begin(course, state)
-    total, count = 0.0, 0
+    total, count = attached_now(x, contacts.attach, here.time)
     sleep = _Sleep(np.full(n, here.time), np.full(n, -np.inf), np.zeros((n, 2)))
     for i in range(n):
-        if contacts.attach[i] <= here.time:
-            total += x[i]
-            count += 1
-        else:
+        if contacts.attach[i] > here.time:
             sleep.until[i], sleep.room[i, 0], sleep.room[i, 1] = contacts.attach[i], -np.inf, np.inf
         x[i] -= here.X
     samples = np.empty((course.times.size, COLUMNS))

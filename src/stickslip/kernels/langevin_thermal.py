@@ -17,7 +17,7 @@ from .hazard import Hazard, log_rate, rate
 from .langevin import Langevin
 from .langevin_contacts import Contacts, crossing
 from .oscillator import Load
-from .stepping import COLUMNS, LOSS, Course, begin, fill, goes_on, keep, plan, settle
+from .stepping import COLUMNS, LOSS, Course, attached_now, begin, fill, goes_on, keep, plan, settle
 
 Floats = NDArray[np.float64]
 
@@ -116,11 +116,7 @@ def advance_contacts(
     x, threshold, attach = contacts.stretching, contacts.threshold, contacts.attach
     n = x.size
     here = begin(course, state)
-    total, count = 0.0, 0
-    for i in range(n):
-        if attach[i] <= here.time:
-            total += x[i]
-            count += 1
+    total, count = attached_now(x, attach, here.time)
     samples = np.empty((course.times.size, COLUMNS))
     load = Load(total / n, count / n, state[LOSS], 0.0)
     filled = fill(course, samples, 0, here, load, here.time, count / n)

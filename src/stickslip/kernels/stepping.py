@@ -71,6 +71,17 @@ def begin(course: Course, state: Floats) -> Motion:
 
 
 @jit
+def attached_now(stretching: Floats, attach: Floats, time: float) -> tuple[float, int]:
+    """Sum of the stretchings of the contacts that are attached by a time, and their number."""
+    total, count = 0.0, 0
+    for i in range(stretching.size):
+        if attach[i] <= time:
+            total += stretching[i]
+            count += 1
+    return total, count
+
+
+@jit
 def keep(state: Floats, here: Motion, loss: float) -> None:
     """Store where the slider is."""
     state[TIME], state[POSITION], state[VELOCITY], state[LOSS] = here.time, here.X, here.V, loss

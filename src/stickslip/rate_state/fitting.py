@@ -91,8 +91,8 @@ def least_squares(
     freedom = max(data.size - value.size, 1)
     _, singular, turned = np.linalg.svd(np.asarray(best.jac), full_matrices=False)
     kept = singular > 1e-12 * singular[0]
-    spread = np.sqrt(np.sum((turned[kept] / singular[kept, None]) ** 2, axis=0) * 2.0 * best.cost / freedom)
-    error = np.where(logarithmic, value * spread, spread)
+    deviation = np.sqrt(np.sum((turned[kept] / singular[kept, None]) ** 2, axis=0) * 2.0 * best.cost / freedom)
+    error = np.where(logarithmic, value * deviation, deviation)
     return Fit(value, error, scale * math.sqrt(2.0 * best.cost / data.size), model(value))
 
 

@@ -213,10 +213,10 @@ def estimate(rig: Rig) -> Work:
         if isinstance(rig.start, FromSliding):
             largest = float(np.max(np.abs(rig.start.perturbation))) * abs(rig.drive.pieces[0].start)
             kicked = largest / frequency * min(turns, rings)
-        swings = _swings(rig, slider, turns, rings, distance)
-        words = f"{swings:.2g} rad of the slider's oscillation"
+        radians = _radians(rig, slider, turns, rings, distance)
+        words = f"{radians:.2g} rad of the slider's oscillation"
         parts.append(Part(key="slider.mass", value=slider.mass, quantity="mass", power=-0.5, what=words,
-                          seconds=_RADIAN * swings))  # fmt: skip
+                          seconds=_RADIAN * radians))  # fmt: skip
     path = distance + kicked + 0.01 * ringing
     if rig.interface.temperature is not None:
         parts.append(_thermal(rig, path, path / mean, ringing))
@@ -261,7 +261,7 @@ def estimate(rig: Rig) -> Work:
     return Work(rig=rig, parts=tuple(parts))
 
 
-def _swings(rig: Rig, slider: Slider, turns: float, rings: float, distance: float) -> float:
+def _radians(rig: Rig, slider: Slider, turns: float, rings: float, distance: float) -> float:
     """Radians of the slider's oscillation that cost time: once a slider that sticks rings no more, its turns do not."""
     plain = rig.interface.ageing is None and rig.interface.temperature is None
     if not (isinstance(rig.method, Contacts) and plain) or turns * _FINEST_TURN > 1.0:

@@ -15,7 +15,6 @@ from stickslip.simulation import simulate
 KINDS: tuple[str, ...] = get_args(Kind)
 """What a regime can be; its place here is its code in the results."""
 FROM_REST, FROM_SLIDING = "from rest", "sliding"
-STARTS = (FROM_REST, FROM_SLIDING)
 """How a run can start: at rest with relaxed contacts, or in steady smooth sliding."""
 PERTURBATION = 0.02
 """Fraction of the velocity by which the start of the master equation in smooth sliding is perturbed; contacts perturb
