@@ -1,4 +1,4 @@
-"""A distribution, a delay and a parameter of a user's own: one class and one registration each, for all there is."""
+"""A distribution, a delay, an ageing, an engine, a parameter of a user's own: a class and a registration each."""
 
 import functools
 import math
@@ -17,6 +17,7 @@ from stickslip.model import ageing, delays, distributions, methods, parameters
 from stickslip.model.distribution import Distribution
 from stickslip.model.parameters import Parameter
 from stickslip.model.records import Number
+from stickslip.simulation.engines import events
 from stickslip.simulation.engines.base import (
     ENGINES,
     MOTION,
@@ -26,6 +27,7 @@ from stickslip.simulation.engines.base import (
     slider_constants,
     solves,
 )
+from stickslip.stability.modes import respond
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,6 +67,35 @@ class Glued:
     """Method: contacts that never break, so that the slider hangs on two springs."""
 
     stretched: Annotated[float, Number("x_s", at_least=0)] = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hardened(ageing.AgeingModel):
+    """Thresholds that rise by a factor as soon as a contact is born: known in all respects, as those of no ageing."""
+
+    factor: Annotated[float, Number(at_least=1)]
+
+    def hard(self, thresholds, delay):
+        mean, std = self.factor * thresholds.mean, self.factor * thresholds.std
+        return ss.Interface(thresholds=ss.Gaussian(mean=mean, std=std), delay=delay)
+
+    def friction(self, thresholds, delay, velocity):
+        return ss.kinetic_friction(self.hard(thresholds, delay), velocity)
+
+    def response(self, thresholds, delay):
+        return respond(self.hard(thresholds, delay))
+
+
+class HardenedContacts(events.Events):
+    def __init__(self, beginning, method):
+        interface = beginning.interface
+        hard = interface.ageing.hard(interface.thresholds, interface.delay)
+        super().__init__(replace(beginning, interface=hard), method)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unknown(ageing.AgeingModel):
+    """One that says nothing of itself."""
 
 
 class GluedContacts(Engine):
@@ -118,8 +149,12 @@ def _registered() -> Iterator[None]:
     parameters.register(ZETA)
     methods.register("glued of a test")(Glued)
     solves(Glued)(GluedContacts)
+    ageing.register("hardened of a test")(Hardened)
+    solves(ss.Contacts, Hardened)(HardenedContacts)
     yield
     del (
+        ageing.AGEING_MODELS["hardened of a test"],
+        ENGINES[ss.Contacts, Hardened, type(None), False],
         methods.METHODS["glued of a test"],
         ENGINES[Glued, type(None), type(None), False],
         distributions.DISTRIBUTIONS["triangle of a test"],
@@ -289,6 +324,40 @@ def test_an_engine_of_ones_own():
     falling = replace(rig, interface=replace(rig.interface, sliding_force=0.1))
     with pytest.raises(InputError, match=r"sliding_force.*Glued"):
         ss.simulate(falling)
+
+
+def test_an_ageing_of_ones_own():
+    thresholds, method = ss.Gaussian(mean=1.0, std=0.1), ss.Contacts(500, seed=2)
+    aged = replace(rig_with(ss.Delay(0.1), thresholds), method=method)
+    aged = replace(aged, interface=replace(aged.interface, ageing=Hardened(factor=2.0)))
+    hard = replace(aged, interface=replace(aged.interface, thresholds=ss.Gaussian(mean=2.0, std=0.2), ageing=None))
+    run, same = ss.simulate(aged), ss.simulate(hard)
+    np.testing.assert_array_equal(run["friction_force"], same["friction_force"])
+    assert ss.rerun(run).identical(run)
+    speeds = np.array([0.5, 2.0])
+    for law in (ss.kinetic_friction, ss.friction_slope):
+        assert law(aged.interface, speeds) == pytest.approx(law(hard.interface, speeds), rel=1e-6)
+    edges = [ss.critical(each, "velocity", between=(0.5, 5.0)) for each in (aged, hard)]
+    assert len(edges[0]) == len(edges[1]) > 0
+    assert [edge.value for edge in edges[0]] == [edge.value for edge in edges[1]]
+    text = rig_files.to_toml(aged)
+    assert 'model = "hardened of a test"' in text
+    assert rig_files.from_text(text) == aged
+    found, known = (ss.sweep(each, {"stiffness": [1.0, 3.0]}) for each in (aged, hard))
+    np.testing.assert_array_equal(found["mean_force"], known["mean_force"])
+
+
+def test_an_ageing_that_says_nothing_is_refused_by_name():
+    rig = rig_with(ss.Delay(0.1))
+    rig = replace(rig, interface=replace(rig.interface, ageing=Unknown()))
+    for ask, told in (
+        (lambda: ss.kinetic_friction(rig.interface, 1.0), "friction"),
+        (lambda: ss.critical(rig, "velocity", between=(0.5, 5.0)), "response"),
+    ):
+        with pytest.raises(InputError, match=rf"Interface\.ageing = Unknown.* not known; simulate.*{told}\(thresholds"):
+            ask()
+    with pytest.raises(InputError, match=r"Unknown.*: not available with MasterEquation; no solver takes it"):
+        ss.simulate(rig)
 
 
 def _friction(velocity, interface):

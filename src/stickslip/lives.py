@@ -15,8 +15,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.model import Barrier, Bell, Interface, Langevin, Parabolic
-from stickslip.model.ageing import ExponentialGrowth, LogarithmicGrowth
+from stickslip.model import (
+    Barrier,
+    Bell,
+    ExponentialGrowth,
+    FixedGrowth,
+    Interface,
+    Langevin,
+    LogarithmicGrowth,
+    Parabolic,
+    is_own,
+)
 from stickslip.model.distribution import Distribution
 from stickslip.model.quadrature import hashable
 
@@ -31,9 +40,10 @@ Array = NDArray[np.float64]
 def has_lives(interface: Interface) -> bool:
     """Whether steady sliding is a matter of lives: temperature, or thresholds that grow by a fixed rule.
 
-    Thresholds that age by `Langevin` go ways of their own, and their lives are not laid out here.
+    Thresholds that age by `Langevin`, or by a rule of the user's own, go ways of their own: their lives are not laid
+    out here.
     """
-    if isinstance(interface.ageing, Langevin):
+    if isinstance(interface.ageing, Langevin) or is_own(interface.ageing):
         return False
     return interface.temperature is not None or interface.ageing is not None
 
@@ -117,7 +127,7 @@ def lives_of(interface: Interface, velocity: float, highest: float = 0.0) -> Liv
         Largest wave number ``|s|/v`` of a shake that is to be resolved.
     """
     ageing = interface.ageing
-    assert not isinstance(ageing, Langevin)
+    assert isinstance(ageing, FixedGrowth | None)
     # Panels are halved from octave to octave: few different ones, and they are kept.
     longest = 2.0 ** math.floor(math.log2(4.0 / max(highest, 4.0)))
     return _lives(
@@ -133,7 +143,7 @@ def lives_of(interface: Interface, velocity: float, highest: float = 0.0) -> Liv
 def _lives(
     distribution: Distribution,
     temperature: Bell | Parabolic | Barrier | None,
-    ageing: ExponentialGrowth | LogarithmicGrowth | None,
+    ageing: FixedGrowth | None,
     velocity: float,
     longest: float,
 ) -> Lives:
@@ -178,7 +188,7 @@ def hazard_of(temperature: Bell | Parabolic | Barrier | None) -> Hazard:
     return NONE
 
 
-def growth_of(ageing: ExponentialGrowth | LogarithmicGrowth | None) -> Growth:
+def growth_of(ageing: FixedGrowth | None) -> Growth:
     """Return a fixed rule of growth as the kernels take it."""
     from stickslip.kernels.growth import EXPONENTIAL, LOGARITHMIC, Growth
     from stickslip.kernels.lives import FIXED
@@ -388,7 +398,7 @@ def reached_on(interface: Interface, velocity: float, x: Array) -> Array:
         Above 0, in any order.
     """
     ageing = interface.ageing
-    growth = growth_of(None if isinstance(ageing, Langevin) else ageing)
+    growth = growth_of(ageing if isinstance(ageing, FixedGrowth) else None)
     hazard = hazard_of(interface.temperature)
     order = np.sort(x)
     first = np.geomspace(1e-9, 1.0, 60, endpoint=False) * order[0]

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError, instance, number, numbers
 from stickslip.lives import growth_of, has_lives, hazard_of, mean_lives
-from stickslip.model import ExponentialGrowth, Interface, Langevin, LogarithmicGrowth, Slider
+from stickslip.model import FixedGrowth, Interface, Langevin, Slider, is_own
 from stickslip.model.distributions import Gaussian
 from stickslip.model.newborn import mean_life
 
@@ -78,6 +78,12 @@ def kinetic_friction(interface: Interface, velocity: float | Array = 0.0) -> flo
         interface.allow(("sliding_force", "newborn"), "kinetic_friction")
         attached, life = attached_fraction(interface, velocity), mean_life(interface)
         return life.work / life.path * attached + interface.sliding_force * (1.0 - attached)
+    if is_own(ageing := interface.ageing):
+        interface.allow((), "kinetic_friction of thresholds that age by a rule of your own")
+        thresholds, delay = interface.threshold_distribution, interface.delay
+        speed = numbers("velocity", velocity, above=0, hint="in x_s per time")
+        own = np.array([ageing.friction(thresholds, delay, v) for v in speed.ravel().tolist()])
+        return float(own[0]) if speed.ndim == 0 else np.asarray(own.reshape(speed.shape))
     from stickslip.kernels import langevin_steady
 
     assert isinstance(interface.ageing, Langevin)
@@ -204,7 +210,7 @@ def growth_model(interface: Interface) -> Growth:
     InputError
         If thresholds do not grow by such a distribution.
     """
-    if isinstance(interface.ageing, ExponentialGrowth | LogarithmicGrowth):
+    if isinstance(interface.ageing, FixedGrowth):
         return growth_of(interface.ageing)
     raise InputError(f"Interface.ageing = {interface.ageing}: is no fixed rule of growth; use ExponentialGrowth")
 

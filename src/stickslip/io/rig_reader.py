@@ -25,7 +25,7 @@ from stickslip.model import (
     Start,
 )
 from stickslip.model.activation import ACTIVATIONS, Activation, Bell
-from stickslip.model.ageing import AGEING_MODELS, Strengthening
+from stickslip.model.ageing import AGEING_MODELS, AgeingModel
 from stickslip.model.delays import DELAYS, DelayModel, OnArrest
 from stickslip.model.distributions import DISTRIBUTIONS, Distribution, Empirical
 from stickslip.model.drive import USUAL_DISTANCE, Drive, constant, ramp
@@ -432,7 +432,7 @@ class Reader:
         made: DelayModel = self.make(place, lambda: kind(**values))
         return made
 
-    def ageing(self, content: Any, place: str) -> Callable[[Callable[[float, str], float]], Strengthening]:
+    def ageing(self, content: Any, place: str) -> Callable[[Callable[[float, str], float]], AgeingModel]:
         """A model of ageing, to be made when the unit of time is known."""
         kind = self._kind(content, place, "model", AGEING_MODELS, rig_keys.INTERFACE["ageing"].example)
         before = len(self.mistakes)
@@ -441,13 +441,13 @@ class Reader:
         if len(self.mistakes) > before:
             raise MistakesError
 
-        def made(natural: Callable[[float, str], float]) -> Strengthening:
+        def made(natural: Callable[[float, str], float]) -> AgeingModel:
             fields = {
                 name: natural(value, keys[name].unit) if keys[name].unit else value for name, value in values.items()
             }
             if rig_keys.by_time(kind):
                 fields["rate"] = rig_keys.rate_of(kind, fields.pop("time"))
-            model: Strengthening = self.make(place, lambda: kind(**fields), {"rate": "time"})
+            model: AgeingModel = self.make(place, lambda: kind(**fields), {"rate": "time"})
             return model
 
         return made

@@ -5,7 +5,7 @@ force ``f_s = 1``, hence stretchings in units of ``x_s = f_s/k``; everything per
 """
 
 from stickslip.model.activation import Activation, Barrier, Bell, Parabolic
-from stickslip.model.ageing import ExponentialGrowth, Langevin, LogarithmicGrowth, Strengthening
+from stickslip.model.ageing import AgeingModel, ExponentialGrowth, FixedGrowth, Langevin, LogarithmicGrowth, is_own
 from stickslip.model.body import Chain, ElasticBody, Sheet
 from stickslip.model.delays import Delay, DelayModel, NegativeDelay, OnArrest, RandomDelay
 from stickslip.model.distributions import (
@@ -44,6 +44,7 @@ __all__ = [
     "OF_BODIES",
     "PARAMETERS",
     "Activation",
+    "AgeingModel",
     "Barrier",
     "Bell",
     "Chain",
@@ -56,6 +57,7 @@ __all__ = [
     "Empirical",
     "Exponential",
     "ExponentialGrowth",
+    "FixedGrowth",
     "ForceAbove",
     "ForceBelow",
     "FromRest",
@@ -86,11 +88,11 @@ __all__ = [
     "Slider",
     "Start",
     "SteadyState",
-    "Strengthening",
     "Travel",
     "Uniform",
     "Weibull",
     "constant",
+    "is_own",
     "parameter_named",
     "ramp",
 ]

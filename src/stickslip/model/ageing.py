@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, Any, TypeGuard
 
+from stickslip.errors import InputError
+from stickslip.model.delays import DelayModel
+from stickslip.model.distribution import Distribution
 from stickslip.model.records import Number, check
 from stickslip.model.registry import registrar
 
@@ -15,9 +18,42 @@ register = registrar(AGEING_MODELS, "ageing model")
 """Class decorator: ``@register("langevin")`` gives an ageing model the name that rig files use."""
 
 
+class AgeingModel:
+    """How thresholds grow with the age of a contact: `Langevin`, a rule of growth, or a model of the user's own.
+
+    A model of one's own derives from this class, is registered under the name that rig files use, and has an engine
+    (`stickslip.simulation.engines.base.solves`). Of smooth sliding it answers what it knows; the rest is refused.
+    """
+
+    def friction(self, thresholds: Distribution, delay: DelayModel, velocity: float) -> float:
+        """Return the force in steady sliding, per contact.
+
+        Parameters
+        ----------
+        thresholds : Distribution
+            Of the interface, positive.
+        delay : DelayModel
+        velocity : float
+            In ``x_s`` per time.
+        """
+        del thresholds, delay, velocity
+        raise InputError(
+            f"Interface.ageing = {self}: the force in steady sliding is not known; simulate, or give "
+            f"{type(self).__name__} a method friction(thresholds, delay, velocity)"
+        )
+
+    def response(self, thresholds: Distribution, delay: DelayModel) -> Any:
+        """Return the linear response of steady sliding, a `stickslip.stability.response.Response`."""
+        del thresholds, delay
+        raise InputError(
+            f"Interface.ageing = {self}: the stability of smooth sliding is not known; simulate, or give "
+            f"{type(self).__name__} a method response(thresholds, delay)"
+        )
+
+
 @register("langevin")
 @dataclass(frozen=True, kw_only=True)
-class Langevin:
+class Langevin(AgeingModel):
     """Thresholds that age towards the interface's Gaussian as an Ornstein-Uhlenbeck process, Eqs. (13)-(16).
 
     ``df = beta^2 (f_0 - f) dt + beta delta f_0 sqrt(2) dW``, with ``f_0`` and ``delta`` the mean and the relative
@@ -49,7 +85,7 @@ class Langevin:
 
 @register("exponential")
 @dataclass(frozen=True, kw_only=True)
-class ExponentialGrowth:
+class ExponentialGrowth(AgeingModel):
     """Thresholds that grow as ``f(t) = f_end - (f_end - newborn) exp(-rate t)``.
 
     ``f_end`` is drawn from the interface's distribution of thresholds at birth; `rate` is in 1/time, `newborn` in
@@ -65,7 +101,7 @@ class ExponentialGrowth:
 
 @register("logarithmic")
 @dataclass(frozen=True, kw_only=True)
-class LogarithmicGrowth:
+class LogarithmicGrowth(AgeingModel):
     """Thresholds that grow as ``f(t) = f_0 + slope ln(1 + t/time)``, the ageing of creeping asperities.
 
     ``f_0`` is drawn from the interface's distribution of thresholds at birth; `slope` is in ``f_s``, `time` in time.
@@ -78,4 +114,10 @@ class LogarithmicGrowth:
         check(self)
 
 
-Strengthening = Langevin | ExponentialGrowth | LogarithmicGrowth
+FixedGrowth = ExponentialGrowth | LogarithmicGrowth
+"""Thresholds that are known from the birth of a contact on."""
+
+
+def is_own(ageing: AgeingModel | None) -> TypeGuard[AgeingModel]:
+    """Whether a model of ageing is the user's own."""
+    return ageing is not None and not isinstance(ageing, Langevin | FixedGrowth)

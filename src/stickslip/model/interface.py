@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 
 from stickslip.errors import InputError, instance, shown
 from stickslip.model.activation import Activation, Barrier
-from stickslip.model.ageing import Strengthening
+from stickslip.model.ageing import AgeingModel
 from stickslip.model.delays import Delay, DelayModel, OnArrest
 from stickslip.model.distributions import Distribution, Gaussian
 from stickslip.model.records import Number, check
@@ -33,7 +33,7 @@ class Interface:
         beyond ``|x_0|``. `SteadyState` starts from the distribution of smooth sliding.
     delay : DelayModel
         How long a broken contact stays detached.
-    ageing : Strengthening, optional
+    ageing : AgeingModel, optional
         How thresholds grow with the age of a contact; by default they do not.
     temperature : Bell, Parabolic or Barrier, optional
         How contacts break before their threshold; by default they do not.
@@ -61,7 +61,7 @@ class Interface:
     thresholds: Distribution
     initial: Distribution = Gaussian(mean=0.0, std=0.01)
     delay: DelayModel = Delay(0.0)
-    ageing: Strengthening | None = None
+    ageing: AgeingModel | None = None
     temperature: Activation | None = None
     sliding_force: Annotated[float, Number("f_s", at_least=0, hint="force of a detached contact while it slides")] = 0.0
     newborn: Distribution | None = None
@@ -80,7 +80,7 @@ class Interface:
         instance(
             "Interface.ageing",
             self.ageing,
-            Strengthening | None,
+            AgeingModel | None,
             "an ageing model, such as Langevin(rate=1.5), or None",
         )
         instance(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import interpolate, special
 
 from stickslip.lives import blurred_survival, growth_of, lives_of, reached_on
-from stickslip.model import Barrier, Bell, ExponentialGrowth, Interface, Langevin, Parabolic
+from stickslip.model import Barrier, Bell, Interface, Langevin, LogarithmicGrowth, Parabolic, is_own
 from stickslip.simulation.steps_and_holds import velocity_step
 from stickslip.stability.modes import respond
 from stickslip.theory import kinetic_friction
@@ -124,7 +124,7 @@ def finite_step(
     temperature, ageing = interface.temperature, interface.ageing
     if (
         not isinstance(temperature, Bell)
-        or isinstance(ageing, ExponentialGrowth | Langevin)
+        or not isinstance(ageing, LogarithmicGrowth | None)
         or interface.delay.moment(1) > 0
         or max(before, after) > 0.05 * temperature.attempts * temperature.width  # else some reach their thresholds
     ):
@@ -172,7 +172,7 @@ def contact_stiffness(interface: Interface, velocity: float) -> float:
     away = velocity * interface.delay.moment(1)
     if away == 0:
         return 1.0
-    if isinstance(interface.ageing, Langevin):
+    if isinstance(interface.ageing, Langevin) or is_own(interface.ageing):
         # The same lives with and without the time they are away.
         from dataclasses import replace
 

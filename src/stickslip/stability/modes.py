@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from stickslip.errors import InputError, instance, number, shown
 from stickslip.lives import has_lives
-from stickslip.model import Interface
+from stickslip.model import Interface, is_own
 from stickslip.model.newborn import as_unstretched
 from stickslip.model.quadrature import hashable
 from stickslip.model.rig import Rig
@@ -34,7 +34,11 @@ def respond(interface: Interface) -> Response:
     if has_lives(interface):
         interface.allow(("temperature", "sliding_force"), "the linear response")
         return activated_response(hashable(interface))
-    if interface.ageing is not None:
+    if is_own(ageing := interface.ageing):
+        interface.allow((), "the linear response of thresholds that age by a rule of your own")
+        own: Response = ageing.response(hashable(interface.threshold_distribution), hashable(interface.delay))
+        return own
+    if ageing is not None:
         interface.allow((), "the linear response of thresholds that age by Langevin")
         return aged_response(interface)
     interface.allow(("sliding_force", "newborn"), "the linear response")

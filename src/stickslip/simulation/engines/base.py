@@ -297,11 +297,13 @@ def engine_of(interface: Interface, method: object, slider: object = None) -> ty
         raise InputError(f"Interface.{field} = {ageing or temperature}: not available with a {body}; leave it out")
     if isinstance(method, QuasiStatic):
         raise InputError("QuasiStatic: is for an elastic slider, a Chain; use Contacts or MasterEquation")
+    taken = {kind.__name__ for kind, *asked in ENGINES if asked == [type(ageing), activation, elastic]}
+    remedy = f"use {' or '.join(sorted(taken))}" if taken else "no solver takes it; leave it out"
     if temperature is not None:
         also = "" if ageing is None else f" and ageing = {ageing}"
-        raise InputError(f"Interface.temperature = {temperature}{also}: not available with {name}; use Contacts")
+        raise InputError(f"Interface.temperature = {temperature}{also}: not available with {name}; {remedy}")
     if ageing is not None:
-        raise InputError(f"Interface.ageing = {ageing}: not available with {name}; use Contacts")
+        raise InputError(f"Interface.ageing = {ageing}: not available with {name}; {remedy}")
     kinds = " or ".join(sorted(kind.__name__ for taken, kind, _, _ in ENGINES if taken is type(method)))
     if kinds:
         raise InputError(f"{name}: is for thresholds that age by {kinds}; use MasterEquation")
