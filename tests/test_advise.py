@@ -311,6 +311,8 @@ def test_what_was_not_simulated_is_not_called_smooth():
     survey.look(Budget(0.0), lambda _share: None)
     # Only the rig's own run is known, which stick-slips beside stable smooth sliding.
     assert {band.kind for band in survey.bands()} == {"stable", "unstable", "stick-slip"}
+    (seen,) = [band for band in survey.bands() if band.kind == "stick-slip"]
+    assert seen.low < setting.velocity < seen.high < 1.11 * seen.low
     survey.look(Budget(0.4), lambda _share: None)
     some = survey.bands()
     survey.look(Budget(5.0), lambda _share: None)

@@ -3,6 +3,10 @@
 Each mutant is a copy of the package with one change, tried against the quick tests of its room. A mutant that lives
 names its place; either a test is missing, or the change makes no difference (an equivalent mutant).
 
+Once `--learn` has noted which tests run through which lines, a mutant meets those of all rooms, and no others. What is
+compiled has no lines to note, nor has what runs before any test: there it stays with the room.
+
+    python tools/mutants.py --learn       note them, in .mutants.json
     python tools/mutants.py 20 7          twenty mutants drawn with seed 7
     python tools/mutants.py --at src/stickslip/io/datasets.py:166
 """
@@ -11,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import json
 import os
 import random
 import shutil
@@ -23,8 +28,12 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from coverage import CoverageData
+
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "src" / "stickslip"
+LEARNT = ROOT / ".mutants.json"
+"""Tests by the lines that they run through: of each module of the package, by line."""
 LIMIT = 600
 """Seconds for the tests of one mutant; a mutant that hangs is caught."""
 
@@ -188,9 +197,41 @@ def stands(room: tuple[str, ...]) -> bool:
     return not _fails(PACKAGE / "__init__.py", (PACKAGE / "__init__.py").read_text(encoding="utf-8"), room)
 
 
+def learn() -> None:
+    """Run the quick tests of all rooms, and note which of those that pass run through which lines."""
+    rooms = sorted({f"tests/{test}.py" for tests in TESTS.values() for test in tests.split()})
+    with tempfile.TemporaryDirectory(prefix="mutant-") as folder:
+        traced, report = Path(folder) / "coverage", Path(folder) / "report"
+        asked = ["-n", str(os.cpu_count()), "--dist", "loadfile", "--cov", "--cov-context=test", "--cov-report="]
+        environment = {"COVERAGE_FILE": str(traced)}
+        _run(Path(folder), [*asked, "-p", "no:randomly", "-rfE", *rooms], environment, report)
+        failed = {line.split()[1] for line in report.read_text().splitlines() if line.startswith(("FAILED", "ERROR"))}
+        data = CoverageData(basename=str(traced))
+        data.read()
+        found: dict[str, dict[int, list[str]]] = {}
+        for name in data.measured_files():
+            lines = data.contexts_by_lineno(name)
+            tests = {
+                line: sorted({each.partition("|")[0] for each in met} - failed - {""}) for line, met in lines.items()
+            }
+            found[name.rpartition("/stickslip/")[2]] = {line: some for line, some in tests.items() if some}
+    LEARNT.write_text(json.dumps(found), encoding="utf-8")
+    print(f"{LEARNT.name}: {len(found)} modules; {len(failed)} tests fail without any mutant and are left out")
+
+
+@cache
+def learnt() -> dict[str, dict[str, list[str]]]:
+    """Return what was learnt, if it was."""
+    return json.loads(LEARNT.read_text(encoding="utf-8")) if LEARNT.exists() else {}
+
+
 def is_caught(mutant: Mutant) -> bool:
-    """Whether the tests of its room fail on a mutant."""
+    """Whether a test fails on a mutant."""
     room = tuple(tests_of(mutant.file))
+    lines = learnt().get(mutant.file.relative_to(PACKAGE).as_posix(), {})
+    if tests := lines.get(str(mutant.line)):
+        near = sorted(tests, key=lambda test: not test.startswith(room))
+        return _fails(mutant.file, turned(mutant), tuple(near))
     if not stands(room):
         sys.exit(f"{' '.join(room)}: fail without any mutant")
     return _fails(mutant.file, turned(mutant), room)
@@ -198,19 +239,30 @@ def is_caught(mutant: Mutant) -> bool:
 
 def _fails(file: Path, source: str, tests: tuple[str, ...]) -> bool:
     with tempfile.TemporaryDirectory(prefix="mutant-") as folder:
-        copy = Path(folder) / "src" / "stickslip"
-        shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("static"))
-        (copy / file.relative_to(PACKAGE)).write_text(source, encoding="utf-8")
-        environment = {**os.environ, "PYTHONPATH": str(copy.parent), "PYTHONDONTWRITEBYTECODE": "1"}
-        command = [sys.executable, "-m", "pytest", "-q", "-x", "-m", "not slow", "-p", "no:cacheprovider"]
-        command += tests
+        asked, report = Path(folder) / "tests", Path(folder) / "report"
+        asked.write_text("\n".join(tests), encoding="utf-8")
         try:
-            done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, timeout=LIMIT)
+            code = _run(Path(folder), ["-x", f"@{asked}"], {}, report, (file, source))
         except subprocess.TimeoutExpired:
             return True
-    if done.returncode not in (0, 1, 2):
-        sys.exit(f"the tests could not be run:\n{done.stdout.decode()}{done.stderr.decode()}")
-    return done.returncode != 0
+        if code not in (0, 1, 2):
+            sys.exit(f"the tests could not be run:\n{report.read_text()}")
+    return code != 0
+
+
+def _run(
+    folder: Path, asked: list[str], more: dict[str, str], report: Path, changed: tuple[Path, str] | None = None
+) -> int:
+    """Run quick tests on a copy of the package, with another source for one file; what they print goes into a file."""
+    copy = folder / "src" / "stickslip"
+    shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("static"))
+    if changed is not None:
+        (copy / changed[0].relative_to(PACKAGE)).write_text(changed[1], encoding="utf-8")
+    environment = {**os.environ, "PYTHONPATH": str(copy.parent), "PYTHONDONTWRITEBYTECODE": "1", **more}
+    command = [sys.executable, "-m", "pytest", "-q", "-m", "not slow", "-p", "no:cacheprovider", *asked]
+    limit = LIMIT if changed is not None else None
+    with report.open("w") as told:
+        return subprocess.run(command, cwd=ROOT, env=environment, stdout=told, stderr=told, timeout=limit).returncode
 
 
 def main() -> int:
@@ -220,7 +272,11 @@ def main() -> int:
     parser.add_argument("seed", nargs="?", type=int, default=1)
     parser.add_argument("--at", metavar="FILE:LINE", action="append", help="every mutant of this line instead")
     parser.add_argument("--room", action="append", help="only modules whose path in the package begins like this")
+    parser.add_argument("--learn", action="store_true", help="note which tests run through which lines")
     asked = parser.parse_args()
+    if asked.learn:
+        learn()
+        return 0
     rooms = tuple(asked.room or [""])
     files = [file for file in sorted(PACKAGE.rglob("*.py")) if tests_of(file)]
     files = [file for file in files if file.relative_to(PACKAGE).as_posix().startswith(rooms)]

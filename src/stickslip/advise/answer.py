@@ -368,11 +368,12 @@ class Prediction(Answer):
             after = (
                 f"{100 * each.amplitude:.0f} % of static friction peak to peak, now {100 * each.amplitude_before:.0f} %"
             )
+            there = f"{way} to {amount(self.rig, name, reached)}"
+            if each.kind == "smooth sliding":  # an oscillation too small to be seen
+                yield f"{_TITLES[name]}: {there} smooth sliding is not stable, but what is left is slight ({after})"
+                continue
             better = "better" if each.amplitude < 0.9 * each.amplitude_before else "no better"
-            yield (
-                f"{_TITLES[name]}: no smooth sliding found {way} to {amount(self.rig, name, reached)}; there it is "
-                f"{better} ({each.kind}, {after})"
-            )
+            yield (f"{_TITLES[name]}: no smooth sliding found {there}; there it is {better} ({each.kind}, {after})")
 
     def search_note(self) -> str:
         """What was not looked for, or nothing."""

@@ -106,22 +106,34 @@ def judge(
 
 def slides_smoothly(setting: Rig, method: Contacts, budget: Budget, start: Start, other: int) -> bool:
     """Whether a run slides smoothly; with `other` contacts, one that lasts until the slowest mode has decayed."""
-    contacts = replace(method, seed=method.seed + other)
-    distance = length_of(setting)
-    if other:
-        distance = min(max(2.0 * distance, setting.velocity * _decay_time(setting)), _LONGEST * distance)
+    distance = max(until_decayed(setting), 2.0 * length_of(setting)) if other else length_of(setting)
     try:
-        seen = judge(setting, contacts, budget, start=start, distance=distance)
+        seen = judge(setting, again(method, other), budget, start=start, distance=distance)
     except InputError:  # such a rig cannot be simulated
         return False
     return seen.kind == "smooth sliding"
 
 
+def again(method: Contacts, other: int) -> Contacts:
+    """Other contacts of the same kind."""
+    return replace(method, seed=method.seed + other)
+
+
+def until_decayed(setting: Rig) -> float:
+    """Travel of the drive in which the slowest mode decays, within reason."""
+    return min(setting.velocity * _decay_time(setting), _LONGEST * length_of(setting))
+
+
 def _decay_time(setting: Rig) -> float:
-    """Time in which an oscillation of the slowest mode falls to nothing; 0 where there is none that is slow."""
+    """Time in which an oscillation of the slowest mode falls to nothing; 0 where nothing is known of modes.
+
+    Infinite where distributions with heavy tails have no slowest mode: what decays with them may take long.
+    """
     try:
         rate = growth_rate(setting).real
-    except (InputError, UndecidedError):
+    except UndecidedError:
+        return math.inf
+    except InputError:
         return 0.0
     return _DECAYS / -rate if rate < 0 else 0.0
 

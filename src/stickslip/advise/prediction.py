@@ -39,6 +39,8 @@ _LONGEST = 40.0
 """A run that cannot be judged is made twice as long, again and again, while the next takes less than this."""
 _RANGE, _AGED_RANGE = 30.0, 10.0
 """Margins are looked for within this factor on either side of a parameter's value."""
+_SAME = 1e-9
+"""Values that differ by no more, relatively, are the same but for rounding."""
 _DELAYS = (0.01, 10.0)
 """Delays tried where a rig names no mechanism, in breaking displacements over the speed."""
 
@@ -134,6 +136,9 @@ def complete(found: Prediction, *, progress: Progress | None = None) -> Predicti
     if found.ill:
         changing = Budget((1.0 - _FOR_SPEEDS) * left)
         found = _with_mitigations(found, setting, changing, lambda share: report(0.4 + 0.5 * share))
+        for change in found.mitigations:
+            if change.parameters == (VELOCITY.name,) and change.stops is not None:
+                survey.know(change.stops[0] / speed, "smooth sliding")
         allowed = Budget(allowed.left + min(changing.left, _FOR_SPEEDS * left))
         survey.look(allowed, lambda share: report(0.9 + 0.1 * share))
     report(1.0)
@@ -277,7 +282,8 @@ def _margins(rig: Rig, bands: tuple[Band, ...]) -> Iterator[Margin]:
             stable = [(max(a, low), min(b, high)) for a, b in smooth if a < high and b > low]
         else:
             stable = stable_ranges(parameter, setting, low, high)
-        edges = {end for pair in stable for end in pair} - {low, high}
+        ends = {end for pair in stable for end in pair}  # limits of stability, but for the ends of the search itself
+        edges = {end for end in ends if low * (1.0 + _SAME) < end < high / (1.0 + _SAME)}
         size = rig.unit(parameter.unit)
         lower = max((edge for edge in edges if edge < value), default=None)
         upper = min((edge for edge in edges if edge > value), default=None)

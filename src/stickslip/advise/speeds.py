@@ -7,7 +7,18 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from stickslip.advise.judging import PRECISION, Budget, Spent, at_speed, contacts_of, cost_of, judge
+from stickslip.advise.judging import (
+    PRECISION,
+    Budget,
+    Spent,
+    again,
+    at_speed,
+    contacts_of,
+    cost_of,
+    judge,
+    length_of,
+    until_decayed,
+)
 from stickslip.advise.linear import stable_ranges
 from stickslip.errors import InputError
 from stickslip.measure import Regime
@@ -83,6 +94,10 @@ class Survey:
                 break
         report(1.0)
 
+    def know(self, speed: float, kind: str) -> None:
+        """Take the motion at a speed from who has simulated it before."""
+        self._known[speed] = kind
+
     def bands(self) -> tuple[Band, ...]:
         """The motion at each speed, as far as it was seen."""
         return tuple(_joined([part for band in self._linear for part in self._parts(band)]))
@@ -109,12 +124,18 @@ class Survey:
             return False
         try:
             seen = judge(there, self._method, budget).kind
+            if seen in _OSCILLATES and self._is_stable(speed) and (distance := until_decayed(there)) > length_of(there):
+                longer = judge(there, again(self._method, 1), budget, distance=distance)
+                seen = longer.kind if longer.kind in _OSCILLATES else "undecided"
         except Spent:
             return False
         except InputError:
             seen = "undecided"
         self._known[speed] = seen
         return True
+
+    def _is_stable(self, speed: float) -> bool:
+        return any(band.kind == "stable" for band in self._linear if band.low <= speed <= band.high)
 
     def _seen(self, band: Band) -> list[tuple[float, str]]:
         """Speeds tried in a range, rising, with the motion there; "stable" or "unstable" where that is not known.
@@ -140,7 +161,10 @@ class Survey:
         return max(found)[1:] if found else None
 
     def _parts(self, band: Band) -> list[Band]:
-        """A range cut where the motion changes; where the place of a change is not known, that part is open."""
+        """A range cut where the motion changes; where the place of a change is not known, that part is open.
+
+        What was seen at a speed is told of no others than those next to it.
+        """
         seen = self._seen(band)
         if not seen:
             return [band]
@@ -148,8 +172,11 @@ class Survey:
         for (left, one), (right, two) in pairwise(seen):
             if one == two:
                 continue
-            unclear = band.kind not in (one, two) and math.log(right / left) > 2.0 * PRECISION
-            first, last = (left, right) if unclear else (math.sqrt(left * right),) * 2
+            first = last = math.sqrt(left * right)
+            oscillates = one in _OSCILLATES and two in _OSCILLATES  # one passes into the other little by little
+            if math.log(right / left) > (4.0 if oscillates else 2.0) * PRECISION:
+                first = right / (1.0 + PRECISION) if one == band.kind else left * (1.0 + PRECISION)
+                last = first if two == band.kind else right / (1.0 + PRECISION)
             parts += [_part(band, one, begin, first), _part(band, band.kind, first, last)]
             begin = last
         return [*parts, _part(band, seen[-1][1], begin, band.high)]
