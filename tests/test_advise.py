@@ -44,7 +44,7 @@ def motion_from_rest(setting, seed):
     for longer in (1.0, 2.0, 4.0):
         drive = ss.constant(setting.velocity, longer * distance / setting.velocity)
         seen = ss.regime(
-            ss.simulate(ss.Rig(setting.interface, setting.slider, drive), method=ss.Contacts(10_000, seed=seed))
+            ss.simulate(ss.Rig(setting.interface, setting.slider, drive), method=replace(setting.method, seed=seed))
         )
         if seen.kind == "smooth sliding":
             break

@@ -619,32 +619,3 @@ def test_a_rigid_slider_takes_no_prestressed_start() -> None:
 def test_mistakes_in_the_table_of_a_bar_are_told(line: str, instead: str, message: str) -> None:
     with pytest.raises(ss.InputError, match=message):
         rig_files.from_text(BAR.replace(line, instead))
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Speed
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-def test_a_step_of_a_block_costs_no_loop_over_its_contacts() -> None:
-    from stickslip.simulation import estimate
-
-    def cost(count: int, duration: float) -> tuple[float, float, float]:
-        """CPU seconds, steps of blocks and breaks of a run."""
-        interface = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.2))
-        bar = ss.Chain(blocks=200, coupling=20.0, mass=1e-4, damping=42.426, leaf=2.0)
-        rig = ss.Rig(interface, bar, ss.constant(1.0, duration=duration), method=ss.Contacts(count, seed=1),
-                     output=ss.Output(interval=duration / 2))  # fmt: skip
-        begin = time.process_time()
-        found = ss.simulate(rig, long=True)
-        seconds = time.process_time() - begin
-        return seconds, estimate(rig).block_steps, float(found.broken[-1].sum() * count)
-
-    cost(100, 0.01)
-    seconds, steps, breaks = cost(100, 5.0)
-    assert breaks > 50_000
-    assert seconds < 20e-9 * steps + 300e-9 * breaks
-    # As long as nothing breaks, ten times the contacts cost no more; what is drawn at the start is told apart.
-    few, many = (cost(count, 0.6)[0] - cost(count, 0.1)[0] for count in (100, 1000))
-    assert many < 1.5 * few

@@ -202,6 +202,12 @@ def test_the_fields_that_are_the_cause_are_named_for_the_master_equation_too():
         next(answers.run({"document": document}, silent))
 
 
+def test_a_bar_is_refused_where_one_slider_is_shown():
+    for document in (bar for each in documents.bars() for bar in each.values() if "chain" in bar):
+        with pytest.raises(InputError, match="elastic slider is shown on the page Fronts"):
+            next(answers.run({"document": document}, silent))
+
+
 # ---------------------------------------------------------------------------------------------------------------------
 # Answers
 # ---------------------------------------------------------------------------------------------------------------------

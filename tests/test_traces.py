@@ -430,3 +430,12 @@ def test_a_header_of_another_separator_than_the_rows_is_one_line(tmp_path):
     place.write_text("t [s];F [N]\n0.000\t5")
     with pytest.raises(ss.InputError, match=r"odd\.csv: its rows are no table of 3 columns"):
         ss.read_trace(place)
+
+
+@pytest.mark.parametrize(("cell", "value"), [("1" + 400 * "0", None), ("True", None), ("1e3", 1000.0)])
+def test_a_cell_that_is_no_number_is_missing(tmp_path, cell, value):
+    place = tmp_path / "one.csv"
+    place.write_text("time [s],force [N]\n" + "".join(f"{i},{cell if i == 20 else i % 7}\n" for i in range(40)))
+    trace = ss.read_trace(place)
+    assert np.flatnonzero(trace["filled"].to_numpy()).tolist() == ([20] if value is None else [])
+    assert value is None or trace["spring_force"].to_numpy()[20] == value

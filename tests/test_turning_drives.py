@@ -214,8 +214,8 @@ def test_forces_stay_within_the_thresholds_and_balances_close(seed, method, slac
     assert np.all((attached >= 0.0) & (attached <= 1.0 + 1e-11))
     if delay.time == 0.0:
         assert attached == pytest.approx(1.0, abs=1e-11)
-    if delay.time == math.inf:  # between the ends of a step of the master equation, to its error
-        assert np.all(np.diff(attached) <= (COARSE.rtol if method is COARSE else 1e-12))
+    if delay.time == math.inf:  # between the ends of a step of the master equation each value has its error
+        assert np.all(np.diff(attached) <= (2.0 * COARSE.rtol if method is COARSE else 1e-12))
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])

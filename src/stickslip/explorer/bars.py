@@ -34,7 +34,7 @@ _DECADES = 3.0  # of velocity below the largest
 
 def fronts(request: Plain, watch: Watch) -> Iterator[Plain]:
     """Run a bar; return its force, its pictures in space and time, and its events with extent and speed."""
-    rig = documents.rig_of(request.get("chain"))
+    rig = documents.any_rig_of(request.get("chain"))
     body = _bar(rig)
     _check(rig, body, float(request.get("seconds", documents.LONGEST)))
     duration = rig.drive.duration

@@ -15,7 +15,7 @@ from typing import Any
 
 from stickslip.errors import InputError, number, shown
 from stickslip.io import rig_files as rigs
-from stickslip.model import Contacts, Drive, Slider, constant, parameter_named
+from stickslip.model import Contacts, Drive, ElasticBody, Slider, constant, parameter_named
 from stickslip.model.distributions import Empirical
 from stickslip.model.rig import Rig
 from stickslip.model.units import Quantity, Scales, quantity
@@ -121,13 +121,21 @@ def _check_text(text: str) -> None:
 
 
 def rig_of(document: object) -> Rig:
-    """Make the rig that a document describes.
+    """Make the rig that a document describes, with one slider.
 
     Raises
     ------
     InputError
-        As `stickslip.io.rig_files.from_document`, and if a run of it would keep the page waiting.
+        As `stickslip.io.rig_files.from_document`, and if the slider is elastic.
     """
+    rig = any_rig_of(document)
+    if isinstance(rig.slider, ElasticBody):
+        raise InputError("rig: an elastic slider is shown on the page Fronts; here, give [slider]")
+    return rig
+
+
+def any_rig_of(document: object) -> Rig:
+    """Make the rig that a document describes, be its slider rigid or elastic."""
     if not isinstance(document, Mapping):
         raise InputError("rig: must be a table with slider, interface and drive")
     return rigs.from_document(document)

@@ -310,7 +310,7 @@ def fit(
         Smallest drop that counts as a slip, and a time before which slips are left out.
     speeds : sequence of (speed, force), optional
         Mean friction at other speeds: they tell the delay.
-    holds : sequence of (time, force), optional
+    holds : sequence of pairs, optional
         Static friction after holds: they tell ageing.
     draws : int
         Size of the table.

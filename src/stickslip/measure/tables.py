@@ -592,7 +592,12 @@ class _Cells:
 
 
 def _finite(cell: object) -> float | None:
-    return float(cell) if isinstance(cell, (int, float)) and math.isfinite(cell) else None
+    """A number that is one: no yes or no, not infinite, no integer beyond all floats."""
+    try:
+        value = float(cell) if isinstance(cell, (int, float)) and not isinstance(cell, bool) else math.nan
+    except OverflowError:
+        return None
+    return value if math.isfinite(value) else None
 
 
 def short(text: str) -> str:
