@@ -90,6 +90,10 @@ from .survival import Table
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+# What ends a step: nothing but its length; or the slider turns, it passes the last place where it turned, or detached
+# contacts begin to slide.
+SMOOTH, TURNS, PASSES, SLIDES = 0, 1, 2, 3
+
 
 @bare
 def _curve(work: Work, row: int) -> None:
@@ -280,6 +284,150 @@ def _arrest(state: State, case: Case) -> None:
     scalar[MASS_OUT] = 0.0
 
 
+@bare
+def _first_event(state: State, work: Work, case: Case) -> tuple[float, int]:
+    """What first ends a smooth step within the one that was tried, and at which part of it."""
+    scalar, nodes, tol = state.scalar, work.nodes, case.accuracy.tolerance
+    s = 1.0 if (nodes[AT_V, 0] > 0.0 or (nodes[AT_V, 0] == 0.0 and nodes[AT_X, 1] > 0.0)) else -1.0
+    u = _crossing(work, AT_V, 0.0, -s)
+    if u < 1.0:
+        _curve(work, AT_X)
+        if abs(_along(work, AT_X, u)) < 1e-3 * tol:  # it has turned at the start
+            s = -s
+            u = _crossing(work, AT_V, 0.0, -s)
+    what = SMOOTH
+    if u < 1.0:
+        _curve(work, AT_X)
+        top = _along(work, AT_X, u)
+        back = 0.0
+        for k in range(1, P + 1):
+            if NODE[k] > u:
+                back = max(back, (top - nodes[AT_X, k]) * s)
+        if back > 0.02 * tol and u > 1e-9:
+            what = TURNS
+        else:
+            u = 2.0
+    e = state.used[EXTREMES]
+    if e >= 2:
+        level = state.extremes[e - 2] - scalar[POSITION]
+        if level * s > 0.0:
+            w = _crossing(work, AT_X, level, s)
+            if w < min(u, 1.0):
+                beyond = (nodes[AT_X, P] - level) * s
+                kink = kink_at(state.groups, state.used[GROUPS], case.table, state.extremes[e - 2])
+                if kink * beyond > EVENT * tol:
+                    u, what = w, PASSES
+    if case.sliding_force > 0.0:
+        level = s * case.sliding_force - scalar[ELEMENT]
+        if level * s > 1e-9:
+            w = _crossing(work, AT_X, level, s)
+            if w < min(u, 1.0):
+                u, what = w, SLIDES
+    return u, what
+
+
+@bare
+def _step(state: State, work: Work, case: Case, most: float, smallest: float) -> tuple[float, int]:
+    """Take a step as long as the error and the first event allow, at most `most`: its length, and what ends it."""
+    scalar = state.scalar
+    planned = scalar[NEXT_STEP]
+    if math.isinf(planned):
+        planned = _first_step(state, case)
+    event = SMOOTH
+    while True:
+        dt = min(planned, most)
+        if event == SMOOTH and dt < most < 1.6 * dt:
+            dt = 0.5 * most
+        trouble = try_step(state, work, case, dt)
+        if trouble > 1.0 and dt > smallest:
+            state.used[REJECTED] += 1
+            planned = dt * max(0.9 * trouble ** (-1.0 / P), 0.2)
+            event = SMOOTH
+            continue
+        if event != SMOOTH:
+            return dt, event
+        u, event = _first_event(state, work, case)
+        if event == SMOOTH:
+            if dt == planned or trouble > 0.3:
+                scalar[NEXT_STEP] = dt * min(0.9 * max(trouble, 1e-9) ** (-1.0 / P), 3.0)
+            return dt, event
+        dt = u * dt
+        if dt < smallest:
+            return dt, event
+        planned = most = dt
+
+
+@bare
+def _held(state: State, work: Work, case: Case, stop: Stop, times: Array, n: int, dt: float) -> float:
+    """Length of a step up to the first sample, from the `n`-th on, at which the condition holds; else all of it."""
+    scalar = state.scalar
+    while n < times.size and times[n] < scalar[TIME] + dt:
+        u = (times[n] - scalar[TIME]) / dt
+        _curve(work, AT_X)
+        _curve(work, AT_FORCE)
+        X = scalar[POSITION] + _along(work, AT_X, u)
+        force = _along(work, AT_FORCE, u)
+        if not is_rigid(case.slider):
+            force = case.slider.stiffness * (drive_at(case.drive, times[n])[0] - X)
+        if holds(stop, X, force):
+            return float(times[n] - scalar[TIME])
+        n += 1
+    return dt
+
+
+@bare
+def _turn(state: State, work: Work, case: Case, start: Array, dt: float, room: int, broke: bool) -> None:
+    """Note a place where the slider turns, at the end of a step in which contacts `broke`."""
+    scalar = state.scalar
+    if case.table.knots.size > 0:
+        state.used[GROUPS] = divide(state.groups, state.used[GROUPS], scalar[POSITION], case.table, room)
+    if case.delays.arrest:
+        _arrest(state, case)
+    if broke:
+        mark_rough(state, scalar[TIME])
+    if abs(scalar[VELOCITY]) * dt < 1e-4 * case.accuracy.tolerance:
+        scalar[VELOCITY] = 0.0
+    e = state.used[EXTREMES]
+    if e == state.extremes.size:
+        for i in range(e - 2):
+            state.extremes[i] = state.extremes[i + 2]
+        e -= 2
+    state.extremes[e] = start[POSITION] + work.nodes[AT_X, P]
+    state.used[EXTREMES] = e + 1
+
+
+@bare
+def _pass(state: State, work: Work, event: int) -> None:
+    """Forget the last two places where the slider turned, if a step has passed them: at its end, or without notice."""
+    scalar, e = state.scalar, state.used[EXTREMES]
+    if event == PASSES:
+        mark_rough(state, scalar[TIME])
+        state.used[EXTREMES] = e - 2
+    elif e >= 2:
+        s = 1.0 if work.nodes[AT_X, P] > 0.0 else -1.0
+        passed, turn = state.extremes[e - 2], state.extremes[e - 1]
+        if (scalar[POSITION] - passed) * s > 0.0 and (passed - turn) * s > 0.0:
+            state.used[EXTREMES] = e - 2
+
+
+@bare
+def _sample_all(
+    rows: Array, times: Array, filled: int, start: Array, state: State, work: Work, case: Case, dt: float, end: float
+) -> int:
+    """Sample a step up to its end, and return how many samples there are now."""
+    scalar = state.scalar
+    if filled < times.size and times[filled] < end:
+        for row in range(AT_OLD):
+            _curve(work, row)
+    while filled < times.size and times[filled] < end:
+        _sample(rows[filled], times[filled], start, state, work, case, dt)
+        if only_lose(case):
+            lost = min(max(rows[filled, LOST], start[LOST]), scalar[LOST])
+            rows[filled, LOST] = max(lost, rows[filled - 1, LOST]) if filled > 0 else lost
+        filled += 1
+    return filled
+
+
 @jit  # which gives the generator back; the others make no array
 def _run(
     state: State,
@@ -292,15 +440,14 @@ def _run(
     start: Array,
     max_steps: int,
 ) -> tuple[int, int, int]:
-    scalar, slider, nodes = state.scalar, case.slider, work.nodes
+    scalar, nodes = state.scalar, work.nodes
     smallest = 1e-12 * max(1.0, abs(until))
     filled = 0
-    tol = case.accuracy.tolerance
     counted = case.lot.contacts > 0.0
     spare = SPARE + case.newborn.stretching.size
     room = state.groups.shape[1] - case.newborn.stretching.size
     _spring(scalar, case)
-    if is_rigid(slider):
+    if is_rigid(case.slider):
         scalar[VELOCITY] = drive_at(case.drive, scalar[TIME])[1]
         if scalar[VELOCITY] == 0.0 and case.delays.arrest and state.used[GROUPS] + spare <= state.groups.shape[1]:
             _arrest(state, case)
@@ -312,106 +459,27 @@ def _run(
             filled += 1
             if holds(stop, rows[filled - 1, POSITION], rows[filled - 1, DRIVE_FORCE]):
                 return STOPPED, filled, max_steps
-        left = until - scalar[TIME]
-        if left <= smallest:
+        most = until - scalar[TIME]
+        if most <= smallest:
             return FINISHED, filled, max_steps
         full = state.used[GROUPS] + spare > state.groups.shape[1] or state.used[PANELS] == state.panels.shape[0]
         if full and not forget(state, case.delays, spare):
             return NO_ROOM, filled, max_steps
-        front = next_front(state, case.delays, scalar[TIME], smallest) - scalar[TIME]
+        most = min(most, next_front(state, case.delays, scalar[TIME], smallest) - scalar[TIME])
         nodes[AT_FORCE, 0], nodes[AT_SLOPE, 0] = scalar[CONTACT_FORCE], scalar[SLOPE]
-        planned = scalar[NEXT_STEP]
-        if math.isinf(planned):
-            planned = _first_step(state, case)
-        most = min(left, front)
         if counted and stop.kind != NOWHERE and filled < times.size:
             most = min(most, times[filled] - scalar[TIME])  # the condition is looked at where all is drawn
-        event = 0.0
-        cut = False
-        while True:
-            dt = min(planned, most)
-            if not cut and dt < most < 1.6 * dt:
-                dt = 0.5 * most
-            trouble = try_step(state, work, case, dt)
-            if trouble > 1.0 and dt > smallest:
-                state.used[REJECTED] += 1
-                planned = dt * max(0.9 * trouble ** (-1.0 / P), 0.2)
-                event = 0.0
-                cut = False
-                continue
-            if cut:
-                break
-            # the slider turns, or passes the last place where it turned
-            s = 1.0 if (nodes[AT_V, 0] > 0.0 or (nodes[AT_V, 0] == 0.0 and nodes[AT_X, 1] > 0.0)) else -1.0
-            u = _crossing(work, AT_V, 0.0, -s)
-            if u < 1.0:
-                _curve(work, AT_X)
-                if abs(_along(work, AT_X, u)) < 1e-3 * tol:  # it has turned at the start
-                    s = -s
-                    u = _crossing(work, AT_V, 0.0, -s)
-            what = 0.0
-            if u < 1.0:
-                _curve(work, AT_X)
-                top = _along(work, AT_X, u)
-                back = 0.0
-                for k in range(1, P + 1):
-                    if NODE[k] > u:
-                        back = max(back, (top - nodes[AT_X, k]) * s)
-                if back > 0.02 * tol and u > 1e-9:
-                    what = 1.0
-                else:
-                    u = 2.0
-            e = state.used[EXTREMES]
-            if e >= 2:
-                level = state.extremes[e - 2] - scalar[POSITION]
-                if level * s > 0.0:
-                    w = _crossing(work, AT_X, level, s)
-                    if w < min(u, 1.0):
-                        beyond = (nodes[AT_X, P] - level) * s
-                        if (
-                            kink_at(state.groups, state.used[GROUPS], case.table, state.extremes[e - 2]) * beyond
-                            > EVENT * tol
-                        ):
-                            u, what = w, 2.0
-            if case.sliding_force > 0.0:  # detached contacts begin to slide
-                level = s * case.sliding_force - scalar[ELEMENT]
-                if level * s > 1e-9:
-                    w = _crossing(work, AT_X, level, s)
-                    if w < min(u, 1.0):
-                        u, what = w, 3.0
-            if what == 0.0:
-                break
-            event, cut = what, True
-            dt = u * dt
-            if dt < smallest:
-                break
-            planned = most = dt
-        if not cut:
-            growth = min(0.9 * max(trouble, 1e-9) ** (-1.0 / P), 3.0)
-            if dt == planned or trouble > 0.3:
-                scalar[NEXT_STEP] = dt * growth
+        dt, event = _step(state, work, case, most, smallest)
         for i in range(SCALARS):
             start[i] = scalar[i]
-        n = filled
-        max_steps -= 1
-        while stop.kind != NOWHERE and not counted and n < times.size and times[n] < scalar[TIME] + dt:
-            # the energies do not matter here
-            u = (times[n] - scalar[TIME]) / dt
-            _curve(work, AT_X)
-            _curve(work, AT_FORCE)
-            X = scalar[POSITION] + _along(work, AT_X, u)
-            force = _along(work, AT_FORCE, u)
-            if not is_rigid(slider):
-                force = slider.stiffness * (drive_at(case.drive, times[n])[0] - X)
-            if holds(stop, X, force):
-                dt = times[n] - scalar[TIME]
+        if stop.kind != NOWHERE and not counted:
+            held = _held(state, work, case, stop, times, filled, dt)
+            if held < dt:
+                dt, event = held, SMOOTH
                 try_step(state, work, case, dt)
-                event = 0.0
-                break
-            n += 1
+        max_steps -= 1
         way = heading(state, work)
-        s = 1.0 if nodes[AT_X, P] > 0.0 else -1.0
-        broke = nodes[AT_BROKEN, P] > EVENT * tol
+        broke = nodes[AT_BROKEN, P] > EVENT * case.accuracy.tolerance
         scalar[SLOPE] = nodes[AT_SLOPE, P]
         _sum_energies(state, work, case, dt)
         if not counted:
@@ -422,41 +490,13 @@ def _run(
             _spring(scalar, case)
         scalar[DIRECTION] = way
         turned = counted and nodes[AT_V, P] * scalar[VELOCITY] < 0.0
-        e = state.used[EXTREMES]
-        if event == 1.0:
-            if case.table.knots.size > 0:
-                state.used[GROUPS] = divide(state.groups, state.used[GROUPS], scalar[POSITION], case.table, room)
-            if case.delays.arrest:
+        if event == TURNS:
+            _turn(state, work, case, start, dt, room, broke)
+        else:
+            _pass(state, work, event)
+            if turned and case.delays.arrest:
                 _arrest(state, case)
-            if broke:
-                mark_rough(state, scalar[TIME])
-            if abs(scalar[VELOCITY]) * dt < 1e-4 * tol:
-                scalar[VELOCITY] = 0.0
-            if e == state.extremes.size:
-                for i in range(e - 2):
-                    state.extremes[i] = state.extremes[i + 2]
-                e -= 2
-            # what was passed without notice
-            state.extremes[e] = start[POSITION] + nodes[AT_X, P]
-            state.used[EXTREMES] = e + 1
-        elif event == 2.0:
-            mark_rough(state, scalar[TIME])
-            state.used[EXTREMES] = e - 2
-        elif e >= 2:
-            passed, turn = state.extremes[e - 2], state.extremes[e - 1]
-            if (scalar[POSITION] - passed) * s > 0.0 and (passed - turn) * s > 0.0:
-                state.used[EXTREMES] = e - 2
-        if turned and event != 1.0 and case.delays.arrest:
-            _arrest(state, case)
-        if filled < times.size and times[filled] < scalar[TIME] - smallest:
-            for row in range(AT_OLD):
-                _curve(work, row)
-        while filled < times.size and times[filled] < scalar[TIME] - smallest:
-            _sample(rows[filled], times[filled], start, state, work, case, dt)
-            if only_lose(case):
-                lost = min(max(rows[filled, LOST], start[LOST]), scalar[LOST])
-                rows[filled, LOST] = max(lost, rows[filled - 1, LOST]) if filled > 0 else lost
-            filled += 1
+        filled = _sample_all(rows, times, filled, start, state, work, case, dt, scalar[TIME] - smallest)
     return PAUSED, filled, 0
 
 
