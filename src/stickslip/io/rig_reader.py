@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial, reduce
 from typing import Any, TypeVar
@@ -145,46 +145,16 @@ class Reader:
         """The rig that a file describes."""
         document, speeds, between = self._speeds(document)
         top = self.table(document, rig_keys.TOP)
-        kinds = [name for name in ("slider", *BODIES) if name in document] or ["slider"]
-        if len(kinds) > 1:
-            self.wrong(kinds[1], f"give {' or '.join(kinds)}, not both")
-        kind, elastic = kinds[-1], kinds[-1] in BODIES
-        given = top.get("simulation", {})
-        method = given.get("method") if isinstance(given, Mapping) else None
-        tables = {**rig_keys.TABLES, "simulation": rig_keys.keys_of_simulation(method)}
-        slider, interface, drive, simulation = (
-            self.table(top.get(name, {}), tables[name], name) for name in (kind, "interface", "drive", "simulation")
-        )
+        kind = self._kind_of_slider(document)
+        elastic = kind in BODIES
+        slider, interface, drive, simulation = self._tables(top, kind)
         if elastic:
             self._check_body(kind, document[kind])
         else:
             self._check_slider(slider, document)
         self._check_strength(interface, document)
         self._check_drive(drive, document)
-        initial = self._part(self.distribution, interface.get("initial"), "interface.initial")
-        coefficients = "mu_s" in interface and "mu_k" in interface
-        if "thresholds" in interface:
-            thresholds = self._part(self.distribution, interface["thresholds"], "interface.thresholds")
-            if coefficients:
-                self.wrong("interface.thresholds", "leave it out beside mu_s and mu_k, which say how wide it is")
-        elif not coefficients:
-            example = rig_keys.INTERFACE["thresholds"].example
-            self.mistakes.append(_MissingError("interface.thresholds", example))
-        if coefficients and "newborn" in interface:
-            self.wrong(
-                "interface.newborn", "leave it out beside mu_s and mu_k, or give contact_strength in their place"
-            )
-        if "areas" in interface and (coefficients or "v_half" in interface):
-            self.wrong(
-                "interface.areas", "leave it out beside mu_s, mu_k and v_half, which are read as of equal contacts"
-            )
-        given = document.get("interface", {})
-        if isinstance(given, Mapping) and "delay" in given and "v_half" in given:
-            self.wrong("interface", "give delay or v_half, not both")
-        delay = self._part(self.delay, interface.get("delay", 0.0), "interface.delay")
-        newborn = self._part(self.distribution, interface.get("newborn"), "interface.newborn")
-        ageing = self._part(self.ageing, interface.get("ageing"), "interface.ageing")
-        temperature = self._part(self.temperature, interface.get("temperature"), "interface.temperature")
+        parts = self._parts(interface, document)
         pieces = self._part(self.pieces, drive.get("pieces"), "drive.pieces")
         assumed = self._assumed(top.get("assumed", {}), document)
         fitted = self._fitted(top.get("fitted", {}), document)
@@ -192,11 +162,11 @@ class Reader:
         prestress = self._prestress(simulation, elastic=elastic)
         self.stop()
 
-        if coefficients:
+        if _of_coefficients(interface):
             from stickslip.io.friction import thresholds_of
 
-            thresholds, strength = self.make(
-                "interface.mu_s", lambda: thresholds_of(interface["mu_s"], interface["mu_k"], initial)
+            parts["thresholds"], strength = self.make(
+                "interface.mu_s", lambda: thresholds_of(interface["mu_s"], interface["mu_k"], parts["initial"])
             )
             interface["contact_strength"] = strength * interface["normal_load"]
         if elastic and not self.natural:  # forces are per contact of a block
@@ -207,9 +177,8 @@ class Reader:
         def natural(value: float, unit: str) -> float:
             return value if scales is None else value / scales.size(unit)
 
-        count = simulation.get("contacts", 100 if elastic else 10_000)
         if scales is not None:
-            delay = _in(delay, natural)
+            parts["delay"] = _in(parts["delay"], natural)
         operation = self.make(
             "drive",
             lambda: Operation(
@@ -218,28 +187,13 @@ class Reader:
                 feasible=tuple((p.name, natural(a, p.unit), natural(b, p.unit)) for p, a, b in feasible),
             ),
         )
-        made = self.make(
-            "interface",
-            lambda: Interface(
-                thresholds=thresholds,
-                initial=initial,
-                delay=delay,
-                ageing=None if ageing is None else ageing(natural),
-                temperature=None if temperature is None else temperature(natural),
-                sliding_force=natural(interface["sliding_force"], "f_s"),
-                newborn=newborn,
-                track_scatter=interface["track_scatter"],
-                areas=interface.get("areas"),
-            ),
-        )
-        if "v_half" in interface:
-            half_speed = natural(interface["v_half"], "x_s/time")
-            made = replace(made, delay=self.make("interface.v_half", lambda: Delay(half_distance(made) / half_speed)))
+        made = self._interface(interface, parts, natural)
         start: Start = FromSliding() if simulation["start"] == "sliding" else FromRest()
         if elastic:
             body = self.make(kind, lambda: body_from(kind, slider, natural))
             if prestress:
                 start = self.make(_START, lambda: start_from(prestress, body, natural))
+        count = simulation.get("contacts", 100 if elastic else 10_000)
         return Rig(
             operation=operation,
             name=top["name"],
@@ -261,6 +215,75 @@ class Reader:
             assumed=assumed,
             fitted=fitted,
         )
+
+    def _kind_of_slider(self, document: Mapping[str, Any]) -> str:
+        """Which table describes what slides."""
+        kinds = [name for name in ("slider", *BODIES) if name in document] or ["slider"]
+        if len(kinds) > 1:
+            self.wrong(kinds[1], f"give {' or '.join(kinds)}, not both")
+        return kinds[-1]
+
+    def _tables(self, top: Mapping[str, Any], kind: str) -> Iterator[dict[str, Any]]:
+        """The values of the tables of what slides, of the interface, the drive and the simulation."""
+        given = top.get("simulation", {})
+        method = given.get("method") if isinstance(given, Mapping) else None
+        keys = {**rig_keys.TABLES, "simulation": rig_keys.keys_of_simulation(method)}
+        return (self.table(top.get(name, {}), keys[name], name) for name in (kind, "interface", "drive", "simulation"))
+
+    def _parts(self, interface: Mapping[str, Any], document: Mapping[str, Any]) -> dict[str, Any]:
+        """The parts of the interface that are tables of their own; what contradicts another is noted."""
+        coefficients = _of_coefficients(interface)
+        read = {
+            "initial": self.distribution,
+            "thresholds": self.distribution,
+            "delay": self.delay,
+            "newborn": self.distribution,
+            "ageing": self.ageing,
+            "temperature": self.temperature,
+        }
+        given = {"delay": 0.0, **interface}
+        parts = {name: self._part(reader, given.get(name), f"interface.{name}") for name, reader in read.items()}
+        if "thresholds" not in interface and not coefficients:
+            self.mistakes.append(_MissingError("interface.thresholds", rig_keys.INTERFACE["thresholds"].example))
+        if coefficients and "thresholds" in interface:
+            self.wrong("interface.thresholds", "leave it out beside mu_s and mu_k, which say how wide it is")
+        if coefficients and "newborn" in interface:
+            self.wrong(
+                "interface.newborn", "leave it out beside mu_s and mu_k, or give contact_strength in their place"
+            )
+        if "areas" in interface and (coefficients or "v_half" in interface):
+            self.wrong(
+                "interface.areas", "leave it out beside mu_s, mu_k and v_half, which are read as of equal contacts"
+            )
+        written = document.get("interface", {})
+        if isinstance(written, Mapping) and "delay" in written and "v_half" in written:
+            self.wrong("interface", "give delay or v_half, not both")
+        return parts
+
+    def _interface(
+        self, interface: Mapping[str, Any], parts: Mapping[str, Any], natural: Callable[[float, str], float]
+    ) -> Interface:
+        """The interface, its scales known."""
+        ageing, temperature = parts["ageing"], parts["temperature"]
+        made: Interface = self.make(
+            "interface",
+            lambda: Interface(
+                thresholds=parts["thresholds"],
+                initial=parts["initial"],
+                delay=parts["delay"],
+                ageing=None if ageing is None else ageing(natural),
+                temperature=None if temperature is None else temperature(natural),
+                sliding_force=natural(interface["sliding_force"], "f_s"),
+                newborn=parts["newborn"],
+                track_scatter=interface["track_scatter"],
+                areas=interface.get("areas"),
+            ),
+        )
+        if "v_half" not in interface:
+            return made
+        half_speed = natural(interface["v_half"], "x_s/time")
+        delay = self.make("interface.v_half", lambda: Delay(half_distance(made) / half_speed))
+        return replace(made, delay=delay)
 
     def _part(self, read: Callable[[Any, str], Made], content: Any, place: str) -> Any:
         """A part of the file, or None where it cannot be read: the mistake is noted, and the others are looked for."""
@@ -595,6 +618,11 @@ def method_from(simulation: Mapping[str, Any]) -> Method:
     found = {name: simulation[key] for name, key in rig_keys.fields_of_method(kind).items() if key in simulation}
     made: Method = kind(**found)
     return made
+
+
+def _of_coefficients(interface: Mapping[str, Any]) -> bool:
+    """Whether static and kinetic friction say how strong the contacts are."""
+    return "mu_s" in interface and "mu_k" in interface
 
 
 def _without(content: Mapping[str, Any], name: str) -> dict[str, Any]:
