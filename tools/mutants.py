@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import atexit
 import json
 import os
 import random
@@ -197,24 +198,30 @@ def stands(room: tuple[str, ...]) -> bool:
     return not _fails(PACKAGE / "__init__.py", (PACKAGE / "__init__.py").read_text(encoding="utf-8"), room)
 
 
+@cache
+def workshop() -> Path:
+    """Return the folder of the copies: always the same place, or what is compiled once would be compiled for each."""
+    folder = Path(tempfile.mkdtemp(prefix="mutant-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
+
+
 def learn() -> None:
     """Run the quick tests of all rooms, and note which of those that pass run through which lines."""
     rooms = sorted({f"tests/{test}.py" for tests in TESTS.values() for test in tests.split()})
-    with tempfile.TemporaryDirectory(prefix="mutant-") as folder:
-        traced, report = Path(folder) / "coverage", Path(folder) / "report"
-        asked = ["-n", str(os.cpu_count()), "--dist", "loadfile", "--cov", "--cov-context=test", "--cov-report="]
-        environment = {"COVERAGE_FILE": str(traced)}
-        _run(Path(folder), [*asked, "-p", "no:randomly", "-rfE", *rooms], environment, report)
-        failed = {line.split()[1] for line in report.read_text().splitlines() if line.startswith(("FAILED", "ERROR"))}
-        data = CoverageData(basename=str(traced))
-        data.read()
-        found: dict[str, dict[int, list[str]]] = {}
-        for name in data.measured_files():
-            lines = data.contexts_by_lineno(name)
-            tests = {
-                line: sorted({each.partition("|")[0] for each in met} - failed - {""}) for line, met in lines.items()
-            }
-            found[name.rpartition("/stickslip/")[2]] = {line: some for line, some in tests.items() if some}
+    traced = workshop() / "coverage"
+    asked = ["-n", str(os.cpu_count()), "--dist", "loadfile", "--cov", "--cov-context=test", "--cov-report=", "-rfE"]
+    _, told = _run([*asked, *rooms], {"COVERAGE_FILE": str(traced)}, limit=None)
+    failed = {line.split()[1] for line in told.splitlines() if line.startswith(("FAILED", "ERROR"))}
+    data = CoverageData(basename=str(traced))
+    data.read()
+    found: dict[str, dict[int, list[str]]] = {}
+    for name in data.measured_files():
+        met = {
+            line: {each.partition("|")[0] for each in tests} for line, tests in data.contexts_by_lineno(name).items()
+        }
+        passed = {line: sorted(tests - failed - {""}) for line, tests in met.items()}
+        found[name.rpartition("/stickslip/")[2]] = {line: tests for line, tests in passed.items() if tests}
     LEARNT.write_text(json.dumps(found), encoding="utf-8")
     print(f"{LEARNT.name}: {len(found)} modules; {len(failed)} tests fail without any mutant and are left out")
 
@@ -238,31 +245,33 @@ def is_caught(mutant: Mutant) -> bool:
 
 
 def _fails(file: Path, source: str, tests: tuple[str, ...]) -> bool:
-    with tempfile.TemporaryDirectory(prefix="mutant-") as folder:
-        asked, report = Path(folder) / "tests", Path(folder) / "report"
-        asked.write_text("\n".join(tests), encoding="utf-8")
-        try:
-            code = _run(Path(folder), ["-x", f"@{asked}"], {}, report, (file, source))
-        except subprocess.TimeoutExpired:
-            return True
-        if code not in (0, 1, 2):
-            sys.exit(f"the tests could not be run:\n{report.read_text()}")
+    asked = workshop() / "tests"
+    asked.write_text("\n".join(tests), encoding="utf-8")
+    try:
+        code, told = _run(["-x", f"@{asked}"], {}, (file, source))
+    except subprocess.TimeoutExpired:
+        return True
+    if code not in (0, 1, 2):
+        sys.exit(f"the tests could not be run:\n{told}")
     return code != 0
 
 
 def _run(
-    folder: Path, asked: list[str], more: dict[str, str], report: Path, changed: tuple[Path, str] | None = None
-) -> int:
-    """Run quick tests on a copy of the package, with another source for one file; what they print goes into a file."""
-    copy = folder / "src" / "stickslip"
-    shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("static"))
+    asked: list[str], more: dict[str, str], changed: tuple[Path, str] | None = None, limit: float | None = LIMIT
+) -> tuple[int, str]:
+    """Run quick tests on a copy of the package, with another source for one file; how it ends, and what it says."""
+    copy = workshop() / "src" / "stickslip"
+    shutil.rmtree(copy, ignore_errors=True)
+    shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("static", "__pycache__"))
     if changed is not None:
         (copy / changed[0].relative_to(PACKAGE)).write_text(changed[1], encoding="utf-8")
-    environment = {**os.environ, "PYTHONPATH": str(copy.parent), "PYTHONDONTWRITEBYTECODE": "1", **more}
+    places = {"PYTHONPATH": str(copy.parent), "NUMBA_CACHE_DIR": str(workshop() / "compiled")}
+    environment = {**os.environ, **places, "PYTHONDONTWRITEBYTECODE": "1", **more}
     command = [sys.executable, "-m", "pytest", "-q", "-m", "not slow", "-p", "no:cacheprovider", *asked]
-    limit = LIMIT if changed is not None else None
+    report = workshop() / "report"
     with report.open("w") as told:
-        return subprocess.run(command, cwd=ROOT, env=environment, stdout=told, stderr=told, timeout=limit).returncode
+        done = subprocess.run(command, cwd=ROOT, env=environment, stdout=told, stderr=told, timeout=limit)
+    return done.returncode, report.read_text(errors="replace")
 
 
 def main() -> int:
