@@ -14,7 +14,7 @@ import stickslip as ss
 from stickslip import advise
 from stickslip.advise import prediction
 from stickslip.advise.judging import Budget, judge
-from stickslip.advise.speeds import Survey, bands_by_theory
+from stickslip.advise.speeds import Band, Survey, bands_by_theory
 from stickslip.io import rig_files as rigs
 from stickslip.model.parameters import parameter_named
 from stickslip.paper.cases import FIG8
@@ -324,6 +324,17 @@ def test_what_was_not_simulated_is_not_called_smooth():
     assert known(some) < known(more)
     assert (more[0].low, more[-1].high) == (low, high)
     assert all(one.high == other.low for one, other in pairwise(more))
+
+
+def test_a_range_is_looked_at_to_its_very_ends():
+    """Rounding put the last speed of some ranges just outside: what was seen there was not told."""
+    setting = make(stiffness=2.0)
+    here = judge(setting, ss.Contacts(100, seed=1), Budget(10.0))
+    for high in np.linspace(0.3, 0.31, 40).tolist():
+        band = Band(kind="stable", bistable=False, low=0.0123, high=high)
+        survey = Survey(setting, (band,), here)
+        survey.look(Budget(0.0), lambda _share: None)
+        assert {band.low, band.high} <= set(survey._known)
 
 
 @pytest.mark.slow

@@ -18,6 +18,7 @@ from scipy import special
 import stickslip as ss
 from stickslip.errors import InputError, UndecidedError
 from stickslip.rate_state import RateAndState, finite_step, small_step, velocity_step_in
+from stickslip.rate_state.contacts import contact_stiffness
 from stickslip.stability import critical_spring, dynamic_stiffness
 
 
@@ -757,3 +758,13 @@ def test_command_on_a_measured_step(pytestconfig, tmp_path, capsys):
     assert main(["rsf", path, *asked]) == 0
     assert "slip law: a = 0.009" in capsys.readouterr().out
     assert picture.stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("interface", [contacts(delay=0.3), contacts(ageing=0.02, delay=0.3)])
+def test_a_sudden_step_finds_the_contacts_that_are_attached(interface):
+    rig = replace(bench(interface), slider=ss.Slider(stiffness=1.0, mass=1e-3, damping=60.0), start=ss.FromSliding())
+    run = ss.simulate(replace(rig, drive=ss.constant(1.0, 4.0)), method=ss.Contacts(20_000, seed=1))
+    attached = run["attached"].to_numpy()
+    assert contact_stiffness(interface, 1.0) == pytest.approx(attached.mean(), abs=5e-3)
+    assert attached.mean() < 0.9
+    assert contact_stiffness(replace(interface, delay=ss.Delay(0.0)), 1.0) == 1.0

@@ -161,6 +161,10 @@ def test_velocity_goes_logarithmic_for_violent_slips(run):
 
 
 def test_phase_portrait_after_a_time(run):
+    last, before = run["time"].to_numpy()[[-1, -2]].tolist()
+    assert plot.phase_portrait(run, after=before).lines[0].get_xdata().size == 2
+    with pytest.raises(InputError, match="no motion after that time"):
+        plot.phase_portrait(run, after=last)
     assert plot.phase_portrait(run, after=10.0).lines[0].get_xdata().size == np.count_nonzero(run["time"] >= 10.0)
     with pytest.raises(InputError, match="after = 99"):
         plot.phase_portrait(run, after=99.0)

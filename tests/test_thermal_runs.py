@@ -376,6 +376,9 @@ def test_noisy_thresholds_under_a_slider_with_mass():
 def test_a_velocity_step(interface, rise, end):
     """The direct effect is nearly the width, whatever the ageing; in the end their balance decides."""
     run = ss.velocity_step(interface, before=1.0, after=10.0, distance=6.0)
+    step = int(np.argmin(np.abs(run.time.to_numpy())))
+    assert (run.time[step].item(), run.displacement[step].item()) == (0.0, 0.0)
+    assert np.diff(run.time[: step + 1]) == pytest.approx(0.3 / step)  # a twentieth of the way, at the speed before
     force = run.friction_force
     first = float(force.sel(time=0.0))
     assert (float(force.max()) - first) / math.log(10) == pytest.approx(rise, rel=0.01)

@@ -111,7 +111,7 @@ class Survey:
             low = low * nearest if i > 0 else low
             high = high / nearest if i + 1 < len(self._linear) else high
             count = max(math.ceil(math.log(high / low) / math.log(_APART)), 1)
-            return [low * (high / low) ** (k / count) for k in range(count + 1)]
+            return [low, *(low * (high / low) ** (k / count) for k in range(1, count)), high]  # ends to the last digit
         count = max(math.ceil(math.log(high / low) / math.log(_APART)), 1)
         return [low * (high / low) ** ((k + 0.5) / count) for k in range(count)]
 

@@ -487,7 +487,8 @@ class Weibull(Distribution):
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
         """Integral of ``y**order`` times the density over ``y > x``."""
-        u = (np.maximum(np.asarray(x, dtype=float), 0.0) / self.scale) ** self.shape
+        with np.errstate(over="ignore"):  # beyond all numbers nothing is left
+            u = (np.maximum(np.asarray(x, dtype=float), 0.0) / self.scale) ** self.shape
         a = 1.0 + order / self.shape
         return np.asarray(self.scale**order * special.gamma(a) * special.gammaincc(a, u))
 
