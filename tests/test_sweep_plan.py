@@ -25,7 +25,7 @@ from stickslip.errors import InputError
 from stickslip.io import rig_files as rigs
 from stickslip.measure import regime
 from stickslip.model import Contacts, FromRest, FromSliding, MasterEquation
-from stickslip.sweep import Refinement, Runs, Span, Threads, _table, open_sweep, study, summary
+from stickslip.sweep import Progress, Refinement, Runs, Span, Threads, _table, open_sweep, study, summary
 from stickslip.sweep.plan import from_document, open_plan, plan_of, read_plan
 from stickslip.sweep.theory import with_theory
 
@@ -677,6 +677,17 @@ def resumed(file, store, monkeypatch):
     monkeypatch.setattr(study, "simulate", simulate)
     assert run("sweep", file, "--store", store) == 0
     return open_plan(store), counted
+
+
+def test_a_log_says_how_long_the_rest_will_take(monkeypatch, capsys):
+    now = iter([0.0, 60.0, 120.0])
+    monkeypatch.setattr(time, "monotonic", lambda: next(now))
+    monkeypatch.setattr(console, "_LINES_EVERY", 10.0)
+    with console.progress_of("map") as line:
+        line(Progress(total=40, finished=15, failed=0, found=5))  # ten in a minute, and 25 are left
+        line(Progress(total=40, finished=40, failed=1, found=5))
+    (told,) = capsys.readouterr().err.splitlines()
+    assert told.endswith("map: 15 of 40 cases, about 2.5 min left")
 
 
 @pytest.mark.slow
