@@ -238,10 +238,34 @@ def _show_kernels_plain(app: Sphinx) -> None:
                 setattr(module, name, value.py_func)
 
 
+def _one_name_each(_app: Sphinx, _what: str, _name: str, _object: Any, _options: Any, lines: list[str]) -> None:
+    """Give attributes that share a line, ``low, high : float``, one each: napoleon takes the first for a type."""
+    told: list[str] = []
+    inside, names, kind, about = False, [""], "", list[str]()
+
+    def tell() -> None:
+        for name in names:
+            told.extend([name + kind, *about])
+
+    for before, line in zip(["", *lines], [*lines, ""], strict=True):
+        if set(line) == {"-"}:
+            inside = before == "Attributes"
+        if inside and (found := re.fullmatch(r"(\w+(?:, \w+)+)( : .*)", line)):
+            tell()
+            names, kind, about = found[1].split(", "), found[2], []
+        elif len(names) > 1 and line.startswith(" "):
+            about.append(line)
+        else:
+            tell()
+            names, kind, about = [line], "", []
+    lines[:] = told[1:]
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("commands", Commands)
     app.add_directive("rig-keys", RigKeys)
     app.add_directive("claims", Claims)
     app.connect("builder-inited", _bring_mathjax)
+    app.connect("autodoc-process-docstring", _one_name_each, priority=400)  # before napoleon
     app.connect("builder-inited", _show_kernels_plain, priority=900)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

@@ -184,7 +184,7 @@ class Events(Answer):
         return min(self.counts, key=lambda pair: abs(math.log(pair[0] / smallest)))[1]
 
     def to_dataset(self) -> xr.Dataset:
-        """The slips as a Dataset along `slip`, and the trace along `time`."""
+        """The slips as a Dataset along ``slip``, and the trace along ``time``."""
         f, t = self.force_unit, self.time_unit
         of_force, rate = {"units": f}, f"{f}/{t}" if t else f
         slopes = np.concatenate([[np.nan], self.slopes])
