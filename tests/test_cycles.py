@@ -26,6 +26,7 @@ from stickslip.model import (
     Output,
     RandomDelay,
     Rig,
+    Scales,
     Slider,
 )
 from stickslip.model.distributions import Gaussian
@@ -576,3 +577,16 @@ def test_any_distribution_and_any_parameter():
     assert window.low.kind == "end of range"
     assert 0.1 < window.high.value < 0.15
     assert answer.unit == "1"
+
+
+def test_the_ends_of_a_branch_are_in_the_units_of_the_rig():
+    rig = Rig(delayed(0.1), Slider(stiffness=2.0, mass=1e-4, damping=42.4), constant(1.0))
+    scaled = replace(rig, scales=Scales(force=2.0, stretching=3e-6, time=1e-3))
+    unit = scaled.unit("x_s/time")
+    plain, found = (
+        cycle_branch(each, "velocity", between=(0.6 * size, 1.0 * size), step=0.2, tolerance=0.01)
+        for each, size in ((rig, 1.0), (scaled, unit))
+    )
+    for end in ("low_decays_at", "low_persists_at", "high_decays_at", "high_persists_at"):
+        assert found.attrs[end] == pytest.approx(unit * plain.attrs[end], rel=1e-6, nan_ok=True)
+    assert plain.attrs["low_persists_at"] > plain.attrs["low_decays_at"] > 0.6
