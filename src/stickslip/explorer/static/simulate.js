@@ -138,7 +138,7 @@ const stage = Stage.make($("drawing"), colour, (time, force) => {
   if (state.page === "simulate") pointHere(force);
 });
 on("contacts", (reply) => {
-  if (!reply.frames) return;
+  if (!reply.frames || framing || !isNewest(reply)) return; // the cursor has moved on: another look is on its way
   const time = timeNow(); // showing begins with the first frame
   frames = reply.frames;
   mark("drawing", "");
@@ -158,11 +158,13 @@ on("contacts", (reply) => {
 function askFrames() {
   clearTimeout(framing);
   framing = setTimeout(() => {
+    framing = 0;
     if (state.page === "simulate" && shown.run && !state.waiting && document.body.dataset.runState === "") ask("contacts", { cursor: state.cursor, duration: lasted() });
   }, 250);
 }
 function noDrawing(words) {
   clearTimeout(framing);
+  framing = 0;
   frames = null;
   stage.clear();
   for (const id of ["play", "pace", "slow"]) $(id).disabled = true;
