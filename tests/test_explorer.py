@@ -695,7 +695,8 @@ def move(page, selector, value):
 
 
 def state(page):
-    """The document in the address."""
+    """The document in the address; what is typed counts on leaving the field, be the button where it was or not."""
+    page.evaluate("document.activeElement.blur()")
     page.click("#link")
     text = page.evaluate("location.hash").partition("/")[2]
     return json.loads(base64.urlsafe_b64decode(text + "=" * (-len(text) % 4)))
