@@ -21,10 +21,8 @@ from stickslip.model import (
     ExponentialGrowth,
     FixedGrowth,
     Interface,
-    Langevin,
     LogarithmicGrowth,
     Parabolic,
-    is_own,
 )
 from stickslip.model.distribution import Distribution
 from stickslip.model.quadrature import hashable
@@ -43,9 +41,9 @@ def has_lives(interface: Interface) -> bool:
     Thresholds that age by `Langevin`, or by a rule of the user's own, go ways of their own: their lives are not laid
     out here.
     """
-    if isinstance(interface.ageing, Langevin) or is_own(interface.ageing):
-        return False
-    return interface.temperature is not None or interface.ageing is not None
+    if interface.ageing is None:
+        return interface.temperature is not None
+    return isinstance(interface.ageing, FixedGrowth)
 
 
 def mean_lives(interface: Interface, velocity: float) -> tuple[float, float]:

@@ -373,7 +373,7 @@ class Prediction(Answer):
                 yield f"{_TITLES[name]}: {there} smooth sliding is not stable, but what is left is slight ({after})"
                 continue
             better = "better" if each.amplitude < 0.9 * each.amplitude_before else "no better"
-            yield (f"{_TITLES[name]}: no smooth sliding found {there}; there it is {better} ({each.kind}, {after})")
+            yield f"{_TITLES[name]}: no smooth sliding found {there}; there it is {better} ({each.kind}, {after})"
 
     def search_note(self) -> str:
         """What was not looked for, or nothing."""

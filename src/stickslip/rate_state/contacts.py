@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import interpolate, special
 
-from stickslip.lives import blurred_survival, growth_of, lives_of, reached_on
-from stickslip.model import Barrier, Bell, Interface, Langevin, LogarithmicGrowth, Parabolic, is_own
+from stickslip.lives import blurred_survival, growth_of, has_lives, lives_of, reached_on
+from stickslip.model import Barrier, Bell, Interface, Langevin, LogarithmicGrowth, Parabolic
 from stickslip.simulation.steps_and_holds import velocity_step
 from stickslip.stability.modes import respond
 from stickslip.theory import kinetic_friction
@@ -172,7 +172,7 @@ def contact_stiffness(interface: Interface, velocity: float) -> float:
     away = velocity * interface.delay.moment(1)
     if away == 0:
         return 1.0
-    if isinstance(interface.ageing, Langevin) or is_own(interface.ageing):
+    if not has_lives(interface):
         # The same lives with and without the time they are away.
         from dataclasses import replace
 
