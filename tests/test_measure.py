@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 import stickslip as ss
 from stickslip.measure import counted, drops, read_trace, regime, statistics, transitions
 from stickslip.measure.arrays import turns
+from stickslip.measure.bench import about_the_sensor
 from stickslip.measure.periods import find_cycles
 
 TRACE = Path(__file__).parent / "data" / "guldstrand_force7.txt"
@@ -923,3 +924,20 @@ def test_a_force_that_repeats_exactly_is_correlated_at_its_period():
     found = find_cycles(t, np.sin(2.0 * np.pi * t / 5.0))
     assert found.correlation == pytest.approx(1.0, abs=1e-3)  # a sample beside the peak it is cos(2 pi/50) = .992
     assert found.period == pytest.approx(5.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-3])
+def test_the_period_is_one_in_time_and_not_in_samples(unit):
+    t = unit * np.concatenate([np.arange(0.0, 400.0, 1.0), np.arange(400.0, 800.0, 0.62)])
+    found = find_cycles(t, np.sin(2.0 * np.pi * t / (20.0 * unit)))
+    assert found.periodic
+    assert found.period == pytest.approx(20.0 * unit, rel=0.01)
+
+
+@pytest.mark.parametrize(("peaks", "told"), [(2, False), (3, True)])
+def test_three_flat_peaks_make_a_saturated_sensor(peaks, told):
+    # Two may be chance; of each peak, the clipped part lasts for ten samples.
+    height = np.where(np.arange(12) < peaks, 1.2, 0.9)
+    force = np.concatenate([h * np.sin(np.pi * np.arange(40) / 40.0) for h in height])
+    force = (force + np.random.default_rng(1).normal(scale=1e-3, size=force.size)).clip(max=1.0)
+    assert bool(about_the_sensor(force)) == told

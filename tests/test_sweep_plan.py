@@ -122,6 +122,15 @@ def test_a_file_may_name_a_rig_file_beside_it(tmp_path):
     assert again.document == plan.document
 
 
+def test_the_document_of_a_plan_holds_what_the_axes_stood_for():
+    """A rig without a drive takes its speed from the axis; what is kept of the plan is a rig by itself."""
+    bench = {name: table for name, table in tomllib.loads(BENCH.read_text()).items() if name != "drive"}
+    plan = from_document({"rig": bench, "axes": {"velocity": ["1 mm/s", "2 mm/s"]}})
+    kept, rig = rigs.from_document(plan.document["rig"]), plan.study.rig
+    assert (kept.drive, kept.slider, kept.interface) == (rig.drive, rig.slider, rig.interface)
+    assert kept.velocity == pytest.approx(2e-3)
+
+
 def test_the_order_of_the_axes_is_kept():
     axes = {"start": ["from rest"], "velocity": {"from": 1.0, "to": 2.0, "count": 2}, "stiffness": [1.0]}
     plan = from_document(changed("axes", axes))

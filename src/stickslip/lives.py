@@ -1,8 +1,8 @@
 """Steady sliding of contacts that break by temperature, or whose thresholds grow by a fixed rule: their lives.
 
 One life of a contact, from attachment to break, is all there is to steady sliding: the force is its mean work over its
-mean length, and the linear response what a small shake changes in it. The lives are laid out once for an interface and
-a speed; `kinetic_friction`, `friction_slope` and the stability of smooth sliding read them.
+mean length, and the linear response what a small perturbation changes in it. The lives are laid out once for an
+interface and a speed; `kinetic_friction`, `friction_slope` and the stability of smooth sliding read them.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ def lives_of(interface: Interface, velocity: float, highest: float = 0.0) -> Liv
     interface : Interface
     velocity : float
     highest : float
-        Largest wave number ``|s|/v`` of a shake that is to be resolved.
+        Largest wave number ``|s|/v`` of a perturbation that is to be resolved.
     """
     ageing = interface.ageing
     assert isinstance(ageing, FixedGrowth | None)

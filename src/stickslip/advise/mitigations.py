@@ -135,14 +135,21 @@ class Search:
     def single(self, parameters: Choices, report: Callable[[float], None]) -> list[Mitigation]:
         """The smallest change of each of some parameters."""
         choices = [(p, sides) for p, sides in parameters if self._has(p)]
-        found: dict[str, list[Mitigation]] = {}
+        found: list[Mitigation | None] = []
         for i, (parameter, sides) in enumerate(choices):
             report(i / len(choices))
-            found[parameter.name] = [m for side in sides if (m := self._stop(((parameter, side),))) is not None]
+            found.append(_smallest([self._stop(((parameter, side),)) for side in sides]))
         if self.unstable:
-            for parameter, sides in choices:
-                found[parameter.name] += [m for side in sides if (m := self._keep((parameter, side))) is not None]
-        return [_best(each) for each in found.values() if each]
+            found = [self._kept(*choice, stops) for choice, stops in zip(choices, found, strict=True)]
+        return [each for each in found if each is not None]
+
+    def _kept(self, parameter: Parameter, sides: tuple[int, ...], stops: Mitigation | None) -> Mitigation | None:
+        """Add to a change that stops it a smaller one that way that keeps it smooth; such a one alone if none stops."""
+        if stops is None:
+            return _smallest([self._keep((parameter, side)) for side in sides])
+        side = 1 if stops.stops > stops.values else -1  # type: ignore[operator]
+        keeps = self._keep((parameter, side), within=stops.size / _CLEARANCE)
+        return stops if keeps is None else replace(stops, keeps=keeps.keeps)
 
     def pairs(self, sides: dict[str, int]) -> list[Mitigation]:
         """Two of the parameters that can be turned, each by the same factor, in the directions given."""
@@ -224,14 +231,18 @@ class Search:
             self.left_out.append(" and ".join(parameter.title for parameter, _ in parts))
         return None
 
-    def _keep(self, part: tuple[Parameter, int]) -> Mitigation | None:
-        """Vary a parameter until smooth sliding, once reached, stays: just past its boundary, or a little further."""
+    def _keep(self, part: tuple[Parameter, int], within: float = math.inf) -> Mitigation | None:
+        """Vary a parameter until smooth sliding, once reached, stays: just past its boundary, or a little further.
+
+        Changes of a size of `within` or more are not tried.
+        """
         path, stable = self._stable((part,))
         try:
             for low, high in stable[:1]:
-                for clearance in _CLEARANCES:
-                    if low * clearance < high and all(run(low * clearance) for run in self._runs(path, FromSliding())):
-                        return self._mitigation((part,), keeps=low * clearance)
+                for factor in (low * clearance for clearance in _CLEARANCES):
+                    near = factor < high and math.log(factor) < within
+                    if near and all(run(factor) for run in self._runs(path, FromSliding())):
+                        return self._mitigation((part,), keeps=factor)
         except Spent:
             pass
         return None
@@ -273,14 +284,8 @@ class Search:
         return run(0), run(1)
 
 
-def _best(found: list[Mitigation]) -> Mitigation:
-    """Of the changes of one parameter the smallest that stops it, with a smaller one that way that keeps it smooth."""
-    stops = min((m for m in found if m.stops is not None), key=lambda m: m.size, default=None)
-    keeps = min((m for m in found if m.keeps is not None), key=lambda m: m.size, default=None)
-    if stops is None or keeps is None:
-        return found[0] if stops is None and keeps is None else stops or keeps or found[0]
-    same_way = (stops.stops > stops.values) == (keeps.keeps > keeps.values)  # type: ignore[operator]
-    return replace(stops, keeps=keeps.keeps) if same_way and keeps.size < stops.size / _CLEARANCE else stops
+def _smallest(found: list[Mitigation | None]) -> Mitigation | None:
+    return min((each for each in found if each is not None), key=lambda m: m.size, default=None)
 
 
 def in_units(mitigation: Mitigation, rig: Rig) -> Mitigation:

@@ -61,14 +61,14 @@ def known_births(state: State, work: Work, delays: Delays, dt: float) -> None:
                 nodes[AT_KNOWN, k] += weight * (state.scalar[BROKEN] - start)
             else:
                 nodes[AT_KNOWN, k] += weight * (_broken_at(state, i, at) - start)
-    if delays.share > 0.0:
+    if delays.fraction > 0.0:
         _spread_births(state, work, delays, dt)
 
 
 @bare
 def _spread_births(state: State, work: Work, delays: Delays, dt: float) -> None:
     """Add what re-attaches after a delay of the continuous part."""
-    panels, nodes, table = state.panels, work.nodes, delays.spread
+    panels, nodes, table = state.panels, work.nodes, delays.continuous
     t = state.scalar[TIME]
     for p in range(state.used[PANELS] - 1, -1, -1):
         if panels[p, 0] + panels[p, 1] < t - table.top:
@@ -82,7 +82,7 @@ def _spread_births(state: State, work: Work, delays: Delays, dt: float) -> None:
             if left == 0.0:
                 continue
             for k in range(1, P + 1):
-                nodes[AT_KNOWN, k] += delays.share * m * (left - value_at(table, age + NODE[k] * dt))
+                nodes[AT_KNOWN, k] += delays.fraction * m * (left - value_at(table, age + NODE[k] * dt))
 
 
 @bare
@@ -108,15 +108,15 @@ def own_births(work: Work, delays: Delays, dt: float) -> None:
                         c += MONOMIAL[a, b] * nodes[AT_BROKEN, b]
                     total = (total + c) * u
                 nodes[AT_BORN, k] += weight * total
-    if delays.share > 0.0:
+    if delays.fraction > 0.0:
         for k in range(1, P + 1):
             total = 0.0
             for j in range(Q):
                 m = 0.0
                 for a in range(1, P + 1):
                     m += INCREASE[k - 1, j, a] * nodes[AT_BROKEN, a]
-                total += m * (1.0 - value_at(delays.spread, NODE[k] * (1.0 - GAUSS[j]) * dt))
-            nodes[AT_BORN, k] += delays.share * total
+                total += m * (1.0 - value_at(delays.continuous, NODE[k] * (1.0 - GAUSS[j]) * dt))
+            nodes[AT_BORN, k] += delays.fraction * total
 
 
 @bare
@@ -158,8 +158,8 @@ def forget(state: State, delays: Delays, spare: int) -> bool:
             while k > 0 and state.panels[k, 0] > t - delays.time[i]:
                 k -= 1
             first = min(first, k)
-        if delays.share > 0.0:
-            while first > 0 and state.panels[first, 0] + state.panels[first, 1] > t - delays.spread.top:
+        if delays.fraction > 0.0:
+            while first > 0 and state.panels[first, 0] + state.panels[first, 1] > t - delays.continuous.top:
                 first -= 1
         if first < n // 2:
             return False

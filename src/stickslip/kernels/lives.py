@@ -1,8 +1,8 @@
-"""One life of a contact in steady sliding under activation, ageing and delay, and what a small shake does to it.
+"""One life of a contact in steady sliding under activation, ageing and delay, and what a small perturbation does to it.
 
 A life runs over the distance ``x`` the slider moves, 0 at attachment: the stretching of the contact, whose age is
 ``x/v``. It is laid out on panels of eight Radau nodes, on which the survival and its slopes are known; the transforms
-of a shake ``exp(s t)``, ``q = s/v``, are sums over the nodes.
+of a perturbation ``exp(s t)``, ``q = s/v``, are sums over the nodes.
 """
 
 from typing import NamedTuple
@@ -38,8 +38,8 @@ class Lives(NamedTuple):
 
     `width` and `fresh` are per panel, shape (p,): its length, and whether a life starts there. Per node, shape (8 p,):
     the stretching `x`, the quadrature `weight`, the `survival` and its slope in ln v; `decay` and `source` of
-    ``U' = -(q + decay) U + source``, and the weights of `U` (`push`) and of ``exp(-q x)`` (`drop`) in what the shake
-    breaks. Contacts that reach their threshold: stretching, weight, and slope of the place in ln v.
+    ``U' = -(q + decay) U + source``, and the weights of `U` (`push`) and of ``exp(-q x)`` (`drop`) in what the
+    perturbation breaks. Contacts that reach their threshold: stretching, weight, and slope of the place in ln v.
     """
 
     width: Floats
@@ -240,21 +240,21 @@ def _gone(z: complex) -> complex:
 
 
 @jit
-def shaken(lives: Lives, q: Complexes, fast: bool = False) -> Complexes:
-    """Transforms of a life under a shake, at each `q`.
+def perturbed(lives: Lives, q: Complexes, fast: bool = False) -> Complexes:
+    """Transforms of a life under a perturbation, at each `q`.
 
     Parameters
     ----------
     lives : Lives
     q : ndarray of complex, shape (n,)
     fast : bool
-        Whether the shake is so fast that nothing is left of ``exp(-q x)`` but what is at ``x = 0``.
+        Whether the perturbation is so fast that nothing is left of ``exp(-q x)`` but what is at ``x = 0``.
 
     Returns
     -------
     ndarray of complex, shape (4, n)
         ``M_0 - Sq``, ``W``, ``L``, ``Y``: what the survival loses under ``exp(-q x)``, the first moment of what is
-        left, what the shake breaks, and the stretching broken.
+        left, what the perturbation breaks, and the stretching broken.
     """
     found = np.zeros((4, q.size), np.complex128)
     matrix, value = np.empty((NODES, NODES), np.complex128), np.empty(NODES, np.complex128)

@@ -258,7 +258,7 @@ def _keep(state: State, work: Work, case: Case, start: Array, dt: float, more: f
     """Let what has broken in a step, or more of it, wait for its re-attachment."""
     panels, nodes, delays, scalar = state.panels, work.nodes, case.delays, state.scalar
     scalar[BROKEN] += more / case.lot.contacts
-    if more == 0.0 or delays.time.size + delays.share == 0.0:
+    if more == 0.0 or delays.time.size + delays.fraction == 0.0:
         return
     n = state.used[PANELS]
     if n > 0 and panels[n - 1, 0] == start[TIME]:
@@ -284,9 +284,9 @@ def _wait(panel: Array, case: Case, more: float) -> None:
         panel[WAITING + i] += k
         left -= k
         rest = max(rest - delays.weight[i], 1e-300)
-    if delays.share == 0.0:
+    if delays.fraction == 0.0:
         return
-    k = _drawn(case, left, 1.0 - delays.share / rest)
+    k = _drawn(case, left, 1.0 - delays.fraction / rest)
     left, rest = k, 1.0
     full = panel[2 + P] - panel[2]
     for j in range(Q):
@@ -305,7 +305,7 @@ def _arrivals(state: State, case: Case, before: float, now: float) -> float:
     """Draw how many re-attach between two times; they wait no longer."""
     panels, delays, N = state.panels, case.delays, case.lot.contacts
     total = 0.0
-    longest = delays.spread.top if delays.share > 0.0 else 0.0
+    longest = delays.continuous.top if delays.fraction > 0.0 else 0.0
     for i in range(delays.time.size):
         longest = max(longest, delays.time[i])
     for p in range(state.used[PANELS] - 1, -1, -1):
@@ -324,7 +324,7 @@ def _arrivals(state: State, case: Case, before: float, now: float) -> float:
             k = _drawn(case, n, held)
             panels[p, WAITING + i] = n - k
             total += k
-        if delays.share == 0.0:
+        if delays.fraction == 0.0:
             continue
         for j in range(Q):
             i = WAITING + delays.time.size + j
@@ -332,13 +332,13 @@ def _arrivals(state: State, case: Case, before: float, now: float) -> float:
             if n == 0.0:
                 continue
             age = now - start - GAUSS[j] * length
-            left = value_at(delays.spread, max(age, 0.0))
-            first = value_at(delays.spread, max(age - (now - before), 0.0))
+            left = value_at(delays.continuous, max(age, 0.0))
+            first = value_at(delays.continuous, max(age - (now - before), 0.0))
             k = _drawn(case, n, left / first if first > _GONE else 0.0)
             total += k
             panels[p, i] = n - k
             if left > _GONE:
-                panels[p, 3 + P + j] = (n - k) / (N * delays.share * left)
+                panels[p, 3 + P + j] = (n - k) / (N * delays.fraction * left)
     return total
 
 
@@ -360,9 +360,9 @@ def _attach(state: State, work: Work, case: Case, origin: float, way: float, bor
         rest = max(rest - part, 1e-300)
         more, other = here, 1.0
         for i in range(newborn.stretching.size):
-            n = more if i == newborn.stretching.size - 1 else _drawn(case, more, 1.0 - newborn.share[i] / other)
+            n = more if i == newborn.stretching.size - 1 else _drawn(case, more, 1.0 - newborn.fraction[i] / other)
             more -= n
-            other = max(other - newborn.share[i], 1e-300)
+            other = max(other - newborn.fraction[i], 1e-300)
             at, r = origin + b - way * newborn.stretching[i], abs(newborn.stretching[i])
             x = abs(X - at)
             if x > r:
@@ -393,9 +393,9 @@ def attach_all(state: State, case: Case) -> None:
     more = math.floor(more)
     for i in range(newborn.stretching.size):
         x = scalar[DIRECTION] * newborn.stretching[i]
-        n = more if i == newborn.stretching.size - 1 else _drawn(case, more, 1.0 - newborn.share[i] / other)
+        n = more if i == newborn.stretching.size - 1 else _drawn(case, more, 1.0 - newborn.fraction[i] / other)
         more -= n
-        other = max(other - newborn.share[i], 1e-300)
+        other = max(other - newborn.fraction[i], 1e-300)
         place += _put(state.groups, place, case, n, scalar[POSITION] - x, abs(x))
     _fill_up(state, place)
     count_up(state, case)
@@ -436,14 +436,15 @@ def counted(state: State, table: Table, delays: Delays, count: int, rng: np.rand
         end = past[:, :1] + past[:, 1:2] + delays.time - t
         parts = np.zeros((len(past), delays.time.size + Q))
         parts[:, : delays.time.size] = delays.weight * np.clip(end, 0.0, past[:, 1:2])
-        if delays.share > 0.0:
+        if delays.fraction > 0.0:
             age = t - past[:, :1] - GAUSS * past[:, 1:2]
-            left = values_at(delays.spread, age.ravel()).reshape(age.shape)
-            parts[:, delays.time.size :] = delays.share * past[:, 1:2] * WEIGHT * left
+            left = values_at(delays.continuous, age.ravel()).reshape(age.shape)
+            parts[:, delays.time.size :] = delays.fraction * past[:, 1:2] * WEIGHT * left
         past[:, WAITING:] = rng.multinomial(count - attached, (parts / parts.sum()).ravel()).reshape(parts.shape)
-        if delays.share > 0.0:
+        if delays.fraction > 0.0:
             waiting = past[:, WAITING + delays.time.size :]
-            past[:, 3 + P : WAITING] = np.where(left > _GONE, waiting / (N * delays.share * np.maximum(left, _GONE)), 0)
+            parted = N * delays.fraction * np.maximum(left, _GONE)
+            past[:, 3 + P : WAITING] = np.where(left > _GONE, waiting / parted, 0)
     x = scalar[POSITION] - groups[BIRTH, :n]
     e = scalar[ELEMENT]
     scalar[ATTACHED] = scalar[MASS_IN] = attached / N

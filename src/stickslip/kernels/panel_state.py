@@ -24,9 +24,9 @@ class Delays(NamedTuple):
     Attributes
     ----------
     time, weight : ndarray, shape (n,)
-        Given times, 0 for at once, and the fraction of what breaks that comes back after each.
-    spread : Table
-        Survival of the times of the rest that comes back, the fraction `share`; a part of the motion that is longer
+        Given times, 0 for at once, and the fraction of what breaks that re-attaches after each.
+    continuous : Table
+        Survival of the times of the rest that re-attaches, the fraction `fraction`; a part of the motion that is longer
         than `grain` has to be cut.
     mean : float
     arrest : bool
@@ -39,8 +39,8 @@ class Delays(NamedTuple):
 
     time: Array
     weight: Array
-    spread: Table
-    share: float
+    continuous: Table
+    fraction: float
     grain: float
     mean: float
     arrest: bool
@@ -51,7 +51,7 @@ class Newborn(NamedTuple):
     """Stretchings along the motion with which contacts attach, the fraction of them, and that over their survival."""
 
     stretching: Array
-    share: Array
+    fraction: Array
     mass: Array
 
 
@@ -255,8 +255,8 @@ def initial_state(
     scalar[DIRECTION] = -1.0 if velocity < 0.0 else 1.0
     scalar[NEXT_STEP] = math.inf
     # Before the start, at a constant rate.
-    memory = max([1e-3, delays.spread.top if delays.share > 0.0 else 0.0, *delays.time])
-    count = math.ceil(memory / delays.grain) if rate > 0.0 and delays.share > 0.0 else 1
+    memory = max([1e-3, delays.continuous.top if delays.fraction > 0.0 else 0.0, *delays.time])
+    count = math.ceil(memory / delays.grain) if rate > 0.0 and delays.fraction > 0.0 else 1
     panels = np.zeros((count + 256, WAITING + delays.time.size + Q))
     step = memory / count
     panels[:count, 0] = time - memory + step * np.arange(count)

@@ -90,7 +90,7 @@ def _newborn(state: State, work: Work, case: Case, dt: float) -> float:
                 b += PART[k - 1, j, a] * nodes[AT_X, a]
             for i in range(newborn.stretching.size):
                 x = y - b + way * newborn.stretching[i]
-                m = born * newborn.share[i]
+                m = born * newborn.fraction[i]
                 reach = max(abs(x), abs(newborn.stretching[i]))
                 if reach > table.bottom:
                     held = born * newborn.mass[i] * value_at(table, reach)
@@ -317,7 +317,7 @@ def try_step(state: State, work: Work, case: Case, dt: float) -> float:
         ratio = (d / case.accuracy.width) ** (2 * Q)
         trouble = max(trouble, ratio / max(1.0, d / m))
     m = abs(nodes[AT_BROKEN, P])
-    if case.delays.share > 0.0 and m > NEGLIGIBLE * tol:
+    if case.delays.fraction > 0.0 and m > NEGLIGIBLE * tol:
         d = dt / case.delays.grain
         trouble = max(trouble, d ** (2 * Q) / max(1.0, d / m))
     return float(trouble)

@@ -193,7 +193,7 @@ def _commit(state: State, work: Work, case: Case, dt: float, way: float) -> None
             kept += 1
     state.used[GROUPS] = kept
     n = state.used[PANELS]
-    if not case.delays.memoryless and (case.delays.time.size > 0 or case.delays.share > 0.0):
+    if not case.delays.memoryless and (case.delays.time.size > 0 or case.delays.fraction > 0.0):
         for j in range(Q):
             m = 0.0
             for a in range(1, P + 1):
@@ -274,8 +274,8 @@ def _arrest(state: State, case: Case) -> None:
             groups[BIRTH, g, j], groups[MASS, g, j] = scalar[POSITION] - x, out * newborn.mass[i] / Q
             groups[REACH, g, j], groups[WHOLE, g, j] = abs(x), 0.0
         state.used[GROUPS] = g + 1
-        force += newborn.share[i] * x
-        stored += 0.5 * newborn.share[i] * x * x
+        force += newborn.fraction[i] * x
+        stored += 0.5 * newborn.fraction[i] * x * x
     scalar[CONTACT_FORCE] += out * (force - e)
     scalar[STORED] += out * (stored - 0.5 * e * e)
     scalar[LOST] -= out * (stored - 0.5 * e * e)

@@ -117,10 +117,11 @@ class Gaussian(Distribution):
         low = np.maximum(np.asarray(x, dtype=float), self.lower)
         if self.std == 0:
             return np.where(low < self.mean, self.mean**order, 0.0)
-        finite = np.where(np.isfinite(low), low, 0.0)
         z = self._z(low)
-        edge = self.std * np.exp(-0.5 * z**2) / math.sqrt(2 * math.pi)
         moments = [special.ndtr(-z)]
+        if order > 0:
+            finite = np.where(np.isfinite(low), low, 0.0)
+            edge = self.std * np.exp(-0.5 * z**2) / math.sqrt(2 * math.pi)
         for n in range(1, order + 1):
             earlier = (n - 1) * self.std**2 * moments[n - 2] if n > 1 else 0.0
             moments.append(self.mean * moments[n - 1] + earlier + finite ** (n - 1) * edge)

@@ -32,9 +32,9 @@ DRIFT = 0.10
 DRIFT_OF_DISTANCE = 0.20
 """... and of D."""
 _RESOLVED = 0.3
-"""Least direct effect under fast shakes, in the fitted a, that counts as one."""
+"""Least direct effect at high frequency, in the fitted a, that counts as one."""
 _FAST = 200.0
-"""Wave number of a shake that is too fast for the memory of the contacts, over the mean threshold."""
+"""Wave number of a perturbation that is too fast for the memory of the contacts, over the mean threshold."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -193,7 +193,7 @@ def rate_and_state(
     --------
     >>> import stickslip as ss
     >>> print(ss.rate_and_state(ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.3), delay=ss.Delay(0.1))))
-    not rate-and-state: no direct effect: a = 1.3e-05 under fast shakes, where the fit of a step needs 0.013
+    not rate-and-state: no direct effect: a = 1.3e-05 at high frequency, where the fit of a step needs 0.013
     """
     instance("rate_and_state: interface", interface, Interface, "an Interface")
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
@@ -274,7 +274,7 @@ def _failing(interface: Interface, velocity: float, mean: float, fit: Fit, misfi
     kappa = complex(respond(interface).stiffness(velocity, q * velocity))
     direct = (kappa * spring / (q * (spring - kappa))).real
     if not direct > _RESOLVED * a:
-        return f"no direct effect: a = {max(direct, 0.0):.2g} under fast shakes, where the fit of a step needs {a:.2g}"
+        return f"no direct effect: a = {max(direct, 0.0):.2g} at high frequency, where the fit of a step needs {a:.2g}"
     if a < 2.0 * fit.error[0]:
         return f"a = {a:.2g} +- {fit.error[0]:.1g} is not resolved"
     if misfit >= MISFIT:

@@ -1,7 +1,7 @@
 """The linear response of contacts that break by temperature, or whose thresholds grow by a fixed rule.
 
-A shake ``eps exp(s t)`` of the slider changes the hazard of a contact by its rate's slope along its life, and moves the
-moment at which it meets its threshold. With ``q = s/v``, ``S`` the survival and ``r`` the rate per length,
+A perturbation ``eps exp(s t)`` of the slider changes the hazard of a contact by its rate's slope along its life, and
+moves the moment at which it meets its threshold. With ``q = s/v``, ``S`` the survival and ``r`` the rate per length,
 
     U(x) = Int_0^x r_x(x') exp(-q (x - x')) dx',  Rc = Int_0^x r_x dx'
     L = <Int (U - exp(-q x) Rc) S dx> + <(1 - exp(-q x_c)) S(x_c)/(1 - f'/v)>,   Y the same with x before it
@@ -60,11 +60,11 @@ class ActivatedResponse(FromAxis):
         return kappa.reshape(points.shape)
 
     def _at(self, v: float, s: ComplexArray, highest: float | None) -> ComplexArray:
-        from stickslip.kernels.lives import shaken
+        from stickslip.kernels.lives import perturbed
 
         lives = lives_of(self.interface, v, highest or 0.0)
         q = np.ascontiguousarray(s / v, dtype=np.complex128)
-        lost, work, breaks, yields = shaken(lives, q, highest is None)
+        lost, work, breaks, yields = perturbed(lives, q, highest is None)
         rest, delay = held(lives)[0], self.interface.delay
         missing = np.asarray(delay.absence(s))
         back = 1.0 - missing

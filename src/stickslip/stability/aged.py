@@ -187,7 +187,8 @@ def _life(u: float, delta: float, newborn: float, p: ComplexArray) -> tuple[Comp
 def _top(u: float, delta: float) -> float:
     """Frequency, in units of ``rate**2``, up to which the table goes; above it kappa nears 1 as a power of it.
 
-    Contacts driven into their boundary forget at the rate ``((u - 1)/delta)**2``, and only faster shakes find springs.
+    Contacts driven into their boundary forget at the rate ``((u - 1)/delta)**2``, and only faster perturbations find
+    springs.
     """
     return max(100.0, 100.0 * (max(u - 1.0, 0.0) / delta) ** 2)
 

@@ -201,8 +201,9 @@ def _stretched(old: kernel.Delays, new: kernel.Delays) -> float:
     """Ratio of two distributions of delays that differ in scale only."""
     if old.time.size == new.time.size and np.allclose(old.weight, new.weight, rtol=1e-6) and old.mean > 0:
         ratio = new.mean / old.mean
-        same = np.allclose(new.time, ratio * old.time, rtol=1e-6) and math.isclose(old.share, new.share, rel_tol=1e-6)
-        if same and (old.share == 0.0 or math.isclose(new.spread.top, ratio * old.spread.top, rel_tol=1e-6)):
+        same = np.allclose(new.time, ratio * old.time, rtol=1e-6)
+        same = same and math.isclose(old.fraction, new.fraction, rel_tol=1e-6)
+        if same and (old.fraction == 0.0 or math.isclose(new.continuous.top, ratio * old.continuous.top, rel_tol=1e-6)):
             return ratio
     raise InputError(
         "Interface.delay: a cycle can be carried over only to a delay that is the old one scaled (the parameter DELAY "
@@ -246,18 +247,18 @@ def _delays(delay: DelayModel, method: MasterEquation | Population) -> kernel.De
     mean, arrest = delay.moment(1), isinstance(delay, OnArrest)
     if isinstance(method, MasterEquation) and method.memoryless:
         return Delays(np.zeros(1), np.ones(1), EMPTY, 0.0, 1.0, mean, arrest, True)
-    (time, weight), spread = delay.parts()
-    if not spread:
+    (time, weight), continuous = delay.parts()
+    if not continuous:
         return Delays(time, weight, EMPTY, 0.0, 1.0, mean, arrest, False)
-    share = sum(part for part, _ in spread)
-    top = max(end_and_knots(distribution)[0] for _, distribution in spread)
+    fraction = sum(part for part, _ in continuous)
+    top = max(end_and_knots(distribution)[0] for _, distribution in continuous)
 
     def survival(t: Array) -> Array:
-        return np.asarray(sum(part / share * distribution.survival(t) for part, distribution in spread))
+        return np.asarray(sum(part / fraction * distribution.survival(t) for part, distribution in continuous))
 
     table = tabulate(survival, top, np.empty(0))
     grain = widest(table, _tolerance(method.rtol), 0.3 * mean, order=0)
-    return Delays(time, weight, table, share, grain, mean, arrest, False)
+    return Delays(time, weight, table, fraction, grain, mean, arrest, False)
 
 
 @lru_cache(maxsize=64)
