@@ -94,6 +94,34 @@ def reach(growth: Growth, strength: float, v: float) -> float:
 
 
 @jit
+def _panel(hazard: Hazard, growth: Growth, strength: float, v: float, here: float, end: float, broken: float) -> float:
+    """Longest panel that resolves the rate of a contact, at a place on its way to where it meets its threshold."""
+    c, pace = _threshold(growth, strength, here / v)
+    exponent, steep, hard = log_rate(hazard, here, c)
+    h = min(0.25 * end, end - here)
+    if growth.kind != FIXED:
+        memory = v * growth.second if growth.kind == LOGARITHMIC else v / growth.first
+        h = min(h, 0.5 * (here + memory))
+    if not hazard.attempts > 0.0:
+        return h
+    fine = FOLDS / (abs(steep) + abs(hard) * abs(pace) / v)
+    if hazard.kind == PARABOLIC:
+        most = end / hazard.scale
+        fine = min(fine, FOLDS / (steep + 1.0 / np.sqrt(hazard.scale)))
+    elif hazard.kind == BELL:
+        most = 1.0 / hazard.scale
+    else:
+        most = hazard.scale * hazard.power / min(c, strength)
+        if hazard.kramers != 0.0:
+            fine = min(fine, 0.5 * (end - here) + 10.0 * TOP * end)
+        fine = min(fine, 0.5 * (c - here) + 1e-3 * end / hazard.scale)
+    most += abs(hard) * max(-pace, 0.0) / v
+    quiet = -(np.log(hazard.attempts * end / v) + QUIET)
+    h = min(h, max(fine, (quiet - exponent) / most if quiet > exponent else 0.0))
+    return float(min(h, (3.0 + 0.3 * broken) * v / hazard.attempts * np.exp(-min(exponent, 0.0))))
+
+
+@jit
 def march(hazard: Hazard, growth: Growth, strengths: Floats, weights: Floats, v: float, longest: float) -> Lives:
     """Lives of contacts one threshold after the other: for barriers that no single variable describes.
 
@@ -117,31 +145,10 @@ def march(hazard: Hazard, growth: Growth, strengths: Floats, weights: Floats, v:
         end = reach(growth, xi, v)
         if end <= 0.0:
             continue
-        quiet = -(np.log(hazard.attempts * end / v) + QUIET) if hazard.attempts > 0.0 else np.inf
         here, broken, late, first = 0.0, 0.0, 0.0, True
         pushed = 0.0
         while here < end and broken < 45.0:
-            c, pace = _threshold(growth, xi, here / v)
-            exponent, steep, hard = log_rate(hazard, here, c)
-            h = min(longest, 0.25 * end, end - here)
-            if growth.kind != FIXED:
-                memory = v * growth.second if growth.kind == LOGARITHMIC else v / growth.first
-                h = min(h, 0.5 * (here + memory))
-            if hazard.attempts > 0.0:
-                fine = FOLDS / (abs(steep) + abs(hard) * abs(pace) / v)
-                if hazard.kind == PARABOLIC:
-                    most = end / hazard.scale
-                    fine = min(fine, FOLDS / (steep + 1.0 / np.sqrt(hazard.scale)))
-                elif hazard.kind == BELL:
-                    most = 1.0 / hazard.scale
-                else:
-                    most = hazard.scale * hazard.power / min(c, xi)
-                    if hazard.kramers != 0.0:
-                        fine = min(fine, 0.5 * (end - here) + 10.0 * TOP * end)
-                    fine = min(fine, 0.5 * (c - here) + 1e-3 * end / hazard.scale)
-                most += abs(hard) * max(-pace, 0.0) / v
-                h = min(h, max(fine, (quiet - exponent) / most if quiet > exponent else 0.0))
-                h = min(h, (3.0 + 0.3 * broken) * v / hazard.attempts * np.exp(-min(exponent, 0.0)))
+            h = min(longest, _panel(hazard, growth, xi, v, here, end, broken))
             if end - here - h < 1e-3 * h:
                 h = end - here
             if panels == room:

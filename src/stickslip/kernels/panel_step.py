@@ -237,6 +237,21 @@ def _gather(state: State, work: Work, case: Case, low: float, high: float) -> in
 
 
 @bare
+def _begin(state: State, work: Work, case: Case, dt: float) -> None:
+    """Put the slider at the nodes to where it went if nothing more broke; a rigid one to where it is driven."""
+    nodes, scalar = work.nodes, state.scalar
+    for k in range(1, P + 1):
+        if is_rigid(case.slider):
+            D, V = drive_at(case.drive, scalar[TIME] + NODE[k] * dt)
+            nodes[AT_X, k], nodes[AT_V, k] = D - scalar[POSITION], V
+        else:
+            nodes[AT_FORCE, k], nodes[AT_SLOPE, k], nodes[AT_X, k] = nodes[AT_FORCE, 0], nodes[AT_SLOPE, 0], 0.0
+    if not is_rigid(case.slider):
+        _pull(state, work, case, dt)
+        _newton(state, work, case, dt)
+
+
+@bare
 def try_step(state: State, work: Work, case: Case, dt: float) -> float:
     """Solve a step without taking it; returns its error in tolerances (above 1: it is too long)."""
     nodes, scalar, slider, tol = work.nodes, state.scalar, case.slider, case.accuracy.tolerance
@@ -254,15 +269,7 @@ def try_step(state: State, work: Work, case: Case, dt: float) -> float:
         if resolved:
             return _unresolved(nodes[AT_KNOWN]) / rough
     V0 = scalar[VELOCITY]
-    if rigid:
-        for k in range(1, P + 1):
-            D, V = drive_at(case.drive, scalar[TIME] + NODE[k] * dt)
-            nodes[AT_X, k], nodes[AT_V, k] = D - scalar[POSITION], V
-    else:  # as if nothing more broke
-        for k in range(1, P + 1):
-            nodes[AT_FORCE, k], nodes[AT_SLOPE, k], nodes[AT_X, k] = nodes[AT_FORCE, 0], nodes[AT_SLOPE, 0], 0.0
-        _pull(state, work, case, dt)
-        _newton(state, work, case, dt)
+    _begin(state, work, case, dt)
     low = high = 0.0
     for k in range(1, P + 1):
         low, high = min(low, nodes[AT_X, k]), max(high, nodes[AT_X, k])

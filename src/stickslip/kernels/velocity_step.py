@@ -1,5 +1,7 @@
 """A velocity step of contacts that break by Bell activation, by cohorts: one number each, no delay, no mass."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,10 +11,29 @@ from .growth import LOGARITHMIC, Growth
 Floats = NDArray[np.float64]
 
 
+class Contacts(NamedTuple):
+    """How contacts break.
+
+    Attributes
+    ----------
+    width, attempts, growth
+        ``A`` and the rate of the activation; `FIXED` or `LOGARITHMIC` growth.
+    survival : ndarray
+        Fraction of newborns left, over ``u = A ln G`` from `first` on in steps of `spacing`.
+    """
+
+    width: float
+    attempts: float
+    growth: Growth
+    survival: Floats
+    first: float
+    spacing: float
+
+
 @inlined
-def _survival(table: Floats, first: float, spacing: float, u: float) -> float:
-    """Survival over ``u = A ln G`` from a table, by the cubic through four points."""
-    place = (u - first) / spacing
+def _survival(contacts: Contacts, u: float) -> float:
+    """Survival over ``u = A ln G``, by the cubic through four points."""
+    table, place = contacts.survival, (u - contacts.first) / contacts.spacing
     if place <= 1.0:
         return 1.0
     k = int(place)
@@ -33,11 +54,12 @@ def _grown(growth: Growth, age: float) -> float:
 
 
 @inlined
-def _hazard(A: float, attempts: float, growth: Growth, x: float, dx: float, age: float, dt: float) -> float:
+def _hazard(contacts: Contacts, x: float, dx: float, age: float, dt: float) -> float:
     """``A ln`` of what the hazard gains while a contact goes from ``x`` on by ``dx`` in the time ``dt``.
 
     The exponent is taken as linear on either half: thresholds age ever more slowly.
     """
+    A, growth = contacts.width, contacts.growth
     start = x - _grown(growth, age)
     middle = x + 0.5 * dx - _grown(growth, age + 0.5 * dt)
     end = x + dx - _grown(growth, age + dt)
@@ -47,20 +69,14 @@ def _hazard(A: float, attempts: float, growth: Growth, x: float, dx: float, age:
         d = (b - a) / A
         part = np.exp((b - top) / A) * (1.0 if abs(d) < 1e-9 else -np.expm1(-d) / d)
         total += 0.5 * part
-    return float(top + A * np.log(attempts * dt * total))
+    return float(top + A * np.log(contacts.attempts * dt * total))
 
 
 @jit
 def step(
-    A: float,
-    attempts: float,
-    growth: Growth,
-    table: Floats,
-    first: float,
-    spacing: float,
+    contacts: Contacts,
     stretching: Floats,
     reached: Floats,
-    mass: Floats,
     before: float,
     after: float,
     stiffness: float,
@@ -71,12 +87,9 @@ def step(
 
     Parameters
     ----------
-    A, attempts, growth
-        Activation width and attempts; `FIXED` or `LOGARITHMIC` growth.
-    table, first, spacing
-        Survival of a newborn over ``u = A ln G``.
-    stretching, reached, mass : ndarray, shape (m,)
-        Contacts at the step: stretching, ``A ln G``, and number born per contact.
+    contacts : Contacts
+    stretching, reached : ndarray, shape (m,)
+        Contacts at the step, born at an even rate: stretching, and ``A ln G``.
     before, after : float
         Velocities of the load point.
     stiffness : float
@@ -90,14 +103,14 @@ def step(
     ndarray, shape (3, steps + 1)
         Force per contact, displacement of the load point, time.
     """
-    m, rigid = stretching.size, np.isinf(stiffness)
+    m, rigid, A = stretching.size, np.isinf(stiffness), contacts.width
     birth, G, age, share = np.empty(m + steps), np.empty(m + steps), np.empty(m + steps), np.empty(m + steps)
     G_new = np.empty(m + steps)
-    birth[:m], G[:m], share[:m], age[:m] = -stretching, reached, mass, stretching / before
+    birth[:m], G[:m], share[:m], age[:m] = -stretching, reached, 1.0, stretching / before
     found = np.zeros((3, steps + 1))
     force, count, oldest = 0.0, 0.0, 0
     for i in range(m):
-        held = share[i] * _survival(table, first, spacing, G[i])
+        held = share[i] * _survival(contacts, G[i])
         force += held * stretching[i]
         count += held
     share[:m] /= count  # contacts there are one each
@@ -112,13 +125,13 @@ def step(
             held, work = 0.0, 0.0
             for i in range(oldest, n):
                 x = X - birth[i]
-                gain = _hazard(A, attempts, growth, x, dX, age[i], dt)
+                gain = _hazard(contacts, x, dX, age[i], dt)
                 high, low = max(gain, G[i]), min(gain, G[i])
                 G_new[i] = high + A * np.log1p(np.exp((low - high) / A))
-                left = share[i] * _survival(table, first, spacing, G_new[i])
+                left = share[i] * _survival(contacts, G_new[i])
                 held += left
                 work += left * (x + dX)
-            young = _hazard(A, attempts, growth, 0.0, 0.5 * dX, 0.0, 0.5 * dt)
+            young = _hazard(contacts, 0.0, 0.5 * dX, 0.0, 0.5 * dt)
             work += (1.0 - held) * 0.5 * dX
             if rigid:
                 break
@@ -132,10 +145,10 @@ def step(
         for i in range(oldest, n):
             G[i] = G_new[i]
             age[i] += dt
-        while oldest < n and _survival(table, first, spacing, G[oldest]) == 0.0 and birth[oldest] <= birth[n - 1]:
+        while oldest < n and _survival(contacts, G[oldest]) == 0.0 and birth[oldest] <= birth[n - 1]:
             oldest += 1
         birth[n], G[n], age[n] = X + 0.5 * dX, young, 0.5 * dt
-        share[n] = (1.0 - held) / _survival(table, first, spacing, young)
+        share[n] = (1.0 - held) / _survival(contacts, young)
         n += 1
         found[0, k + 1], found[1, k + 1], found[2, k + 1] = work, lead + after * dt, time + dt
     return found

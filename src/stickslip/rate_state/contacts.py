@@ -142,24 +142,9 @@ def finite_step(
     lives = lives_of(interface, before)
     dX = min(max(fineness * A, 0.004), 0.04 * fineness) * distribution.moment(1)
     place = np.arange(0.5 * dX, float(lives.x[-1]), dX)[::-1].copy()
-    growth = growth_of(ageing)
-    reached = reached_on(interface, before, place)
-    found = kernel.step(
-        A,
-        temperature.attempts,
-        growth,
-        table,
-        first,
-        spacing,
-        place,
-        reached,
-        np.full(place.size, dX),
-        before,
-        after,
-        stiffness,
-        dX,
-        math.ceil(slip / dX),
-    )
+    contacts = kernel.Contacts(A, temperature.attempts, growth_of(ageing), table, first, spacing)
+    reached, steps = reached_on(interface, before, place), math.ceil(slip / dX)
+    found = kernel.step(contacts, place, reached, before, after, stiffness, dX, steps)
     return found[1], found[0] - found[0, 0]
 
 
