@@ -304,7 +304,7 @@ def test_a_prediction_needs_no_datasets_and_reads_a_run_as_its_dataset():
 def test_what_was_not_simulated_is_not_called_smooth():
     setting = make(stiffness=2.0)
     low, high = 0.01, 100.0
-    linear = bands_by_theory(setting, low, high)
+    linear = bands_by_theory(parameter_named("velocity"), setting, low, high)
     assert [band.kind for band in linear] == ["stable", "unstable"]
     here = judge(setting, ss.Contacts(2000, seed=1), Budget(10.0))
     survey = Survey(setting, linear, here)
@@ -370,3 +370,24 @@ def test_without_an_answer_the_search_goes_on_beyond_its_time(monkeypatch):
     found = ss.predict(ss.example("precision_stage"))
     assert any(each.stops is not None for each in found.mitigations)
     assert not {parameter_named(each.parameters[0]).title for each in found.mitigations} & set(found.not_searched)
+
+
+def test_where_linear_theory_ends_nothing_is_called_a_limit_of_stability():
+    """Beyond 50 times the velocity of ageing the theory cannot tell: that was called unstable, and its end a limit."""
+    ageing = ss.Langevin(rate=0.38)
+    rig = ss.Rig(
+        ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.15), ageing=ageing),
+        ss.Slider(stiffness=0.15, mass=0.05, damping=4.8),
+        ss.constant(1.6, 20.0),
+        method=ss.Contacts(200),
+    )
+    end = 50.0 * ageing.rate**2
+    *_, stable, beyond = bands_by_theory(parameter_named("velocity"), rig, 0.5 * end, 2.0 * end)
+    assert (stable.kind, beyond.kind) == ("stable", "unknown")
+    assert stable.high == beyond.low == pytest.approx(end, rel=0.01)
+    (margin,) = [m for m in prediction._margins(rig, (stable, beyond)) if m.parameter == "velocity"]
+    assert (margin.upper, margin.searched[1]) == (None, stable.high)
+    found = replace(ss.predict(rig, fast=True), bands=(stable, beyond), speeds_searched=(stable.low, beyond.high))
+    assert "(or more) linear theory cannot tell" in found.verdict
+    figure = found.plot()
+    assert "not known" in {text.get_text() for text in figure.legends[0].get_texts()}

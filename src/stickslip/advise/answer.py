@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _TITLES = {parameter.name: parameter.title for parameter in (*PARAMETERS, *UNITS_OF_A_RIG)}
 _OSCILLATES = ("stick-slip", "sustained oscillation")
-_KINDS = {"unstable": "linearly unstable", "stable": "linearly stable"}
+_KINDS = {"unstable": "linearly unstable", "stable": "linearly stable", "unknown": "not known"}
 """What bands are called in a sentence, where that is not their kind."""
 
 
@@ -172,9 +172,9 @@ class Prediction(Answer):
                 f", force ±{self._said(self.amplitude, 'force', digits=3)} ({100 * self.relative_amplitude:.0f} % of "
             )
             how += "static friction peak to peak)"
-        parts = [f"{self._at_which_speeds()}{how}", self._not_simulated(), f"at {speed}: {self._here()}"]
+        parts = [f"{self._at_which_speeds()}{how}", *self._not_known(), f"at {speed}: {self._here()}"]
         if not self.complete:  # only the run at the rig's speed has been made: the rest is linear theory
-            parts = [f"at {speed}: {self._here()}{how}", self._at_which_speeds()]
+            parts = [f"at {speed}: {self._here()}{how}", self._at_which_speeds(), *self._not_known()]
         parts = [part for part in parts if part]
         others = [pair for pair in self.at_speeds if pair[0] != self.rig.velocity]
         parts += [f"at {self._speed(other)}: {kind}" for other, kind in others]
@@ -240,13 +240,14 @@ class Prediction(Answer):
 
     def _at_which_speeds(self) -> str:
         """Ranges of speed with oscillation, each with how far it also persists from rest."""
-        low, high = self.speeds_searched
-        rough = [band for band in self.bands if band.kind not in ("smooth sliding", "stable")]
+        rough = [band for band in self.bands if band.kind not in ("smooth sliding", "stable", "unknown")]
         if not rough:
             if self.theory_note:
                 return self.theory_note
-            kind = "smooth sliding" if self.complete and not self._not_simulated() else "linearly stable"
-            return f"{kind} at all speeds from {self._span(low, high)}"
+            known = [band for band in self.bands if band.kind != "unknown"]
+            simulated = self.complete and all(band.kind != "stable" for band in known)
+            kind = "smooth sliding" if simulated else "linearly stable"
+            return f"{kind} at all speeds from {self._span(known[0].low, known[-1].high)}"
         regions: list[list[Band]] = []
         for band in rough:
             if regions and regions[-1][-1].high == band.low:
@@ -255,11 +256,16 @@ class Prediction(Answer):
                 regions.append([band])
         return " and ".join(self._region(region) for region in regions)
 
-    def _not_simulated(self) -> str:
-        """Where smooth sliding is stable and starts at rest are not known, in words; nothing of a fast answer."""
-        places = [band for band in self.bands if band.kind == "stable"] if self.complete else []
-        where = " and ".join(f"from {self._span(band.low, band.high)}" for band in places)
-        return f"{where} smooth sliding is linearly stable, and starts at rest were not judged" if where else ""
+    def _not_known(self) -> Iterator[str]:
+        """Where starts at rest were not judged, but for a fast answer, and where not even linear theory can tell."""
+        rest = ", and starts at rest were not judged" if self.complete else ""
+        if rest and (where := self._where("stable")):
+            yield f"{where} smooth sliding is linearly stable{rest}"
+        if where := self._where("unknown"):
+            yield f"{where} linear theory cannot tell{rest}"
+
+    def _where(self, kind: str) -> str:
+        return " and ".join(f"from {self._span(band.low, band.high)}" for band in self.bands if band.kind == kind)
 
     def _region(self, region: list[Band]) -> str:
         core = [band for band in region if not band.bistable] or region
@@ -295,7 +301,7 @@ class Prediction(Answer):
         """What the verdict would be over a range of delays."""
         words = []
         for band in self.delays:
-            what = "linearly stable" if band.kind == "stable" else "linearly unstable, so stick-slip or oscillation"
+            what = _KINDS[band.kind] + (", so stick-slip or oscillation" if band.kind == "unstable" else "")
             words.append(f"{what} from {self._said(band.low, 'time')} to {self._said(band.high, 'time')}")
         return "with a delay of re-attachment it would be, at this speed, " + ", ".join(words)
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from stickslip.advise.linear import stable_ranges
+from stickslip.advise.linear import stability_along
 from stickslip.answers import Answer, plain
 from stickslip.errors import InputError, UndecidedError
 from stickslip.model import Chain, ElasticBody
@@ -203,9 +202,7 @@ def predict_waves(rig: Rig, report: Progress = lambda _share: None) -> ElasticPr
                 continue
             told.add(slider)
             root = _root(slides(slider))
-            stable = stable_ranges(VELOCITY, slides(slider), low, high)
-            ends = [low, *(end for pair in stable for end in pair), high]
-            ranges = [(a, b) for a, b in pairwise(ends) if b > a and not any(c <= a and b <= d for c, d in stable)]
+            parts = stability_along(VELOCITY, slides(slider), low, high)
             waves.append(
                 WaveAnswer(
                     name=_name(float(wavelength[i]), float(coupling[i])),
@@ -213,7 +210,7 @@ def predict_waves(rig: Rig, report: Progress = lambda _share: None) -> ElasticPr
                     stiffness=float(stiffness[i]) * rig.unit("k"),
                     growth=None if root is None else root.real * rig.unit("1/time"),
                     frequency=None if root is None else abs(root.imag) / (2 * math.pi) * rig.unit("1/time"),
-                    speeds=tuple((a * speed, b * speed) for a, b in ranges),
+                    speeds=tuple((part.low * speed, part.high * speed) for part in parts if part.stable is False),
                 )
             )
             report(len(told) / _MODES)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,18 +34,26 @@ def together(parts: Sequence[tuple[Parameter, int]]) -> Parameter:
     return Parameter(name=name, unit="1", get=lambda _rig: 1.0, set=varied)
 
 
-def is_stable(setting: Rig) -> bool:
-    """Whether smooth sliding is known to be stable (linear)."""
+def is_stable(setting: Rig) -> bool | None:
+    """Whether smooth sliding is stable (linear); None where the theory cannot tell."""
     try:
         return count_unstable(setting) == 0
     except (InputError, UndecidedError):
-        return False
+        return None
 
 
-def stable_ranges(
+class Part(NamedTuple):
+    """A range of a parameter in which smooth sliding is stable, or not (linear); None where the theory cannot tell."""
+
+    low: float
+    high: float
+    stable: bool | None
+
+
+def stability_along(
     parameter: Parameter, setting: Rig, low: float, high: float, *, exact: bool = True
-) -> list[tuple[float, float]]:
-    """Ranges of a parameter in which smooth sliding is stable (linear), rising; cut off at the ends of the search.
+) -> tuple[Part, ...]:
+    """Ranges of a parameter from `low` to `high`, rising, in each of which smooth sliding is stable throughout, or not.
 
     Parameters
     ----------
@@ -60,31 +69,38 @@ def stable_ranges(
     values = np.geomspace(low, high, 2 + math.ceil(density * math.log10(high / low))).tolist()
     values[0], values[-1] = low, high
     stable = _stable_at(parameter, setting, values)
-    ends = [low] if stable[0] else []
+    found, begin = [], low
     for (left, before), (right, after) in pairwise(zip(values, stable, strict=True)):
-        if before != after:
-            ends.append(_edge(parameter, setting, left, right, before, exact))
-    ends += [high] if stable[-1] else []
-    return list(zip(ends[::2], ends[1::2], strict=True))
+        if before is not after:
+            end = _edge(parameter, setting, (left, before), (right, after), exact)
+            found.append(Part(begin, end, before))
+            begin = end
+    return (*found, Part(begin, high, stable[-1]))
 
 
-def _stable_at(parameter: Parameter, setting: Rig, values: Sequence[float]) -> list[bool]:
+def _stable_at(parameter: Parameter, setting: Rig, values: Sequence[float]) -> list[bool | None]:
     try:
         return [there.unstable() == 0 for there in neutral_along(parameter, setting, values)]
     except (InputError, UndecidedError):  # at one of them
         return [is_stable(parameter.set(setting, value)) for value in values]
 
 
-def _edge(parameter: Parameter, setting: Rig, left: float, right: float, stable_left: bool, exact: bool) -> float:
-    """Where stability changes between two values."""
+_Known = tuple[float, bool | None]
+
+
+def _edge(parameter: Parameter, setting: Rig, one: _Known, other: _Known, exact: bool) -> float:
+    """Where stability changes between two values, or what the theory can tell."""
+    (left, before), (right, after) = one, other
     while right / left > _NARROW:
         middle = math.sqrt(left * right)
-        if is_stable(parameter.set(setting, middle)) == stable_left:
+        if is_stable(parameter.set(setting, middle)) is before:
             left = middle
         else:
             right = middle
+    if before is None or after is None:
+        return right if before is None else left
     if not exact:
-        return left if stable_left else right
+        return left if before else right
     try:
         edges = critical(setting, parameter, between=(left, right)).edges
     except (InputError, UndecidedError):

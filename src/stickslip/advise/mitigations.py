@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 from stickslip.advise.judging import Budget, Spent, contacts_of, first_smooth, judge, slides_smoothly
-from stickslip.advise.linear import is_stable, stable_ranges, together
+from stickslip.advise.linear import is_stable, stability_along, together
 from stickslip.errors import InputError
 from stickslip.model import FromRest, FromSliding
 from stickslip.model.parameters import (
@@ -206,7 +206,8 @@ class Search:
         furthest, key = self._furthest(parts), tuple((parameter.name, side) for parameter, side in parts)
         if key not in self.known:
             path = together(parts)
-            self.known[key] = stable_ranges(path, self.setting, 1.0, furthest, exact=False) if furthest > 1.0 else []
+            along = stability_along(path, self.setting, 1.0, furthest, exact=False) if furthest > 1.0 else ()
+            self.known[key] = [(part.low, part.high) for part in along if part.stable]
         return self.known[key]
 
     def _leads_away(self, part: tuple[Parameter, int], end: float) -> bool:
@@ -277,7 +278,7 @@ class Search:
         def run(other: int) -> Callable[[float], bool]:
             def smooth(factor: float) -> bool:
                 there = path.set(self.setting, factor)
-                return is_stable(there) and slides_smoothly(there, self.method, self.budget, start, other)
+                return bool(is_stable(there)) and slides_smoothly(there, self.method, self.budget, start, other)
 
             return smooth
 

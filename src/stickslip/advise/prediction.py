@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise
 
 from stickslip import stability
 from stickslip.advise import mitigations as changes
@@ -13,7 +12,7 @@ from stickslip.advise import speeds
 from stickslip.advise.answer import Margin, Prediction
 from stickslip.advise.elastic import ElasticPrediction, predict_waves
 from stickslip.advise.judging import Budget, at_speed, cost_of, cycle_of, length_of
-from stickslip.advise.linear import stable_ranges
+from stickslip.advise.linear import Part, stability_along
 from stickslip.advise.mitigations import Attempt, Mitigation
 from stickslip.advise.speeds import Band
 from stickslip.errors import InputError, UndecidedError, instance
@@ -39,8 +38,7 @@ _LONGEST = 40.0
 """A run that cannot be judged is made twice as long, again and again, while the next takes less than this."""
 _RANGE, _AGED_RANGE = 30.0, 10.0
 """Margins are looked for within this factor on either side of a parameter's value."""
-_SAME = 1e-9
-"""Values that differ by no more, relatively, are the same but for rounding."""
+_STABLE = {"stable": True, "unstable": False}
 _DELAYS = (0.01, 10.0)
 """Delays tried where a rig names no mechanism, in breaking displacements over the speed."""
 
@@ -92,7 +90,7 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
     low, high = _range_of_speeds(setting)
     bands: tuple[Band, ...] = ()
     if not note:
-        bands = speeds.bands_by_theory(setting, low, high)
+        bands = speeds.bands_by_theory(VELOCITY, at_speed(setting, low), low, high)
     report(0.2)
     recording, seen = _watch(rig, lambda share: report(0.2 + 0.8 * share))
     aged = replace(rig.interface, ageing=None)  # rigid motion from contacts at rest finds thresholds that have grown up
@@ -253,14 +251,7 @@ def _over_delays(rig: Rig) -> tuple[Band, ...]:
     time = setting.interface.threshold_distribution.moment(1) / setting.velocity
     low, high = (factor * time for factor in _DELAYS)
     supposed = replace(setting, interface=replace(setting.interface, delay=Delay(time)))
-    stable = stable_ranges(DELAY, supposed, low, high)
-    ends = sorted({low, high, *(end for pair in stable for end in pair)})
-    size = rig.unit("time")
-    found = []
-    for a, b in pairwise(ends):
-        inside = any(x < math.sqrt(a * b) < y for x, y in stable)
-        found.append(Band(kind="stable" if inside else "unstable", bistable=False, low=a * size, high=b * size))
-    return tuple(found)
+    return tuple(_scaled(band, rig.unit("time")) for band in speeds.bands_by_theory(DELAY, supposed, low, high))
 
 
 def _margins(rig: Rig, bands: tuple[Band, ...]) -> Iterator[Margin]:
@@ -278,12 +269,13 @@ def _margins(rig: Rig, bands: tuple[Band, ...]) -> Iterator[Margin]:
             continue
         low, high = _searched(parameter, value, rig)
         if parameter is VELOCITY:
-            smooth = [(band.low, band.high) for band in bands if band.kind == "stable"]
-            stable = [(max(a, low), min(b, high)) for a, b in smooth if a < high and b > low]
+            inside = [band for band in bands if band.low < high and band.high > low]
+            parts = [Part(max(b.low, low), min(b.high, high), _STABLE.get(b.kind)) for b in inside]
         else:
-            stable = stable_ranges(parameter, setting, low, high)
-        ends = {end for pair in stable for end in pair}  # limits of stability, but for the ends of the search itself
-        edges = {end for end in ends if low * (1.0 + _SAME) < end < high / (1.0 + _SAME)}
+            parts = list(stability_along(parameter, setting, low, high))
+        if not (parts := _known_about(parts, value)):
+            continue
+        edges = [part.high for part in parts[:-1]]
         size = rig.unit(parameter.unit)
         lower = max((edge for edge in edges if edge < value), default=None)
         upper = min((edge for edge in edges if edge > value), default=None)
@@ -292,9 +284,22 @@ def _margins(rig: Rig, bands: tuple[Band, ...]) -> Iterator[Margin]:
             value=value * size,
             lower=None if lower is None else lower * size,
             upper=None if upper is None else upper * size,
-            searched=(low * size, high * size),
-            stable=tuple((a * size, b * size) for a, b in stable),
+            searched=(parts[0].low * size, parts[-1].high * size),
+            stable=tuple((part.low * size, part.high * size) for part in parts if part.stable),
         )
+
+
+def _known_about(parts: list[Part], value: float) -> list[Part]:
+    """Those about a value of which the theory can tell, without a gap; none if it cannot there."""
+    found: list[Part] = []
+    for part in parts:
+        if part.stable is not None:
+            found.append(part)
+        elif part.low > value:
+            break
+        else:
+            found = []
+    return found
 
 
 def _searched(parameter: Parameter, value: float, rig: Rig) -> tuple[float, float]:

@@ -19,16 +19,17 @@ from stickslip.advise.judging import (
     length_of,
     until_decayed,
 )
-from stickslip.advise.linear import stable_ranges
+from stickslip.advise.linear import stability_along
 from stickslip.errors import InputError
 from stickslip.measure import Regime
-from stickslip.model.parameters import VELOCITY
+from stickslip.model.parameters import Parameter
 from stickslip.model.rig import Rig
 
 RANGE, AGED_RANGE = 100.0, 10.0
 """Speeds are looked at within this factor of those of the drive."""
 _APART = 3.0
 """Speeds on the grid lie within this factor of each other."""
+_BY_THEORY = {True: "stable", False: "unstable", None: "unknown"}
 _OSCILLATES = ("stick-slip", "sustained oscillation")
 _DEAREST = 0.3
 """Seconds that a run at another speed may take: slow drives of light sliders are told by theory alone."""
@@ -40,9 +41,9 @@ class Band:
 
     Attributes
     ----------
-    kind : {"smooth sliding", "stick-slip", "sustained oscillation", "stable", "unstable"}
+    kind : {"smooth sliding", "stick-slip", "sustained oscillation", "stable", "unstable", "unknown"}
         From a start at rest; "stable" or "unstable" where linear theory says that of smooth sliding, and what comes of
-        a start at rest was not simulated or could not be judged.
+        a start at rest was not simulated or could not be judged; "unknown" where the theory cannot tell either.
     bistable : bool
         Whether smooth sliding, once reached, is stable as well (linear).
     low, high : float
@@ -54,17 +55,10 @@ class Band:
     high: float
 
 
-def bands_by_theory(setting: Rig, low: float, high: float) -> tuple[Band, ...]:
-    """Ranges of speed in which smooth sliding is stable or not (linear)."""
-    constant_speed = at_speed(setting, low)
-    stable = stable_ranges(VELOCITY, constant_speed, low, high)
-    ends = sorted({low, high, *(end for pair in stable for end in pair)})
-    return tuple(Band(kind=_kind_of(a, b, stable), bistable=False, low=a, high=b) for a, b in pairwise(ends) if b > a)
-
-
-def _kind_of(low: float, high: float, stable: list[tuple[float, float]]) -> str:
-    middle = math.sqrt(low * high)
-    return "stable" if any(a < middle < b for a, b in stable) else "unstable"
+def bands_by_theory(parameter: Parameter, setting: Rig, low: float, high: float) -> tuple[Band, ...]:
+    """Ranges of a parameter in which smooth sliding is stable or not (linear)."""
+    along = stability_along(parameter, setting, low, high)
+    return tuple(Band(kind=_BY_THEORY[part.stable], bistable=False, low=part.low, high=part.high) for part in along)
 
 
 class Survey:
@@ -138,7 +132,7 @@ class Survey:
         return any(band.kind == "stable" for band in self._linear if band.low <= speed <= band.high)
 
     def _seen(self, band: Band) -> list[tuple[float, str]]:
-        """Speeds tried in a range, rising, with the motion there; "stable" or "unstable" where that is not known.
+        """Speeds tried in a range, rising, with the motion there; what theory says where that is not known.
 
         A run that seems smooth where smooth sliding is unstable has not grown yet, or is hidden by noise.
         """

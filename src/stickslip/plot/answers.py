@@ -35,7 +35,7 @@ Prediction = Any  # `stickslip.advise.Prediction`: advice stands above pictures,
 _CYCLES_SHOWN = 12
 _COLOURS = {kind: REGIMES[kind][0] for kind in ("smooth sliding", "sustained oscillation", "stick-slip")}
 _COLOURS |= {"unstable": "#BFBFBF", "stable": "#FFFFFF"}
-_BY_THEORY = {"unstable": "unstable (linear)", "stable": "stable (linear)"}
+_BY_THEORY = {"unstable": "unstable (linear)", "stable": "stable (linear)", "unknown": "not known"}
 
 
 @house_style()
@@ -71,10 +71,11 @@ def _strip_of_speeds(ax: Axes, answer: Prediction) -> dict[str, Any]:
     handles: dict[str, Any] = {}
     edge: Any = {"edgecolor": GREY, "linewidth": 0.5}
     for band in answer.bands:
-        colour = _COLOURS.get(band.kind, "#FFFFFF")
-        ax.axvspan(band.low, band.high, facecolor=colour, linewidth=0)
+        colour, hatch = _COLOURS.get(band.kind, "#FFFFFF"), "....." if band.kind == "unknown" else None
+        look: Any = {"facecolor": colour, "hatch": hatch}
+        ax.axvspan(band.low, band.high, edgecolor=GREY, linewidth=0, **look)
         name = _BY_THEORY.get(band.kind, band.kind)
-        handles.setdefault(band.kind, Patch(facecolor=colour, label=name, **edge))
+        handles.setdefault(band.kind, Patch(label=name, **edge, **look))
         if band.bistable:
             ax.axvspan(band.low, band.high, facecolor="none", edgecolor="white", hatch="/////", linewidth=0)
             handles.setdefault(
