@@ -363,13 +363,13 @@ def test_dynamic_stiffness(interface, s, kappa):
         contacts(width=None, thresholds=ss.Gamma(mean=1.0, std=0.5)),
     ],
 )
-def test_slow_shakes_find_the_slope_of_the_friction_law(interface):
+def test_slow_perturbations_find_the_slope_of_the_friction_law(interface):
     interface = replace(interface, delay=ss.Delay(0.02)) if interface.mechanisms == frozenset() else interface
     slow = complex(dynamic_stiffness(interface, 2.0, 2e-5j)) / 1e-5j
     assert slow == pytest.approx(ss.friction_slope(interface, 2.0), abs=1e-5)
 
 
-def test_fast_shakes_find_springs():
+def test_fast_perturbations_find_springs():
     away = 1.0 - complex(dynamic_stiffness(THERMAL, 1.0, 1e5j))
     assert abs(away) < 2e-3
 
@@ -517,6 +517,51 @@ def test_exported_parameters_give_the_step_of_the_contacts_back():
 
 
 # ---------------------------------------------------------------- the verdict
+
+
+def larger(interface, size):
+    """The same interface with all lengths as many times as large."""
+    temperature, ageing, thresholds = interface.temperature, interface.ageing, interface.thresholds
+    return replace(
+        interface,
+        thresholds=ss.Gaussian(mean=size * thresholds.mean, std=size * thresholds.std),
+        temperature=temperature and replace(temperature, width=size * temperature.width),
+        ageing=ageing and replace(ageing, slope=size * ageing.slope),
+    )
+
+
+SIZED = [
+    THERMAL,
+    contacts(0.02, width=0.05),
+    contacts(width=None, ageing=0.02),
+    contacts(ageing=0.02, delay=0.05),
+    contacts(width=None, delay=0.1),
+]
+
+
+@pytest.mark.parametrize("size", [0.25, 4.0])
+@pytest.mark.parametrize("interface", SIZED)
+def test_lengths_matter_only_beside_those_of_the_thresholds(interface, size):
+    grown = larger(interface, size)
+    s = 1j * np.geomspace(0.1, 100.0, 40)
+    assert ss.kinetic_friction(grown, size) == pytest.approx(size * ss.kinetic_friction(interface, 1.0), rel=1e-6)
+    given, found = dynamic_stiffness(interface, 1.0, s), dynamic_stiffness(grown, size, s)
+    assert np.abs(found - given).max() < 1e-5 * np.abs(given).max()
+    bodies = [ss.Slider(stiffness=K, mass=1e-3, damping=1.0) for K in (0.003, 0.03, 0.3)]
+    rigs = [(ss.Rig(interface, body, ss.constant(1.0)), ss.Rig(grown, body, ss.constant(size))) for body in bodies]
+    counts = [[ss.stability.count_unstable(rig) for rig in pair] for pair in rigs]
+    assert all(one == other for one, other in counts)
+
+
+def test_the_verdict_is_in_units_of_the_thresholds():
+    one, four = (ss.rate_and_state(contact, v) for contact, v in ((AGEING, 1), (larger(AGEING, 4), 4)))
+    assert four.holds
+    assert [four.a, four.b, four.distance] == pytest.approx([4 * one.a, 4 * one.b, 4 * one.distance], rel=1e-3)
+    rigid = contacts(0.3, width=None, delay=0.1)
+    one, four = (ss.rate_and_state(contact, v) for contact, v in ((rigid, 1), (larger(rigid, 4), 4)))
+    found = [[float(word.rstrip(",")) for word in fit.reason.split() if word[0].isdigit()] for fit in (one, four)]
+    assert found[1] == pytest.approx([4 * value for value in found[0]], rel=0.06)  # two digits are said
+
 
 ROWS = [
     (contacts(0.1, width=None, delay=0.1), False, "no direct effect"),

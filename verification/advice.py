@@ -191,7 +191,9 @@ def motion(rig: ss.Rig, start: Start = ss.FromRest(), *, seed: int = 1000, short
         if min(ratios) > _STAYS and max(look.swing for look in many) > 1.25 * _TINY:
             return kinds
         if max(ratios) < _NOISE:
-            return {"smooth sliding"}
+            # Contacts so few that each break is a slip: noise, by their number, and slips all the same.
+            slips = min(look.fastest for look in looks[-2:]) > 2.0 * _FAST[0]
+            return {"smooth sliding", "stick-slip"} if slips else {"smooth sliding"}
     return kinds | {"smooth sliding", "either"}
 
 

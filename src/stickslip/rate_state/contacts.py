@@ -53,12 +53,13 @@ def step_on_spring(
     coarse : float
         How much coarser the frequencies are than 1e-4 takes.
     """
-    response = respond(interface)
+    response, mean = respond(interface), interface.threshold_distribution.moment(1)
+    # Wave numbers y in units of one over the mean threshold, at first.
     if isinstance(interface.ageing, Langevin):  # its table has no more than this
         y = np.concatenate([np.geomspace(1e-3, 1.0, 60), np.geomspace(1.0, 1e3, 300)[1:]])
-        kappa = response.stiffness(velocity, 1j * y * velocity)
+        kappa = response.stiffness(velocity, 1j * y / mean * velocity)
     else:
-        fine = 0.1 / max(1.0, velocity * interface.delay.longest)
+        fine = 0.1 / max(1.0, velocity * interface.delay.longest / mean)
         few, many = math.ceil(60 / coarse), math.ceil(250 / coarse)
         y = np.concatenate(
             [np.geomspace(1e-3, 1.0, few), np.arange(1.0, 30.0, coarse * fine)[1:], np.geomspace(30.0, 1e5, many)]
@@ -67,10 +68,11 @@ def step_on_spring(
             # Milliseconds each: as few as follow its turns, the memory of contacts turning by .5 rad between two.
             middle, far = y[(y >= 30.0) & (y < 100.0)], y[y >= 100.0]
             known = np.unique(np.concatenate([y[:few:3], y[few:-many:2], middle, far[::3], y[-1:]]))
-            exact = response.stiffness(velocity, 1j * known * velocity)
+            exact = response.stiffness(velocity, 1j * known / mean * velocity)
             kappa = interpolate.CubicSpline(np.log1p(known), exact)(np.log1p(y))
         else:
-            kappa = response.stiffness(velocity, 1j * y * velocity)
+            kappa = response.stiffness(velocity, 1j * y / mean * velocity)
+    y = y / mean
     if math.isfinite(stiffness):
         kappa = kappa * stiffness / (kappa + stiffness)
     factor = np.asarray(kappa).imag / y
@@ -140,7 +142,8 @@ def finite_step(
     count = math.ceil((high + 4.5 * A - first) / spacing)
     table = blurred_survival(distribution, A, np.asarray(first + spacing * np.arange(count), dtype=float))
     lives = lives_of(interface, before)
-    dX = min(max(fineness * A, 0.004), 0.04 * fineness) * distribution.moment(1)
+    mean = distribution.moment(1)
+    dX = min(max(fineness * A, 0.004 * mean), 0.04 * fineness * mean)
     place = np.arange(0.5 * dX, float(lives.x[-1]), dX)[::-1].copy()
     contacts = kernel.Contacts(A, temperature.attempts, growth_of(ageing), table, first, spacing)
     reached, steps = reached_on(interface, before, place), math.ceil(slip / dX)

@@ -95,7 +95,7 @@ class ActivatedResponse(FromAxis):
     @cached_property
     def _fastest(self) -> float:
         """Wave number beyond which nothing is left of the memory of a life."""
-        return max(60.0 / self._spread, 400.0)
+        return max(60.0 / self._spread, 400.0 / self.interface.threshold_distribution.moment(1))
 
     def frequencies(self, velocity: float) -> Array:
         """Angular frequencies that follow every turn of kappa."""
