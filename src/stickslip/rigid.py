@@ -182,12 +182,9 @@ def steepest_fall(interface: Interface, *, reattachment: bool = True) -> tuple[f
     if reattachment and bare.newborn is None and bare.initial == SteadyState(thresholds=distribution):
         return 0.0, 0.0  # exactly; a sum over nodes would find the jumps of the distribution in each of them
     # The first fall is the steepest: renewal only smooths. Twice the largest initial travel to break covers it.
-    distance = (
-        min(
-            distribution.support[1] - min(bare.initial.support[0], 0.0),
-            4.0 * float(distribution.inverse_survival(1e-3)),
-        )
-        + 0.1
+    distance = 0.1 * distribution.moment(1) + min(
+        distribution.support[1] - min(bare.initial.support[0], 0.0),
+        4.0 * float(distribution.inverse_survival(1e-3)),
     )
     points = _points(bare, distance)
     solution = _Solution(bare, distance, 1.0, points)
@@ -233,8 +230,10 @@ def _reach(interface: Interface) -> float:
 def _points(interface: Interface, distance: float) -> int:
     """Intervals of a grid that resolves the distributions to six digits where they are smooth, four at jumps."""
     stds = [interface.threshold_distribution.standard_deviation(), interface.initial.standard_deviation()]
-    spacing = max(min(s for s in stds if s > 0) / 4.0, 1e-4) if max(stds) > 0 else 1e-3
-    points = max(512, math.ceil(distance / spacing))
+    spacing, mean = 1e-3, interface.threshold_distribution.moment(1)
+    if max(stds) > 0:
+        spacing = max(min(s for s in stds if s > 0) / (4.0 * mean), 1e-4)
+    points = max(512, math.ceil(distance / (spacing * mean)))
     # From a start without standard deviation, a jump of the distribution makes a kink, beside which interpolation is of
     # first order.
     kinked = stds[1] == 0 and any(0 < knot < distance for knot in interface.threshold_distribution.knots)

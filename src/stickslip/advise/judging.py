@@ -19,7 +19,7 @@ CYCLES = 12.0
 """A run lasts a dozen cycles of the slowest oscillation that the rig can have ..."""
 _SHORTEST = 60.0
 _RINGING = 10.0
-"""... at least this far, in ``x_s``, and until the free slider has rung out, in units of ``1/eta``."""
+"""... at least this far, in mean thresholds, and until the free slider has rung out, in units of ``1/eta``."""
 _DECAYS, _LONGEST = 6.0, 4.0
 """The last test of a change lasts for so many times 1/decay rate, but not for more than so many runs."""
 _LONGER = 2
@@ -67,10 +67,11 @@ def cycle_of(setting: Rig) -> float:
 
 
 def length_of(setting: Rig) -> float:
-    """Travel of the drive, in ``x_s``, after which a run can be judged."""
+    """Travel of the drive after which a run can be judged."""
     damping = setting.slider.damping
     ringing = setting.velocity * _RINGING / damping if damping > 0 else 0.0
-    return max(_SHORTEST, CYCLES * cycle_of(setting), min(ringing, 5.0 * CYCLES * cycle_of(setting)))
+    shortest = _SHORTEST * setting.interface.threshold_distribution.moment(1)
+    return max(shortest, CYCLES * cycle_of(setting), min(ringing, 5.0 * CYCLES * cycle_of(setting)))
 
 
 def cost_of(rig: Rig) -> float:

@@ -52,7 +52,8 @@ OTHERS: Choices = (
     (AGEING, (-1, 1)),
 )
 """What only another material or surface would change."""
-_WIDEST_STD = 0.5
+WIDEST_STD = 0.5
+"""Relative to the mean."""
 NATURAL_SIDES = {"stiffness": 1, "damping": 1}
 """Ways to turn in pairs, unless runs have shown better ones."""
 
@@ -267,7 +268,8 @@ class Search:
                 value, (low, high) = parameter.get(self.setting), feasible
                 furthest = min(furthest, high / value if side > 0 else value / low)
             if parameter is STD and side > 0:
-                furthest = min(furthest, _WIDEST_STD / parameter.get(self.setting))
+                mean = self.setting.interface.thresholds.moment(1)
+                furthest = min(furthest, WIDEST_STD * mean / parameter.get(self.setting))
         return furthest
 
     def _runs(

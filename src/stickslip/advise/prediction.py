@@ -305,7 +305,7 @@ def _known_about(parts: list[Part], value: float) -> list[Part]:
 def _searched(parameter: Parameter, value: float, rig: Rig) -> tuple[float, float]:
     """Range of a parameter in which its margins are looked for, in its natural unit."""
     if parameter.name == "std":  # wider than that is no longer a distribution of thresholds about its mean
-        return value / 3.0, max(0.5, 1.5 * value)
+        return value / 3.0, max(changes.WIDEST_STD * rig.interface.thresholds.moment(1), 1.5 * value)
     if parameter.name == "delay":  # longer delays never help, and have many modes
         return value / _RANGE, value * 3.0
     widest = _RANGE if rig.interface.ageing is None else _AGED_RANGE

@@ -19,6 +19,9 @@ from stickslip.model.delays import Delay, DelayModel, OnArrest
 from stickslip.model.distributions import Distribution, Gaussian
 from stickslip.model.records import Number, check
 
+_SIZES = 1e-3, 1e3
+"""In ``x_s``, between which the median of the thresholds must lie."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Interface:
@@ -95,6 +98,7 @@ class Interface:
             Distribution | None,
             "a distribution of stretchings, such as Uniform(low=0.0, high=0.2), or None",
         )
+        self._check_size()
         self._check_areas()
         for name, born in (("initial", self.initial), ("newborn", self.newborn)):
             if born is not None and (lost := self._beyond_thresholds(born)) > 1e-3:
@@ -104,6 +108,16 @@ class Interface:
                     f"largest threshold ({largest:g}); narrow it or bring it nearer to 0",
                     f"Interface.{name}",
                 )
+
+    def _check_size(self) -> None:
+        median = float(self.threshold_distribution.inverse_survival(0.5))
+        if not _SIZES[0] <= median <= _SIZES[1]:  # what solvers call small is small beside x_s
+            raise InputError(
+                f"Interface.thresholds = {self.thresholds}: half of them lie below {median:.3g} x_s; lengths are in "
+                "units of x_s, the breaking displacement, so that thresholds are about 1: divide all lengths by it, or "
+                "read the rig from a file with SI units",
+                "Interface.thresholds",
+            )
 
     def _check_areas(self) -> None:
         if self.areas not in ("fresh", "site", None):

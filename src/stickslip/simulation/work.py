@@ -54,7 +54,7 @@ _AGE = 2e-7
 _AGEING_BREAK = 2.6e-6
 """The same for a break of a contact whose threshold ages."""
 _PANELS = 1e-4, 1.5e-5
-"""Seconds the master equation takes over an ``x_s``, and over a radian in which the slider rings after a slip."""
+"""Seconds the master equation takes over a mean threshold, and over a radian in which the slider rings after a slip."""
 _OF_RANDOM_DELAYS, _OF_CORNERS = 5.0, 3.0
 """So many times that with random delays, and with a distribution of thresholds that has corners."""
 _CLOCKED_BREAK, _CLOCKED_STEP, _THINNED_BREAK = 6e-7, 4e-7, 1e-5
@@ -62,7 +62,7 @@ _CLOCKED_BREAK, _CLOCKED_STEP, _THINNED_BREAK = 6e-7, 4e-7, 1e-5
 _THERMAL_COHORT = 6e-8
 """The same for a cohort, or a node of it, in a step of the master equation with thermal activation."""
 _AGEING_COHORT = 6e-8
-"""The same for a cohort of the kinetic equation in one time of ageing or ``x_s``, for each of their number."""
+"""The same for a cohort of the kinetic equation in one time of ageing or mean threshold, for each of their number."""
 _RADIAN = 6e-7
 """The same for a radian of the slider's oscillation."""
 _FINEST_TURN = 1e-13
@@ -199,9 +199,8 @@ def estimate(rig: Rig) -> Work:
     slider, duration = rig.slider, rig.drive.duration
     if isinstance(slider, ElasticBody):
         return _of_blocks(rig, slider)
-    distance = sum(_way(piece) for piece in rig.drive.pieces)
     mean, delay = rig.interface.threshold_distribution.moment(1), rig.interface.delay.moment(1)
-    parts = []
+    distance, parts = sum(_way(piece) for piece in rig.drive.pieces) / mean, []  # ways are in mean thresholds
     turns, ringing, kicked, ageing = 0.0, 0.0, 0.0, rig.interface.ageing
     if isinstance(slider, Slider) and slider.mass > 0:
         frequency = math.sqrt((slider.stiffness + 1.0) / slider.mass)
@@ -212,17 +211,17 @@ def estimate(rig: Rig) -> Work:
         ringing = min(turns, 10.0 * rings * (1.0 + distance)) if damping_ratio < 1 else 0.0
         if isinstance(rig.start, FromSliding):
             largest = float(np.max(np.abs(rig.start.perturbation))) * abs(rig.drive.pieces[0].start)
-            kicked = largest / frequency * min(turns, rings)
+            kicked = largest / (mean * frequency) * min(turns, rings)
         radians = _radians(rig, slider, turns, rings, distance)
         words = f"{radians:.2g} rad of the slider's oscillation"
         parts.append(Part(key="slider.mass", value=slider.mass, quantity="mass", power=-0.5, what=words,
                           seconds=_RADIAN * radians))  # fmt: skip
     path = distance + kicked + 0.01 * ringing
     if rig.interface.temperature is not None:
-        parts.append(_thermal(rig, path, path / mean, ringing))
+        parts.append(_thermal(rig, path * mean, path, ringing))
     elif isinstance(rig.method, Contacts | QuasiStatic):
         count = rig.method.count
-        lives = kicked / mean + sum(_lives(piece, mean, delay) for piece in rig.drive.pieces)
+        lives = kicked + sum(_lives(piece, mean, delay) for piece in rig.drive.pieces)
         each = _BREAK if ageing is None else _AGEING_BREAK
         parts.append(Part(key="simulation.contacts", value=count, quantity=None, power=1.0,
                           what=f"about {count * lives:.2g} breaks of {count:.2g} contacts",
@@ -242,7 +241,7 @@ def estimate(rig: Rig) -> Work:
         else:
             power, seconds = -1.0, _AGEING_COHORT * cohorts**2 * path
         parts.append(Part(key="simulation.rtol", value=1e-4 / finer, quantity=None, power=power,
-                          what=f"a path of {path:.2g} x_s", seconds=seconds))  # fmt: skip
+                          what=f"a path of {path:.2g} mean thresholds", seconds=seconds))  # fmt: skip
     if isinstance(ageing, Langevin):
         # Thresholds take steps that are short against their time of ageing, at rest as in motion.
         ages = duration * ageing.rate**2

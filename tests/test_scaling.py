@@ -1,0 +1,103 @@
+"""What is measured in which unit makes no difference: all lengths times one factor, all times times another."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip.errors import InputError
+from stickslip.simulation import estimate
+
+RIG = ss.Rig(
+    ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=0.1), initial=ss.Gaussian(mean=0.0, std=0.02), delay=ss.Delay(0.1)
+    ),
+    ss.Slider(stiffness=0.3, mass=1e-3, damping=3.0),
+    ss.constant(2.0, 30.0),
+    method=ss.Contacts(500, seed=3),
+)
+
+
+def scaled(rig, length, time):
+    """The same rig with other units; forces are in that of length, as the stiffness of a contact stays 1."""
+    interface, slider = rig.interface, rig.slider
+    thresholds, initial, delay = interface.thresholds, interface.initial, interface.delay
+    return replace(
+        rig,
+        interface=replace(
+            interface,
+            thresholds=replace(thresholds, mean=length * thresholds.mean, std=length * thresholds.std),
+            initial=replace(initial, mean=length * initial.mean, std=length * initial.std),
+            delay=ss.Delay(time * delay.moment(1)),
+            sliding_force=length * interface.sliding_force,
+        ),
+        slider=replace(slider, mass=time**2 * slider.mass, damping=slider.damping / time),
+        drive=ss.constant(rig.velocity * length / time, time * rig.drive.duration),
+    )
+
+
+UNITS = pytest.mark.parametrize(("length", "time"), [(2e-3, 1e3), (4.0, 0.25), (900.0, 1e-6)])
+
+
+@UNITS
+def test_theory_has_no_length_or_time_of_its_own(length, time):
+    here, there = RIG.interface, scaled(RIG, length, time).interface
+    assert ss.critical_stiffness(there) == pytest.approx(ss.critical_stiffness(here), rel=1e-9)
+    assert ss.static_friction(there) == pytest.approx([length * x for x in ss.static_friction(here)], rel=1e-9)
+    force = length * ss.kinetic_friction(here, 2.0)
+    assert ss.kinetic_friction(there, 2.0 * length / time) == pytest.approx(force, rel=1e-9)
+
+
+@UNITS
+def test_stability_has_no_length_or_time_of_its_own(length, time):
+    there = scaled(RIG, length, time)
+    assert ss.stability.count_unstable(there) == ss.stability.count_unstable(RIG)
+    growth = ss.stability.growth_rate(RIG)
+    assert abs(ss.stability.growth_rate(there) * time - growth) < 1e-9 * abs(growth)
+    for name, size in (("velocity", length / time), ("stiffness", 1.0), ("delay", time), ("mass", time**2)):
+        here = [edge.value * size for edge in ss.critical(RIG, name).edges]
+        assert here
+        assert [edge.value for edge in ss.critical(there, name).edges] == pytest.approx(here, rel=1e-8)
+
+
+@UNITS
+@pytest.mark.parametrize("method", [ss.Contacts(500, seed=3), ss.MasterEquation()])
+def test_runs_have_no_length_or_time_of_their_own(method, length, time):
+    rigs = (replace(rig, method=method) for rig in (RIG, scaled(RIG, length, time)))
+    here, there = (ss.simulate(rig) for rig in rigs)
+    assert there.sizes == here.sizes
+    # Contacts break one by one, exactly; the master equation may differ by its tolerance.
+    exact = isinstance(method, ss.Contacts)
+    first = slice(None, None if exact else 200)
+    gap = np.abs(there["spring_force"].to_numpy() / length - here["spring_force"].to_numpy())[first]
+    assert gap.max() < (1e-5 if exact else 0.01)
+    seen, known = ss.regime(there), ss.regime(here)
+    assert seen.kind == known.kind == "stick-slip"
+    assert seen.cycles == known.cycles
+    assert seen.period == pytest.approx(time * known.period, rel=1e-3)
+    assert seen.drop == pytest.approx(length * known.drop, rel=2e-3)
+    assert ss.drops(there).sizes == ss.drops(here).sizes
+
+
+@UNITS
+def test_an_answer_has_no_length_or_time_of_its_own(length, time):
+    there = scaled(RIG, length, time)
+    assert estimate(there).seconds == pytest.approx(estimate(RIG).seconds, rel=1e-9)
+    here, found = ss.predict(RIG), ss.predict(there)
+
+    def linear(answer, rig):
+        limits = [(end, m.parameter) for m in answer.margins for end in (m.lower, m.upper)]
+        return [np.nan if end is None else end / rig.value(name) for end, name in limits]
+
+    assert linear(found, there) == pytest.approx(linear(here, RIG), rel=1e-6, nan_ok=True)
+    sizes = {mitigation.parameters: mitigation.size for mitigation in here.mitigations}
+    assert sizes
+    # Rounding makes other runs of the same contacts: twice the precision of the search, .05.
+    assert {each.parameters: each.size for each in found.mitigations} == pytest.approx(sizes, abs=0.1)
+
+
+@pytest.mark.parametrize("mean", [1e-6, 2e4])
+def test_thresholds_far_from_one_are_in_another_unit_than_ours(mean):
+    with pytest.raises(InputError, match=r"^Interface\.thresholds = .* units of x_s, the breaking displacement"):
+        ss.Interface(thresholds=ss.Gaussian(mean=mean, std=0.1 * mean))
