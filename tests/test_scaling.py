@@ -1,9 +1,11 @@
 """What is measured in which unit makes no difference: all lengths times one factor, all times times another."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import stickslip as ss
 from stickslip.errors import InputError
@@ -19,9 +21,15 @@ RIG = ss.Rig(
 )
 
 
+def aged(ageing, length, time):
+    if isinstance(ageing, ss.Langevin):
+        return ss.Langevin(rate=ageing.rate / math.sqrt(time))
+    return ageing and ss.LogarithmicGrowth(slope=length * ageing.slope, time=time * ageing.time)
+
+
 def scaled(rig, length, time):
     """The same rig with other units; forces are in that of length, as the stiffness of a contact stays 1."""
-    interface, slider = rig.interface, rig.slider
+    interface, slider, bell = rig.interface, rig.slider, rig.interface.temperature
     thresholds, initial, delay = interface.thresholds, interface.initial, interface.delay
     return replace(
         rig,
@@ -31,6 +39,8 @@ def scaled(rig, length, time):
             initial=replace(initial, mean=length * initial.mean, std=length * initial.std),
             delay=ss.Delay(time * delay.moment(1)),
             sliding_force=length * interface.sliding_force,
+            ageing=aged(interface.ageing, length, time),
+            temperature=bell and ss.Bell(width=length * bell.width, attempts=bell.attempts / time),
         ),
         slider=replace(slider, mass=time**2 * slider.mass, damping=slider.damping / time),
         drive=ss.constant(rig.velocity * length / time, time * rig.drive.duration),
@@ -78,6 +88,47 @@ def test_runs_have_no_length_or_time_of_their_own(method, length, time):
     assert seen.period == pytest.approx(time * known.period, rel=1e-3)
     assert seen.drop == pytest.approx(length * known.drop, rel=2e-3)
     assert ss.drops(there).sizes == ss.drops(here).sizes
+
+
+@UNITS
+@pytest.mark.parametrize(
+    "mechanism",
+    [
+        {"sliding_force": 0.3},
+        {"temperature": ss.Bell(width=0.02, attempts=1e4)},
+        {"ageing": ss.LogarithmicGrowth(slope=0.02, time=1e-3)},
+        {"ageing": ss.Langevin(rate=1.0), "delay": ss.Delay(0.0)},
+    ],
+)
+def test_no_mechanism_has_a_length_or_time_of_its_own(mechanism, length, time):
+    rig = replace(RIG, interface=replace(RIG.interface, **mechanism))
+    here, there = (ss.simulate(each)["spring_force"].to_numpy() for each in (rig, scaled(rig, length, time)))
+    assert np.abs(there[:300] / length - here[:300]).max() < 1e-9  # rounding grows later, where contacts break
+    assert there.mean() / length == pytest.approx(here.mean(), rel=1e-3)
+    there = scaled(rig, length, time)
+    force = ss.kinetic_friction(there.interface, there.velocity)
+    assert force == pytest.approx(length * ss.kinetic_friction(rig.interface, rig.velocity), rel=1e-9)
+    assert ss.stability.count_unstable(there) == ss.stability.count_unstable(rig)
+
+
+@pytest.mark.parametrize(("force", "time"), [(1e-6, 1e3), (1e5, 1e-4)])
+@pytest.mark.parametrize("velocity", [0.5, 2.0, 40.0])
+def test_a_trace_is_read_alike_in_any_unit(velocity, force, time):
+    run = ss.simulate(replace(RIG, drive=ss.constant(velocity, 60.0 / velocity)))
+    rng = np.random.default_rng(7)
+    noisy = run["spring_force"].to_numpy() + rng.normal(scale=1e-3, size=run.sizes["time"])
+
+    def read(force, time):
+        data = xr.Dataset({"spring_force": ("time", force * noisy)}, coords={"time": time * run["time"].to_numpy()})
+        return ss.regime(data), ss.drops(data)
+
+    (here, slips), (there, found) = read(1.0, 1.0), read(force, time)
+    assert (there.kind, there.cycles) == (here.kind, here.cycles)
+    assert there.period == pytest.approx(time * here.period, rel=1e-6, nan_ok=True)
+    assert there.peak_to_peak == pytest.approx(force * here.peak_to_peak, rel=1e-6)
+    assert there.slip_phase == pytest.approx(here.slip_phase, rel=1e-6, nan_ok=True)
+    assert found.sizes == slips.sizes
+    assert found["drop"].to_numpy() == pytest.approx(force * slips["drop"].to_numpy(), rel=1e-6)
 
 
 @UNITS

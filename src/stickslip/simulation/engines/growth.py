@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+_STEP = 0.02
+"""Way of the slider in a step, in mean thresholds."""
 _POOL = 65_536
 """Strengths to choose from."""
 
@@ -33,12 +35,13 @@ _POOL = 65_536
 class GrowingContacts(Steps):
     """Contacts with a strength and a time of attachment each."""
 
-    longest, reach = math.inf, 0.02
+    longest = math.inf
 
     def __init__(self, beginning: Beginning, method: Contacts) -> None:
         from stickslip.kernels.growth import Growing
 
         interface = beginning.interface
+        self.reach = _STEP * interface.threshold_distribution.moment(1)
         initial, thresholds, delays = generators(method.seed)
         self._rng, self._growth = thresholds, growth_model(interface)
         self._pool = interface.threshold_distribution.sample(thresholds, _POOL)
