@@ -619,3 +619,14 @@ def test_a_rigid_slider_takes_no_prestressed_start() -> None:
 def test_mistakes_in_the_table_of_a_bar_are_told(line: str, instead: str, message: str) -> None:
     with pytest.raises(ss.InputError, match=message):
         rig_files.from_text(BAR.replace(line, instead))
+
+
+@pytest.mark.parametrize("method", [ss.MasterEquation(), ss.Contacts(20_000, seed=1)])
+def test_smooth_sliding_begins_with_what_attached_and_detached_contacts_carry(method):
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.Delay(0.3), sliding_force=0.4)
+    bar = ss.Chain(blocks=3, coupling=2.0, mass=0.02, damping=30.0, leaf=4.0)
+    run = ss.simulate(ss.Rig(interface, bar, ss.constant(1.0, 2.0), method=method, start=ss.FromSliding()))
+    kinetic, drag = ss.kinetic_friction(interface, 1.0), bar.mass * bar.damping  # .09 of .49 by detached contacts
+    tolerance = 1e-3 if isinstance(method, ss.MasterEquation) else 0.02
+    assert run["friction_force"].to_numpy() == pytest.approx(kinetic, abs=tolerance)
+    assert run["spring_force"].to_numpy() == pytest.approx(3.0 * (kinetic + drag), abs=3.0 * tolerance)

@@ -296,6 +296,10 @@ def test_units_that_change_from_cell_to_cell_are_turned_to_one(tmp_path, form):
             "line 11.*without a unit where units change",
         ),
         (lambda lines: ["t (s);F (s)", *lines], "line 2.*'N' below the heading 's'"),
+        (
+            lambda lines: [line.replace(" N", " Nx" if i != 6 else " kN") for i, line in enumerate(lines)],
+            r"line 7, '1\.5;.* kN': column 2 holds 'kN' among 'Nx'",
+        ),
     ],
 )
 def test_units_in_cells_that_leave_it_open_are_refused_by_line(tmp_path, change, message):
