@@ -31,6 +31,7 @@ class Interface:
     ----------
     thresholds : Distribution
         Distribution of the stretchings at which contacts break, ``P_c``; conditioned on positive values by the solvers.
+        Half of them lie below some value between 0.001 and 1000: lengths are in units of ``x_s``.
     initial : Distribution
         Distribution of the stretchings at the start, ``Q(x; X=0)``; a contact that starts at ``x_0`` has a threshold
         beyond ``|x_0|``. `SteadyState` starts from the distribution of smooth sliding.
