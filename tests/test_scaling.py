@@ -111,6 +111,18 @@ def test_no_mechanism_has_a_length_or_time_of_its_own(mechanism, length, time):
     assert ss.stability.count_unstable(there) == ss.stability.count_unstable(rig)
 
 
+@UNITS
+@pytest.mark.parametrize("method", [ss.Contacts(200, seed=1), ss.MasterEquation(), ss.QuasiStatic(200, seed=1)])
+def test_elastic_sliders_have_no_length_or_time_of_their_own(method, length, time):
+    bar = ss.Chain(blocks=6, coupling=2.0, mass=1e-2, damping=1.0, viscosity=0.01, leaf=0.1)
+    other = replace(bar, mass=time**2 * bar.mass, damping=bar.damping / time, viscosity=time * bar.viscosity)
+    here = replace(RIG, drive=ss.constant(1.0, 4.0), method=method)
+    there = replace(scaled(here, length, time), slider=other)
+    runs = [ss.simulate(replace(here, slider=bar), long=True), ss.simulate(there, long=True)]
+    force = [run["spring_force"].to_numpy() for run in runs]
+    assert force[1] == pytest.approx(length * force[0], rel=1e-9, abs=1e-9 * length)
+
+
 @pytest.mark.parametrize(("force", "time"), [(1e-6, 1e3), (1e5, 1e-4)])
 @pytest.mark.parametrize("velocity", [0.5, 2.0, 40.0])
 def test_a_trace_is_read_alike_in_any_unit(velocity, force, time):
