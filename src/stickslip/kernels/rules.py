@@ -39,7 +39,8 @@ def radau(count: int) -> Array:
     """Places on (0, 1] where the Legendre polynomials of the last two orders are equal; the last is 1."""
     difference = np.zeros(count + 1)
     difference[count], difference[count - 1] = 1.0, -1.0
-    places = np.sort(0.5 * (1.0 + np.polynomial.legendre.legroots(difference)))
+    roots = np.real(np.polynomial.legendre.legroots(difference))  # from numpy 2.5 on complex, whatever they are
+    places = np.sort(0.5 * (1.0 + roots))
     places[-1] = 1.0
     return np.asarray(places)
 

@@ -310,7 +310,7 @@ def _draw_hysteresis(ax: Axes, data: xr.Dataset) -> None:
     ax.plot(v, data["down"], color=plot.SKY, linewidth=0.9, label="ramp down")
     ax.plot(data["v_cycle"], data["cycle"], color=plot.BLACK, label="cycle, computed")
     middle = 0.5 * (float(data["v1_down_fold"]) + float(data["v1_linear"]))
-    ax.text(middle, 0.2, "both\nstable", ha="center", va="center", fontsize=8)
+    ax.text(middle, 1.13, "both\nstable", ha="center", va="center", fontsize=8)
     ax.set(xlim=(0, _FAST), ylim=(0, 1.25))
     plot.dress(ax.xaxis, v)
     ax.set_ylabel("peak to peak of $F_d$ ($f_\\mathrm{s}$)")
