@@ -484,3 +484,11 @@ def test_what_is_no_plain_number(text):
     with pytest.raises(InputError) as caught:
         read_number(text)
     assert len(str(caught.value)) < 150
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [("2 um", "mm", 0.002), ("1 h", "min", 60.0), ("3 kN/m", "N/mm", 3.0), ("250 g", "kg", 0.25), ("1 m", "km", 1e-3)],
+)
+def test_a_quantity_comes_in_the_unit_that_is_wanted(text, unit, value):
+    assert read_quantity(text, unit, "1 m") == value
