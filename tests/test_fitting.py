@@ -431,6 +431,7 @@ def test_speeds_add_the_delay_and_holds_ageing():
     margin = found.draws("delay") * half
     assert np.all((margin > 0) & (margin < 2.0 * found.draws("breaking_displacement")))
     assert found.strengthening.per_decade == pytest.approx(0.03, abs=1e-6)
+    assert "changes by 3 ± " in str(found.strengthening)
     assert "contacts age" in str(found)
     assert "interface.delay" not in found.rig().assumed
     with pytest.raises(InputError, match="does not fall"):

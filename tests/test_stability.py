@@ -694,3 +694,26 @@ def test_without_a_range_a_factor_30_either_way_is_searched():
     assert ss.critical(rig, "velocity") == ss.critical(rig, "velocity", between=(1 / 30, 30.0))
     with pytest.raises(ss.InputError, match=r"between: delay is 0, so give a range"):
         ss.critical(rig.replace(delay=0.0), "delay")
+
+
+def test_the_last_bit_of_a_range_is_found_before_it_is_gone():
+    """Damping closes the unstable range of velocities: of 11 % of a pocket between two points nothing was told."""
+    interface = ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=0.1), initial=ss.Gaussian(mean=0.0, std=0.02), delay=ss.Delay(0.1)
+    )
+
+    def limits(damping):
+        rig = ss.Rig(interface, ss.Slider(stiffness=0.3, mass=1e-3, damping=damping), ss.constant(1.0))
+        found = ss.critical(rig, "velocity", between=(0.01, 1000.0))
+        for crossing in found.edges:
+            sides = [
+                ss.stability.count_unstable(rig.replace(velocity=crossing.value * f)) for f in (1 - 1e-7, 1 + 1e-7)
+            ]
+            assert sides == [crossing.unstable_below, crossing.unstable_above]
+        return [crossing.value for crossing in found.edges]
+
+    last = 47.84743489  # where both meet
+    for short in (1e-2, 1e-3, 1e-4, 1e-6):
+        low, high = limits(last * (1.0 - short))
+        assert math.log(high / low) == pytest.approx(4.1 * math.sqrt(short), rel=0.03)  # two roots of a parabola
+        assert limits(last * (1.0 + short)) == []

@@ -26,6 +26,11 @@ from stickslip.stability.response import ComplexArray
 
 Array = NDArray[np.float64]
 
+_SAME = 1e-9
+"""Crossings that differ by no more, relatively, are one."""
+_DEPTH = 6
+"""How often points about a hidden pair of crossings are set eight times as close."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Crossing:
@@ -280,7 +285,7 @@ def search(
         for k in range(len(points) - len(ahead), len(points)):
             found += crossings_between(parameter, rig, points[k - 1], points[k])
             if k >= 2:
-                found += _hidden(parameter, rig, points[k - 2], points[k - 1], points[k], 6)
+                found += _hidden(parameter, rig, points[k - 2], points[k - 1], points[k], _DEPTH)
         if first and (points[0].unstable > 0 or any(c.unstable_below * c.unstable_above == 0 for c in found)):
             break
     return Crossings(
@@ -288,8 +293,18 @@ def search(
         unit=parameter.unit,
         searched=(low, points[-1].value),
         unstable_at_ends=(points[0].unstable, points[-1].unstable),
-        found=tuple(sorted(found, key=lambda crossing: crossing.value)),
+        found=_distinct(found, max(_SAME, respond(rig.interface).precision.slack)),
     )
+
+
+def _distinct(found: list[Crossing], apart: float) -> tuple[Crossing, ...]:
+    """Each crossing once, rising: a hidden pair lies between more than three points."""
+    kept: list[Crossing] = []
+    for one in sorted(found, key=lambda crossing: crossing.value):
+        same = kept and (kept[-1].unstable_below, kept[-1].unstable_above) == (one.unstable_below, one.unstable_above)
+        if not same or one.value > kept[-1].value * (1.0 + apart):
+            kept.append(one)
+    return tuple(kept)
 
 
 def crossings_between(parameter: Parameter, rig: Rig, left: Point, right: Point) -> list[Crossing]:
@@ -351,7 +366,11 @@ def _matched(one: Point, two: Point) -> list[tuple[float, float, float, float]]:
 
 
 def _hidden(parameter: Parameter, rig: Rig, before: Point, here: Point, after: Point, depth: int) -> list[Crossing]:
-    """Pairs of crossings about a point where a branch comes near to changing sign and turns back."""
+    """Pairs of crossings about a point, next to which a branch comes near to changing sign and turns back.
+
+    Near, where the parabola through the three points comes down to a third of the least of them, between them; at
+    first, where points are far apart and the parabola is rough, where it comes lower than they at all.
+    """
     if not before.unstable == here.unstable == after.unstable or depth == 0:
         return []
     earlier = {w: f for w, _, _, f in _matched(here, before)}
@@ -361,8 +380,9 @@ def _hidden(parameter: Parameter, rig: Rig, before: Point, here: Point, after: P
             continue
         side = 1.0 if e > 0 else -1.0
         a, b, c = side * earlier[w], side * e, side * later[w]
-        bend = a - 2 * b + c
-        if not (0 < b <= min(a, c) and bend > 0) or b - (c - a) ** 2 / (8 * bend) > 0.3 * b:
+        bend, least = a - 2 * b + c, min(a, b, c)
+        near = least * (0.9 if depth == _DEPTH else 0.3)
+        if not (least > 0 and bend > 0 and 2 * bend >= abs(c - a)) or b - (c - a) ** 2 / (8 * bend) > near:
             continue
         fine = np.geomspace(before.value, after.value, 9)[1:-1].tolist()
         points = [before, *_look(parameter, rig, fine), after]
