@@ -391,3 +391,11 @@ def test_where_linear_theory_ends_nothing_is_called_a_limit_of_stability():
     assert "(or more) linear theory cannot tell" in found.verdict
     figure = found.plot()
     assert "not known" in {text.get_text() for text in figure.legends[0].get_texts()}
+
+
+def test_a_narrow_range_of_instability_is_told():
+    """Eight percent wide, between two of the speeds at which modes are counted: it was stable throughout."""
+    rig = make(stiffness=0.3, mass=1e-3)
+    rig = replace(rig, slider=replace(rig.slider, damping=47.83))
+    kinds = [band.kind for band in bands_by_theory(parameter_named("velocity"), rig, 0.01, 100.0)]
+    assert kinds == ["stable", "unstable", "stable"]

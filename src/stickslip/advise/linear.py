@@ -13,7 +13,7 @@ from stickslip.errors import InputError, UndecidedError
 from stickslip.model.parameters import Parameter
 from stickslip.model.rig import Rig
 from stickslip.stability import count_unstable, critical
-from stickslip.stability.critical import neutral_along
+from stickslip.stability.critical import Crossings, neutral_along, search
 
 _PER_DECADE = 16
 _AGED_PER_DECADE = 6
@@ -50,9 +50,7 @@ class Part(NamedTuple):
     stable: bool | None
 
 
-def stability_along(
-    parameter: Parameter, setting: Rig, low: float, high: float, *, exact: bool = True
-) -> tuple[Part, ...]:
+def stability_along(parameter: Parameter, setting: Rig, low: float, high: float) -> tuple[Part, ...]:
     """Ranges of a parameter from `low` to `high`, rising, in each of which smooth sliding is stable throughout, or not.
 
     Parameters
@@ -61,21 +59,32 @@ def stability_along(
     setting : Rig
         In natural units.
     low, high : float
-        Range searched. Ranges narrower than a sixteenth of a decade may be missed.
-    exact : bool
-        Whether to polish the limits; else they are right to 1 %, on the stable side.
+        Range searched. Stable ranges narrower than a sixteenth of a decade may be missed, and where the theory cannot
+        tell of the whole range, unstable ones.
     """
     density = _PER_DECADE if setting.interface.ageing is None else _AGED_PER_DECADE
+    try:
+        return _between(search(parameter, setting, low, high, density=density, edges_only=True))
+    except (InputError, UndecidedError):  # at some value the theory cannot tell
+        pass
     values = np.geomspace(low, high, 2 + math.ceil(density * math.log10(high / low))).tolist()
     values[0], values[-1] = low, high
     stable = _stable_at(parameter, setting, values)
     found, begin = [], low
     for (left, before), (right, after) in pairwise(zip(values, stable, strict=True)):
         if before is not after:
-            end = _edge(parameter, setting, (left, before), (right, after), exact)
+            end = _edge(parameter, setting, (left, before), (right, after))
             found.append(Part(begin, end, before))
             begin = end
     return (*found, Part(begin, high, stable[-1]))
+
+
+def _between(found: Crossings) -> tuple[Part, ...]:
+    """The ranges between the edges of stability that were found."""
+    (low, high), edges = found.searched, found.edges
+    ends = [low, *(edge.value for edge in edges), high]
+    stable = [found.unstable_at_ends[0] == 0, *(edge.unstable_above == 0 for edge in edges)]
+    return tuple(Part(a, b, each) for (a, b), each in zip(pairwise(ends), stable, strict=True))
 
 
 def _stable_at(parameter: Parameter, setting: Rig, values: Sequence[float]) -> list[bool | None]:
@@ -88,7 +97,7 @@ def _stable_at(parameter: Parameter, setting: Rig, values: Sequence[float]) -> l
 _Known = tuple[float, bool | None]
 
 
-def _edge(parameter: Parameter, setting: Rig, one: _Known, other: _Known, exact: bool) -> float:
+def _edge(parameter: Parameter, setting: Rig, one: _Known, other: _Known) -> float:
     """Where stability changes between two values, or what the theory can tell."""
     (left, before), (right, after) = one, other
     while right / left > _NARROW:
@@ -99,8 +108,6 @@ def _edge(parameter: Parameter, setting: Rig, one: _Known, other: _Known, exact:
             right = middle
     if before is None or after is None:
         return right if before is None else left
-    if not exact:
-        return left if before else right
     try:
         edges = critical(setting, parameter, between=(left, right)).edges
     except (InputError, UndecidedError):

@@ -207,7 +207,7 @@ class Search:
         furthest, key = self._furthest(parts), tuple((parameter.name, side) for parameter, side in parts)
         if key not in self.known:
             path = together(parts)
-            along = stability_along(path, self.setting, 1.0, furthest, exact=False) if furthest > 1.0 else ()
+            along = stability_along(path, self.setting, 1.0, furthest) if furthest > 1.0 else ()
             self.known[key] = [(part.low, part.high) for part in along if part.stable]
         return self.known[key]
 

@@ -271,9 +271,19 @@ def _look(parameter: Parameter, rig: Rig, values: Sequence[float]) -> list[Point
 
 
 def search(
-    parameter: Parameter, rig: Rig, low: float, high: float, *, first: bool = False, density: int = 16
+    parameter: Parameter,
+    rig: Rig,
+    low: float,
+    high: float,
+    *,
+    first: bool = False,
+    density: int = 16,
+    edges_only: bool = False,
 ) -> Crossings:
-    """Crossings from `low` to `high`, on `density` points a decade; with `first`, up to the first edge of stability."""
+    """Crossings from `low` to `high`, on `density` points a decade; with `first`, up to the first edge of stability.
+
+    With `edges_only`, what happens where smooth sliding is unstable on both sides is not looked into.
+    """
     count = 1 + max(density - 4, math.ceil(density * math.log10(high / low)))
     values = np.geomspace(low, high, count).tolist()
     values[0], values[-1] = low, high
@@ -283,6 +293,8 @@ def search(
         ahead = values[len(points) : len(points) + (6 if first else count)]
         points += _look(parameter, rig, ahead)
         for k in range(len(points) - len(ahead), len(points)):
+            if edges_only and points[k - 1].unstable > 0 and points[k].unstable > 0:
+                continue
             found += crossings_between(parameter, rig, points[k - 1], points[k])
             if k >= 2:
                 found += _hidden(parameter, rig, points[k - 2], points[k - 1], points[k], _DEPTH)
