@@ -15,7 +15,7 @@ from stickslip.errors import InputError
 from stickslip.fitting.arrest import KEYS, Prior, simulate
 from stickslip.fitting.inference import infer
 from stickslip.fitting.observation import Observation
-from stickslip.fitting.rates import half_speed_of
+from stickslip.fitting.rates import half_speed_of, strengthening_of
 from stickslip.fitting.summary import FITTED, NAMES, resampled, statistics
 from stickslip.fitting.synthetic import sampled
 from stickslip.fitting.tables import folder_of, table
@@ -485,3 +485,12 @@ def test_the_command_refuses_in_one_line(tmp_path, capsys):
     assert capsys.readouterr().err.count("\n") == 1
     assert main(["fit", str(path), "-o", str(tmp_path / "rig.toml")]) == 2
     assert "--stiffness" in capsys.readouterr().err
+
+
+def test_the_growth_with_rest_has_the_error_of_a_straight_line():
+    times = np.array([1.0, 3.0, 10.0, 30.0, 100.0, 300.0])
+    forces = 10.0 + 0.3 * np.log10(times) + np.array([0.02, -0.05, 0.01, 0.04, -0.03, 0.01])
+    (slope, _), covariance = np.polyfit(np.log10(times), forces, 1, cov=True)
+    found = strengthening_of(tuple(zip(times.tolist(), forces.tolist(), strict=True)))
+    assert found.per_decade == pytest.approx(slope / forces[0], rel=1e-9)
+    assert found.error == pytest.approx(np.sqrt(covariance[0, 0]) / forces[0], rel=1e-9)

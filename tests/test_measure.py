@@ -941,3 +941,9 @@ def test_three_flat_peaks_make_a_saturated_sensor(peaks, told):
     force = np.concatenate([h * np.sin(np.pi * np.arange(40) / 40.0) for h in height])
     force = (force + np.random.default_rng(1).normal(scale=1e-3, size=force.size)).clip(max=1.0)
     assert bool(about_the_sensor(force)) == told
+
+
+def test_a_run_is_judged_by_its_last_two_fifths():
+    run = ss.simulate(ss.example("brake_pad"))
+    begin, end = (float(run["time"][i]) for i in (0, -1))
+    assert ss.regime(run).window == pytest.approx((end - 0.4 * (end - begin), end), abs=0.002 * (end - begin))
