@@ -317,7 +317,7 @@ def _thermal(rig: Rig, path: float, lives: float, turns: float) -> Part:
         1 if isinstance(interface.temperature, Bell) and not isinstance(interface.ageing, ExponentialGrowth) else 200
     )
     cohorts = float(max(2.0 / width, 200.0 / mean) * interface.threshold_distribution.support[1])
-    steps = cohorts * path + 3.0 * turns
+    steps = cohorts * lives + 3.0 * turns
     work = numbers * cohorts
     return Part(key="interface.temperature", value=width, quantity=None, power=-2.0,
                 what=f"about {steps:.2g} steps of {cohorts:.2g} cohorts",
