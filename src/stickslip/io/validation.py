@@ -216,7 +216,7 @@ def _keys_beside(path: list[str], document: type[Part]) -> list[str]:
         return dict(schema["$defs"][node["$ref"].rsplit("/", 1)[-1]]) if "$ref" in node else node
 
     def alternatives(node: dict[str, Any]) -> list[dict[str, Any]]:
-        below = node.get("anyOf") or node.get("oneOf")
+        below = node.get("anyOf") or node.get("oneOf") or node.get("allOf")  # the last is how pydantic 2.8 refers
         return [inner for one in below for inner in alternatives(resolve(one))] if below else [node]
 
     node: dict[str, Any] = schema
