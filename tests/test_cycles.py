@@ -12,8 +12,8 @@ from stickslip.cycles import bistable_range, cycle_branch, is_sustained, sustain
 from stickslip.cycles import branch as branches
 from stickslip.cycles.branch import Point, carried
 from stickslip.cycles.fold import FINEST, held_fold
-from stickslip.cycles.ride import Range, Ride, extreme
-from stickslip.cycles.verdict import settle
+from stickslip.cycles.ride import Look, Range, Ride, extreme
+from stickslip.cycles.verdict import _fate, settle
 from stickslip.errors import InputError, UndecidedError
 from stickslip.measure import regime, transitions
 from stickslip.model import (
@@ -590,3 +590,23 @@ def test_the_ends_of_a_branch_are_in_the_units_of_the_rig():
     for end in ("low_decays_at", "low_persists_at", "high_decays_at", "high_persists_at"):
         assert found.attrs[end] == pytest.approx(unit * plain.attrs[end], rel=1e-6, nan_ok=True)
     assert plain.attrs["low_persists_at"] > plain.attrs["low_decays_at"] > 0.6
+
+
+@pytest.mark.parametrize(
+    ("change", "answer", "word"),
+    [
+        (lambda look: -0.05 - 0.01 * look, False, "shrinks ever faster"),
+        (lambda look: np.full(look.size, -0.05), None, "still changes by -0.05"),
+        (lambda look: -0.05 - 0.2 * 0.9**look, None, "still changes"),
+        (lambda look: -0.2 * 0.68**look, True, "settles at"),
+        (lambda look: np.zeros(look.size), True, "no longer changes"),
+    ],
+)
+def test_what_shrinks_is_told_by_how_its_steps_change(change, answer, word):
+    steps = change(np.arange(13.0))
+    sizes = np.exp(np.concatenate([[0.0], np.cumsum(steps)]))
+    looks = [Look(size, 1.0, 1.0, 0.5, 3.0, np.empty(0)) for size in sizes.tolist()]
+    fate = _fate(looks, 1e-6, growing=None, patience=4)
+    assert fate is not None
+    assert fate[0] is answer
+    assert word in fate[1]

@@ -17,6 +17,7 @@ from stickslip.io import datasets as store
 from stickslip.model import Slider
 from stickslip.paper import FIGURES, Claim, Figure
 from stickslip.paper.cases import FIG2, FIG5
+from stickslip.paper.fig1 import _parabola
 from stickslip.paper.fig2 import first_instability
 from stickslip.paper.figure import at_least, at_most, between, near, portions, verdict
 from stickslip.rigid import effective_stiffness
@@ -297,3 +298,9 @@ def test_portions_of_progress():
         part(0.5)
         part(1.0)
     assert seen == [0.25, 0.5, 0.75, 1.0]
+
+
+@pytest.mark.parametrize(("height", "place", "bend"), [(2.0, 0.2, 3.0), (-1.0, -0.4, 0.5), (0.3, 0.0, -2.0)])
+def test_the_extreme_of_a_parabola_is_between_samples(height, place, bend):
+    y = height + bend * (np.array([-1.0, 0.0, 1.0]) - place) ** 2
+    assert _parabola(y) == pytest.approx(height, abs=1e-14)

@@ -26,7 +26,7 @@ from stickslip.rigid import critical_stiffness, static_friction
 from stickslip.simulation import Recording, record
 from stickslip.theory import kinetic_friction
 
-_FIRST, _ALL, _FOR_SPEEDS = 0.8, 3.8, 0.25
+_FIRST, _ALL, _FOR_SPEEDS = 0.8, 4.0, 0.25
 """Seconds, by estimate, for the first run and for all runs; the part of what is then left that goes to other speeds."""
 _AGED = 10.0
 """How much more thresholds that age may take, whose runs cost a hundred times as much."""
