@@ -13,6 +13,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 import xarray as xr
+from other_units import rescaled
 from scipy import special
 
 import stickslip as ss
@@ -519,17 +520,6 @@ def test_exported_parameters_give_the_step_of_the_contacts_back():
 # ---------------------------------------------------------------- the verdict
 
 
-def larger(interface, size):
-    """The same interface with all lengths as many times as large."""
-    temperature, ageing, thresholds = interface.temperature, interface.ageing, interface.thresholds
-    return replace(
-        interface,
-        thresholds=ss.Gaussian(mean=size * thresholds.mean, std=size * thresholds.std),
-        temperature=temperature and replace(temperature, width=size * temperature.width),
-        ageing=ageing and replace(ageing, slope=size * ageing.slope),
-    )
-
-
 SIZED = [
     THERMAL,
     contacts(0.02, width=0.05),
@@ -542,7 +532,7 @@ SIZED = [
 @pytest.mark.parametrize("size", [0.25, 4.0])
 @pytest.mark.parametrize("interface", SIZED)
 def test_lengths_matter_only_beside_those_of_the_thresholds(interface, size):
-    grown = larger(interface, size)
+    grown = rescaled(interface, size)
     s = 1j * np.geomspace(0.1, 100.0, 40)
     assert ss.kinetic_friction(grown, size) == pytest.approx(size * ss.kinetic_friction(interface, 1.0), rel=1e-6)
     given, found = dynamic_stiffness(interface, 1.0, s), dynamic_stiffness(grown, size, s)
@@ -554,11 +544,11 @@ def test_lengths_matter_only_beside_those_of_the_thresholds(interface, size):
 
 
 def test_the_verdict_is_in_units_of_the_thresholds():
-    one, four = (ss.rate_and_state(contact, v) for contact, v in ((AGEING, 1), (larger(AGEING, 4), 4)))
+    one, four = (ss.rate_and_state(contact, v) for contact, v in ((AGEING, 1), (rescaled(AGEING, 4), 4)))
     assert four.holds
     assert [four.a, four.b, four.distance] == pytest.approx([4 * one.a, 4 * one.b, 4 * one.distance], rel=1e-3)
     rigid = contacts(0.3, width=None, delay=0.1)
-    one, four = (ss.rate_and_state(contact, v) for contact, v in ((rigid, 1), (larger(rigid, 4), 4)))
+    one, four = (ss.rate_and_state(contact, v) for contact, v in ((rigid, 1), (rescaled(rigid, 4), 4)))
     found = [[float(word.rstrip(",")) for word in fit.reason.split() if word[0].isdigit()] for fit in (one, four)]
     assert found[1] == pytest.approx([4 * value for value in found[0]], rel=0.06)  # two digits are said
 

@@ -1,11 +1,11 @@
 """What is measured in which unit makes no difference: all lengths times one factor, all times times another."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import xarray as xr
+from other_units import rescaled_rig
 
 import stickslip as ss
 from stickslip.errors import InputError
@@ -21,38 +21,12 @@ RIG = ss.Rig(
 )
 
 
-def aged(ageing, length, time):
-    if isinstance(ageing, ss.Langevin):
-        return ss.Langevin(rate=ageing.rate / math.sqrt(time))
-    return ageing and ss.LogarithmicGrowth(slope=length * ageing.slope, time=time * ageing.time)
-
-
-def scaled(rig, length, time):
-    """The same rig with other units; forces are in that of length, as the stiffness of a contact stays 1."""
-    interface, slider, bell = rig.interface, rig.slider, rig.interface.temperature
-    thresholds, initial, delay = interface.thresholds, interface.initial, interface.delay
-    return replace(
-        rig,
-        interface=replace(
-            interface,
-            thresholds=replace(thresholds, mean=length * thresholds.mean, std=length * thresholds.std),
-            initial=replace(initial, mean=length * initial.mean, std=length * initial.std),
-            delay=ss.Delay(time * delay.moment(1)),
-            sliding_force=length * interface.sliding_force,
-            ageing=aged(interface.ageing, length, time),
-            temperature=bell and ss.Bell(width=length * bell.width, attempts=bell.attempts / time),
-        ),
-        slider=replace(slider, mass=time**2 * slider.mass, damping=slider.damping / time),
-        drive=ss.constant(rig.velocity * length / time, time * rig.drive.duration),
-    )
-
-
 UNITS = pytest.mark.parametrize(("length", "time"), [(2e-3, 1e3), (4.0, 0.25), (900.0, 1e-6)])
 
 
 @UNITS
 def test_theory_has_no_length_or_time_of_its_own(length, time):
-    here, there = RIG.interface, scaled(RIG, length, time).interface
+    here, there = RIG.interface, rescaled_rig(RIG, length, time).interface
     assert ss.critical_stiffness(there) == pytest.approx(ss.critical_stiffness(here), rel=1e-9)
     assert ss.static_friction(there) == pytest.approx([length * x for x in ss.static_friction(here)], rel=1e-9)
     force = length * ss.kinetic_friction(here, 2.0)
@@ -61,7 +35,7 @@ def test_theory_has_no_length_or_time_of_its_own(length, time):
 
 @UNITS
 def test_stability_has_no_length_or_time_of_its_own(length, time):
-    there = scaled(RIG, length, time)
+    there = rescaled_rig(RIG, length, time)
     assert ss.stability.count_unstable(there) == ss.stability.count_unstable(RIG)
     growth = ss.stability.growth_rate(RIG)
     assert abs(ss.stability.growth_rate(there) * time - growth) < 1e-9 * abs(growth)
@@ -74,7 +48,7 @@ def test_stability_has_no_length_or_time_of_its_own(length, time):
 @UNITS
 @pytest.mark.parametrize("method", [ss.Contacts(500, seed=3), ss.MasterEquation()])
 def test_runs_have_no_length_or_time_of_their_own(method, length, time):
-    rigs = (replace(rig, method=method) for rig in (RIG, scaled(RIG, length, time)))
+    rigs = (replace(rig, method=method) for rig in (RIG, rescaled_rig(RIG, length, time)))
     here, there = (ss.simulate(rig) for rig in rigs)
     assert there.sizes == here.sizes
     # Contacts break one by one, exactly; the master equation may differ by its tolerance.
@@ -102,10 +76,10 @@ def test_runs_have_no_length_or_time_of_their_own(method, length, time):
 )
 def test_no_mechanism_has_a_length_or_time_of_its_own(mechanism, length, time):
     rig = replace(RIG, interface=replace(RIG.interface, **mechanism))
-    here, there = (ss.simulate(each)["spring_force"].to_numpy() for each in (rig, scaled(rig, length, time)))
+    here, there = (ss.simulate(each)["spring_force"].to_numpy() for each in (rig, rescaled_rig(rig, length, time)))
     assert np.abs(there[:300] / length - here[:300]).max() < 1e-9  # rounding grows later, where contacts break
     assert there.mean() / length == pytest.approx(here.mean(), rel=1e-3)
-    there = scaled(rig, length, time)
+    there = rescaled_rig(rig, length, time)
     for method in (ss.Contacts(500), ss.MasterEquation()):
         seconds = [estimate(replace(each, method=method)).seconds for each in (rig, there)]
         assert seconds[1] == pytest.approx(seconds[0], rel=1e-6)
@@ -120,7 +94,7 @@ def test_elastic_sliders_have_no_length_or_time_of_their_own(method, length, tim
     bar = ss.Chain(blocks=6, coupling=2.0, mass=1e-2, damping=1.0, viscosity=0.01, leaf=0.1)
     other = replace(bar, mass=time**2 * bar.mass, damping=bar.damping / time, viscosity=time * bar.viscosity)
     here = replace(RIG, drive=ss.constant(1.0, 4.0), method=method)
-    there = replace(scaled(here, length, time), slider=other)
+    there = replace(rescaled_rig(here, length, time), slider=other)
     runs = [ss.simulate(replace(here, slider=bar), long=True), ss.simulate(there, long=True)]
     force = [run["spring_force"].to_numpy() for run in runs]
     assert force[1] == pytest.approx(length * force[0], rel=1e-9, abs=1e-9 * length)
@@ -148,7 +122,7 @@ def test_a_trace_is_read_alike_in_any_unit(velocity, force, time):
 
 @UNITS
 def test_an_answer_has_no_length_or_time_of_its_own(length, time):
-    there = scaled(RIG, length, time)
+    there = rescaled_rig(RIG, length, time)
     assert estimate(there).seconds == pytest.approx(estimate(RIG).seconds, rel=1e-9)
     here, found = ss.predict(RIG), ss.predict(there)
 

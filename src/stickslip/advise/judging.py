@@ -71,7 +71,8 @@ def length_of(setting: Rig) -> float:
     damping = setting.slider.damping
     ringing = setting.velocity * _RINGING / damping if damping > 0 else 0.0
     shortest = _SHORTEST * setting.interface.threshold_distribution.moment(1)
-    return max(shortest, CYCLES * cycle_of(setting), min(ringing, 5.0 * CYCLES * cycle_of(setting)))
+    cycles = CYCLES * cycle_of(setting)
+    return max(shortest, cycles, min(ringing, 5.0 * cycles))
 
 
 def cost_of(rig: Rig) -> float:

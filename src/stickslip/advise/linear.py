@@ -13,7 +13,7 @@ from stickslip.errors import InputError, UndecidedError
 from stickslip.model.parameters import Parameter
 from stickslip.model.rig import Rig
 from stickslip.stability import count_unstable, critical
-from stickslip.stability.critical import Crossings, neutral_along, search
+from stickslip.stability.critical import Crossings, search
 
 _PER_DECADE = 16
 _AGED_PER_DECADE = 6
@@ -69,7 +69,7 @@ def stability_along(parameter: Parameter, setting: Rig, low: float, high: float)
         pass
     values = np.geomspace(low, high, 2 + math.ceil(density * math.log10(high / low))).tolist()
     values[0], values[-1] = low, high
-    stable = _stable_at(parameter, setting, values)
+    stable = [is_stable(parameter.set(setting, value)) for value in values]
     found, begin = [], low
     for (left, before), (right, after) in pairwise(zip(values, stable, strict=True)):
         if before is not after:
@@ -85,13 +85,6 @@ def _between(found: Crossings) -> tuple[Part, ...]:
     ends = [low, *(edge.value for edge in edges), high]
     stable = [found.unstable_at_ends[0] == 0, *(edge.unstable_above == 0 for edge in edges)]
     return tuple(Part(a, b, each) for (a, b), each in zip(pairwise(ends), stable, strict=True))
-
-
-def _stable_at(parameter: Parameter, setting: Rig, values: Sequence[float]) -> list[bool | None]:
-    try:
-        return [there.unstable() == 0 for there in neutral_along(parameter, setting, values)]
-    except (InputError, UndecidedError):  # at one of them
-        return [is_stable(parameter.set(setting, value)) for value in values]
 
 
 _Known = tuple[float, bool | None]

@@ -38,7 +38,7 @@ _LONGEST = 40.0
 """A run that cannot be judged is made twice as long, again and again, while the next takes less than this."""
 _RANGE, _AGED_RANGE = 30.0, 10.0
 """Margins are looked for within this factor on either side of a parameter's value."""
-_STABLE = {"stable": True, "unstable": False}
+_STABLE = {kind: stable for stable, kind in speeds.BY_THEORY.items()}
 _DELAYS = (0.01, 10.0)
 """Delays tried where a rig names no mechanism, in breaking displacements over the speed."""
 
@@ -270,7 +270,7 @@ def _margins(rig: Rig, bands: tuple[Band, ...]) -> Iterator[Margin]:
         low, high = _searched(parameter, value, rig)
         if parameter is VELOCITY:
             inside = [band for band in bands if band.low < high and band.high > low]
-            parts = [Part(max(b.low, low), min(b.high, high), _STABLE.get(b.kind)) for b in inside]
+            parts = [Part(max(b.low, low), min(b.high, high), _STABLE[b.kind]) for b in inside]
         else:
             parts = list(stability_along(parameter, setting, low, high))
         if not (parts := _known_about(parts, value)):

@@ -29,7 +29,7 @@ RANGE, AGED_RANGE = 100.0, 10.0
 """Speeds are looked at within this factor of those of the drive."""
 _APART = 3.0
 """Speeds on the grid lie within this factor of each other."""
-_BY_THEORY = {True: "stable", False: "unstable", None: "unknown"}
+BY_THEORY = {True: "stable", False: "unstable", None: "unknown"}
 _OSCILLATES = ("stick-slip", "sustained oscillation")
 _DEAREST = 0.3
 """Seconds that a run at another speed may take: slow drives of light sliders are told by theory alone."""
@@ -58,7 +58,7 @@ class Band:
 def bands_by_theory(parameter: Parameter, setting: Rig, low: float, high: float) -> tuple[Band, ...]:
     """Ranges of a parameter in which smooth sliding is stable or not (linear)."""
     along = stability_along(parameter, setting, low, high)
-    return tuple(Band(kind=_BY_THEORY[part.stable], bistable=False, low=part.low, high=part.high) for part in along)
+    return tuple(Band(kind=BY_THEORY[part.stable], bistable=False, low=part.low, high=part.high) for part in along)
 
 
 class Survey:

@@ -392,18 +392,18 @@ class LogNormal(Distribution):
         _set(self, "std", _stretching("LogNormal.std", self.std, above=0))
 
     @property
-    def log_spread(self) -> float:
+    def log_std(self) -> float:
         """Standard deviation of the logarithm."""
         return math.sqrt(math.log1p((self.std / self.mean) ** 2))
 
     @property
     def log_mean(self) -> float:
         """Mean of the logarithm."""
-        return math.log(self.mean) - 0.5 * self.log_spread**2
+        return math.log(self.mean) - 0.5 * self.log_std**2
 
     def _z(self, x: ArrayLike) -> Array:
         logarithm = np.log(np.maximum(np.asarray(x, dtype=float), np.finfo(float).tiny))
-        return np.asarray((logarithm - self.log_mean) / self.log_spread)
+        return np.asarray((logarithm - self.log_mean) / self.log_std)
 
     @property
     def own_std(self) -> float:
@@ -417,44 +417,44 @@ class LogNormal(Distribution):
     def density(self, x: ArrayLike) -> Array:
         """Probability density at `x`."""
         x = np.asarray(x, dtype=float)
-        bell = np.exp(-0.5 * self._z(x) ** 2) / (math.sqrt(2 * math.pi) * self.log_spread)
+        bell = np.exp(-0.5 * self._z(x) ** 2) / (math.sqrt(2 * math.pi) * self.log_std)
         return np.where(x > 0, bell / np.maximum(x, np.finfo(float).tiny), 0.0)
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
         """Integral of ``y**order`` times the density over ``y > x``."""
         with np.errstate(over="ignore"):  # a wide distribution has high moments beyond any number
-            scale = float(np.exp(order * self.log_mean + 0.5 * (order * self.log_spread) ** 2))
+            scale = float(np.exp(order * self.log_mean + 0.5 * (order * self.log_std) ** 2))
         x = np.asarray(x, dtype=float)
-        return np.where(x > 0, scale * special.ndtr(order * self.log_spread - self._z(x)), scale)
+        return np.where(x > 0, scale * special.ndtr(order * self.log_std - self._z(x)), scale)
 
     def inverse_survival(self, probability: ArrayLike) -> Array:
         """Stretching exceeded with the given probability."""
         z = -special.ndtri(np.asarray(probability, dtype=float))
-        return np.asarray(np.exp(self.log_mean + self.log_spread * z))
+        return np.asarray(np.exp(self.log_mean + self.log_std * z))
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:
         """Draw `size` values."""
-        return rng.lognormal(self.log_mean, self.log_spread, size)
+        return rng.lognormal(self.log_mean, self.log_std, size)
 
     def laplace(self, q: ArrayLike, order: int = 0) -> ComplexArray:
         """Mean of ``x**order * exp(-q x)``, by quadrature in the logarithm (there is no closed form)."""
         # The phase q x turns fastest where the density is still felt, about five deviations up.
-        per_turn = 17 * float(self.inverse_survival(1e-7)) * self.log_spread / 6
-        return laplace_on_a_ray(q, order, self._on_a_ray, 2.0 * self.log_spread, 12, per_turn)
+        per_turn = 17 * float(self.inverse_survival(1e-7)) * self.log_std / 6
+        return laplace_on_a_ray(q, order, self._on_a_ray, 2.0 * self.log_std, 12, per_turn)
 
     def _on_a_ray(self, angle: float, count: int, growing: bool) -> tuple[ComplexArray, ComplexArray]:
         del growing  # the transform has no value there
         # Turning x by an angle shifts z by an imaginary number; beyond two standard deviations the density would grow.
         node, weight = panels(-8.5, 8.5, count)
-        z = node - 1j * angle / self.log_spread
-        x = np.asarray(np.exp(self.log_mean + self.log_spread * z))
+        z = node - 1j * angle / self.log_std
+        x = np.asarray(np.exp(self.log_mean + self.log_std * z))
         return x, np.asarray(np.log(weight) - 0.5 * z * z - 0.5 * math.log(2 * math.pi))
 
     def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """`laplace` of orders 0 and 1, with nodes on one path for all `q`."""
-        # x = exp(log_mean + log_spread (z - i turn)): the density grows by exp(turn^2/2), at most 90.
-        z = np.arange(-9.0, 9.0, 0.04) - 1j * min(3.0, 0.7 / self.log_spread)
-        x, weight = np.exp(self.log_mean + self.log_spread * z), np.exp(-0.5 * z * z)
+        # x = exp(log_mean + log_std (z - i turn)): the density grows by exp(turn^2/2), at most 90.
+        z = np.arange(-9.0, 9.0, 0.04) - 1j * min(3.0, 0.7 / self.log_std)
+        x, weight = np.exp(self.log_mean + self.log_std * z), np.exp(-0.5 * z * z)
         return transforms_on_a_path(q, x, weight / weight.sum())
 
     @property

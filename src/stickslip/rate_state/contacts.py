@@ -54,10 +54,14 @@ def step_on_spring(
         How much coarser the frequencies are than 1e-4 takes.
     """
     response, mean = respond(interface), interface.threshold_distribution.moment(1)
-    # Wave numbers y in units of one over the mean threshold, at first.
+
+    def stiffness_at(wave: Array) -> Array:
+        """By wave number, in units of one over the mean threshold."""
+        return np.asarray(response.stiffness(velocity, 1j * wave / mean * velocity))
+
     if isinstance(interface.ageing, Langevin):  # its table has no more than this
         y = np.concatenate([np.geomspace(1e-3, 1.0, 60), np.geomspace(1.0, 1e3, 300)[1:]])
-        kappa = response.stiffness(velocity, 1j * y / mean * velocity)
+        kappa = stiffness_at(y)
     else:
         fine = 0.1 / max(1.0, velocity * interface.delay.longest / mean)
         few, many = math.ceil(60 / coarse), math.ceil(250 / coarse)
@@ -68,10 +72,10 @@ def step_on_spring(
             # Milliseconds each: as few as follow its turns, the memory of contacts turning by .5 rad between two.
             middle, far = y[(y >= 30.0) & (y < 100.0)], y[y >= 100.0]
             known = np.unique(np.concatenate([y[:few:3], y[few:-many:2], middle, far[::3], y[-1:]]))
-            exact = response.stiffness(velocity, 1j * known / mean * velocity)
+            exact = stiffness_at(known)
             kappa = interpolate.CubicSpline(np.log1p(known), exact)(np.log1p(y))
         else:
-            kappa = response.stiffness(velocity, 1j * y / mean * velocity)
+            kappa = stiffness_at(y)
     y = y / mean
     if math.isfinite(stiffness):
         kappa = kappa * stiffness / (kappa + stiffness)

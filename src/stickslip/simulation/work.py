@@ -218,7 +218,7 @@ def estimate(rig: Rig) -> Work:
                           seconds=_RADIAN * radians))  # fmt: skip
     path = distance + kicked + 0.01 * ringing
     if rig.interface.temperature is not None:
-        parts.append(_thermal(rig, path * mean, path, ringing))
+        parts.append(_thermal(rig, path, ringing))
     elif isinstance(rig.method, Contacts | QuasiStatic):
         count = rig.method.count
         lives = kicked + sum(_lives(piece, mean, delay) for piece in rig.drive.pieces)
@@ -301,8 +301,8 @@ def _of_blocks(rig: Rig, body: ElasticBody) -> Work:
     return Work(rig=rig, parts=tuple(parts), block_steps=steps)
 
 
-def _thermal(rig: Rig, path: float, lives: float, turns: float) -> Part:
-    """Return the work of contacts that break by thermal activation, along a path and over radians of oscillation."""
+def _thermal(rig: Rig, lives: float, turns: float) -> Part:
+    """Return the work of contacts that break by thermal activation, over lives of them and radians of oscillation."""
     interface, mean = rig.interface, rig.interface.threshold_distribution.moment(1)
     width = activation_width(interface)
     shared = isinstance(interface.temperature, Bell) and interface.ageing is None
@@ -311,7 +311,7 @@ def _thermal(rig: Rig, path: float, lives: float, turns: float) -> Part:
         breaks = _CLOCKED_BREAK if shared else _THINNED_BREAK
         return Part(key="simulation.contacts", value=count, quantity=None, power=1.0,
                     what=f"about {count * lives:.2g} breaks of {count:.2g} contacts by thermal activation",
-                    seconds=breaks * count * lives + _CLOCKED_STEP * 8.0 * path / width,
+                    seconds=breaks * count * lives + _CLOCKED_STEP * 8.0 * lives * mean / width,
                     bytes=_CONTACT * count)  # fmt: skip
     numbers = (
         1 if isinstance(interface.temperature, Bell) and not isinstance(interface.ageing, ExponentialGrowth) else 200

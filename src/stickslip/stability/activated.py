@@ -85,7 +85,7 @@ class ActivatedResponse(FromAxis):
         return kappa
 
     @cached_property
-    def _spread(self) -> float:
+    def _std(self) -> float:
         """Standard deviation of the stretchings at which contacts break, about."""
         std = self.interface.threshold_distribution.standard_deviation()
         temperature = self.interface.temperature
@@ -95,14 +95,14 @@ class ActivatedResponse(FromAxis):
     @cached_property
     def _fastest(self) -> float:
         """Wave number beyond which nothing is left of the memory of a life."""
-        return max(60.0 / self._spread, 400.0 / self.interface.threshold_distribution.moment(1))
+        return max(60.0 / self._std, 400.0 / self.interface.threshold_distribution.moment(1))
 
     def frequencies(self, velocity: float) -> Array:
         """Angular frequencies that follow every turn of kappa."""
         distribution, delay = self.interface.threshold_distribution, self.interface.delay
         mean = distribution.moment(1)
         reach = float(distribution.inverse_survival(np.array(1e-3))) + velocity * delay.longest
-        top = max(12.0 / self._spread, 60.0 / mean)
+        top = max(12.0 / self._std, 60.0 / mean)
         step = max(0.2 / reach, top / 8000.0)
         y = np.concatenate(
             [
