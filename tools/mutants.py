@@ -3,10 +3,11 @@
 Each mutant is a copy of the package with one change, tried against the quick tests of its room. A mutant that lives
 names its place; either a test is missing, or the change makes no difference (an equivalent mutant).
 
-Once `--learn` has noted which tests run through which lines, a mutant meets those of all rooms, and no others. What is
-compiled has no lines to note, nor has what runs before any test: there it stays with the room.
+Once `--learn` has noted which tests run through which lines, a mutant meets those of all rooms. A kernel has no lines
+to note: there it meets the tests that run through a line which names a caller of the kernel, and of what is compiled
+only these callers are compiled anew. What runs before any test stays with its room.
 
-    python tools/mutants.py --learn       note them, in .mutants.json
+    python tools/mutants.py --learn       note them, in .mutants
     python tools/mutants.py 20 7          twenty mutants drawn with seed 7
     python tools/mutants.py --at src/stickslip/io/datasets.py:166
 """
@@ -15,26 +16,32 @@ from __future__ import annotations
 
 import argparse
 import ast
-import atexit
 import json
 import os
 import random
+import re
 import shutil
 import subprocess
 import sys
-import tempfile
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import Any
 
+from callers import Callers
 from coverage import CoverageData
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "src" / "stickslip"
-LEARNT = ROOT / ".mutants.json"
-"""Tests by the lines that they run through: of each module of the package, by line."""
+WORKSHOP = ROOT / ".mutants"
+"""The copies, what is compiled of them, and what was learnt: always in one place, for compiled code knows its own."""
+LEARNT = WORKSHOP / "learnt.json"
+"""The tests that pass: `lines`, by module and line, those that run through it; `seconds`, how long each takes."""
+ENOUGH = 240
+"""Seconds of tests that a mutant meets, the quickest first."""
 LIMIT = 600
 """Seconds for the tests of one mutant; a mutant that hangs is caught."""
 
@@ -109,33 +116,50 @@ TESTS = {
 }
 """Modules, packages and beginnings of names in them, and the tests of their rooms; the longest that fits counts."""
 
-Turned = dict[type[ast.AST], type[ast.AST]]
-OPERATORS: Turned = {
-    ast.Add: ast.Sub,
-    ast.Sub: ast.Add,
-    ast.Mult: ast.Div,
-    ast.Div: ast.Mult,
-    ast.FloorDiv: ast.Mult,
-    ast.Lt: ast.LtE,
-    ast.LtE: ast.Lt,
-    ast.Gt: ast.LtE,
-    ast.GtE: ast.Gt,
-    ast.Eq: ast.NotEq,
-    ast.NotEq: ast.Eq,
-    ast.And: ast.Or,
-    ast.Or: ast.And,
+SIGNS = {
+    ast.Add: "+ -",
+    ast.Sub: "- +",
+    ast.Mult: "* /",
+    ast.Div: "/ *",
+    ast.FloorDiv: "// *",
+    ast.Lt: "< <=",
+    ast.LtE: "<= <",
+    ast.Gt: "> <=",
+    ast.GtE: ">= >",
+    ast.Eq: "== !=",
+    ast.NotEq: "!= ==",
+    ast.And: "and or",
+    ast.Or: "or and",
 }
+"""Operators: as they are written, and what they are turned to."""
 
 
 @dataclass(frozen=True)
 class Mutant:
-    """One change: the node is the `index`-th of its module that can be turned, its operator the `part`-th."""
+    """One change: what stands from `begin` to `end` in its module becomes `sign`, at each of these places.
+
+    `line` is where it stands, `statement` the lines of all that runs with it.
+    """
 
     file: Path
     line: int
-    index: int
-    part: int
+    statement: range
+    places: tuple[tuple[int, int], ...]
+    sign: str
     words: str
+
+    @property
+    def name(self) -> str:
+        """The module, in the package."""
+        return self.file.relative_to(PACKAGE).as_posix()
+
+    @property
+    def source(self) -> str:
+        """The module with the change; as long as before if it can be, for numba compares lengths."""
+        text = self.file.read_bytes()
+        for begin, end in reversed(self.places):
+            text = text[:begin] + self.sign.encode().ljust(end - begin) + text[end:]
+        return text.decode().removesuffix("\n" if len(text) > self.file.stat().st_size else "")
 
 
 def tests_of(file: Path) -> list[str]:
@@ -149,70 +173,70 @@ def tests_of(file: Path) -> list[str]:
     return [f"tests/{test}.py" for test in TESTS[max(fits, key=len)].split()] if fits else []
 
 
-def nodes(tree: ast.AST) -> list[Any]:
-    """Return what can be turned; sums of texts, types and docstrings aside."""
-    found = []
+def mutants(file: Path) -> Iterator[Mutant]:
+    """Yield every mutant of a module; types, which are no arithmetic, aside."""
+    source = file.read_bytes()
+    starts = [0, *(match.end() for match in re.finditer(rb"\n", source))]
     skipped: set[int] = set()
-    for node in ast.walk(tree):
-        for name in ("annotation", "returns"):  # ``int | None`` is no arithmetic
+    statement: dict[int, range] = {}
+    for node in ast.walk(ast.parse(source)):
+        for name in ("annotation", "returns"):
             if isinstance(inner := getattr(node, name, None), ast.AST):
                 skipped.update(map(id, ast.walk(inner)))
-        if id(node) not in skipped and isinstance(node, (ast.BinOp, ast.AugAssign, ast.Compare, ast.BoolOp)):
-            found.append(node)
-    return found
+        if isinstance(node, ast.stmt):
+            body = getattr(node, "body", None)
+            lines = range(node.lineno, body[0].lineno if body else (node.end_lineno or node.lineno) + 1)
+            statement.update((id(each), lines) for each in ast.walk(node))
+        if id(node) in skipped:
+            continue
+        for operator, sides in _operations(node):
+            if type(operator) not in SIGNS:
+                continue
+            equal = "=" if isinstance(node, ast.AugAssign) else ""
+            sign, other = (sign + equal for sign in SIGNS[type(operator)].split())
+            gaps = [
+                (starts[left.end_lineno - 1] + left.end_col_offset, starts[right.lineno - 1] + right.col_offset)
+                for left, right in sides
+            ]
+            line = sides[0][0].lineno
+            words = source[starts[line - 1] :].split(b"\n", 1)[0].decode().strip()[:90]
+            places = tuple(_find(sign, source, *gap) for gap in gaps)
+            yield Mutant(file, line, statement[id(node)], places, other, f"{sign} to {other} in: {words}")
 
 
-def operators(node: Any) -> list[Any]:
-    """Return the operators of a node."""
-    return list(node.ops) if isinstance(node, ast.Compare) else [node.op]
-
-
-def mutants(file: Path) -> Iterator[Mutant]:
-    """Yield every mutant of a module."""
-    source = file.read_text(encoding="utf-8")
-    for index, node in enumerate(nodes(ast.parse(source))):
-        for part, operator in enumerate(operators(node)):
-            if (other := OPERATORS.get(type(operator))) is not None:
-                line = node.lineno
-                words = (
-                    f"{type(operator).__name__} to {other.__name__} in: {source.splitlines()[line - 1].strip()[:90]}"
-                )
-                yield Mutant(file, line, index, part, words)
-
-
-def turned(mutant: Mutant) -> str:
-    """Return the source of a module with the one change."""
-    tree = ast.parse(mutant.file.read_text(encoding="utf-8"))
-    node: Any = nodes(tree)[mutant.index]
-    other: Any = OPERATORS[type(operators(node)[mutant.part])]()
+def _operations(node: Any) -> list[tuple[ast.AST, list[tuple[Any, Any]]]]:
+    """Return the operators of a node, each with what stands on its left and right wherever it is written."""
+    if isinstance(node, ast.BinOp):
+        return [(node.op, [(node.left, node.right)])]
+    if isinstance(node, ast.AugAssign):
+        return [(node.op, [(node.target, node.value)])]
+    if isinstance(node, ast.BoolOp):
+        return [(node.op, list(pairwise(node.values)))]
     if isinstance(node, ast.Compare):
-        node.ops[mutant.part] = other
-    else:
-        node.op = other
-    return ast.unparse(tree)
+        return [(op, [pair]) for op, pair in zip(node.ops, pairwise([node.left, *node.comparators]), strict=True)]
+    return []
 
 
-@cache
-def stands(room: tuple[str, ...]) -> bool:
-    """Whether the tests of a room pass on the package as it is: else they would catch everything."""
-    return not _fails(PACKAGE / "__init__.py", (PACKAGE / "__init__.py").read_text(encoding="utf-8"), room)
-
-
-@cache
-def workshop() -> Path:
-    """Return the folder of the copies: always the same place, or what is compiled once would be compiled for each."""
-    folder = Path(tempfile.mkdtemp(prefix="mutant-"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return folder
+def _find(sign: str, source: bytes, begin: int, end: int) -> tuple[int, int]:
+    """Return where an operator stands between two ends: not in a comment, nor in what closes or opens there."""
+    at = next(
+        match.start(1)
+        for match in re.finditer(rb"#[^\n]*|(%s)" % re.escape(sign.encode()), source[begin:end])
+        if match.group(1)
+    )
+    return begin + at, begin + at + len(sign)
 
 
 def learn() -> None:
     """Run the quick tests of all rooms, and note which of those that pass run through which lines."""
     rooms = sorted({f"tests/{test}.py" for tests in TESTS.values() for test in tests.split()})
-    traced = workshop() / "coverage"
-    asked = ["-n", str(os.cpu_count()), "--dist", "loadfile", "--cov", "--cov-context=test", "--cov-report=", "-rfE"]
-    _, told = _run([*asked, *rooms], {"COVERAGE_FILE": str(traced)}, limit=None)
+    traced = WORKSHOP / "coverage"
+    asked = ["-n", str(os.cpu_count()), "--dist", "loadfile", "--cov", "--cov-context=test", "--cov-report="]
+    _, told = _run([*asked, "-rfE", "-vv", "--durations=0", *rooms], None, {"COVERAGE_FILE": str(traced)}, limit=None)
     failed = {line.split()[1] for line in told.splitlines() if line.startswith(("FAILED", "ERROR"))}
+    seconds: dict[str, float] = defaultdict(float)
+    for took, test in re.findall(r"^([\d.]+)s (?:setup|call) +(.+)$", told, re.MULTILINE):
+        seconds[test] += float(took)
     data = CoverageData(basename=str(traced))
     data.read()
     found: dict[str, dict[int, list[str]]] = {}
@@ -222,33 +246,64 @@ def learn() -> None:
         }
         passed = {line: sorted(tests - failed - {""}) for line, tests in met.items()}
         found[name.rpartition("/stickslip/")[2]] = {line: tests for line, tests in passed.items() if tests}
-    LEARNT.write_text(json.dumps(found), encoding="utf-8")
+    LEARNT.write_text(json.dumps({"lines": found, "seconds": seconds}), encoding="utf-8")
     print(f"{LEARNT.name}: {len(found)} modules; {len(failed)} tests fail without any mutant and are left out")
 
 
 @cache
-def learnt() -> dict[str, dict[str, list[str]]]:
+def learnt() -> dict[str, Any]:
     """Return what was learnt, if it was."""
-    return json.loads(LEARNT.read_text(encoding="utf-8")) if LEARNT.exists() else {}
+    return json.loads(LEARNT.read_text(encoding="utf-8")) if LEARNT.exists() else {"lines": {}, "seconds": {}}
+
+
+@cache
+def callers() -> Callers:
+    """Return who uses what in the package."""
+    return Callers(PACKAGE)
+
+
+def compiled_of(mutant: Mutant) -> set[tuple[str, str]]:
+    """Return the kernels whose machine code holds the change; none if it is in no kernel."""
+    if not mutant.name.startswith("kernels/"):
+        return set()
+    reached = callers().reached(callers().at(mutant.file, mutant.line))
+    return {each for each in reached if each[0].startswith("stickslip.kernels.")}
+
+
+def tests_for(mutant: Mutant) -> list[str]:
+    """Return the tests that a mutant meets: the quick ones of its own room first."""
+    room = tuple(tests_of(mutant.file))
+    places = {(mutant.name, line) for line in mutant.statement}
+    if kernels := compiled_of(mutant):
+        places = {(file.relative_to(PACKAGE).as_posix(), line) for file, line in callers().lines(kernels)}
+    found = {test for file, line in places for test in learnt()["lines"].get(file, {}).get(str(line), [])}
+    if kernels or not found:  # its own tests call kernels without a line of the package between
+        found |= {test for test in learnt()["seconds"] if test.startswith(room)}
+    order = sorted(found, key=lambda test: (not test.startswith(room), learnt()["seconds"].get(test, 0.0)))
+    total = accumulate(learnt()["seconds"].get(test, 0.0) for test in order)
+    return [test for test, seconds in zip(order, total, strict=True) if seconds < ENOUGH] or list(room)
 
 
 def is_caught(mutant: Mutant) -> bool:
     """Whether a test fails on a mutant."""
-    room = tuple(tests_of(mutant.file))
-    lines = learnt().get(mutant.file.relative_to(PACKAGE).as_posix(), {})
-    if tests := lines.get(str(mutant.line)):
-        near = sorted(tests, key=lambda test: not test.startswith(room))
-        return _fails(mutant.file, turned(mutant), tuple(near))
-    if not stands(room):
-        sys.exit(f"{' '.join(room)}: fail without any mutant")
-    return _fails(mutant.file, turned(mutant), room)
+    tests = tests_for(mutant)
+    if not LEARNT.exists() and not stands(tuple(tests)):
+        sys.exit(f"{' '.join(tests)}: fail without any mutant")
+    return _fails(mutant, tests)
 
 
-def _fails(file: Path, source: str, tests: tuple[str, ...]) -> bool:
-    asked = workshop() / "tests"
+@cache
+def stands(tests: tuple[str, ...]) -> bool:
+    """Whether tests pass on the package as it is: else they would catch everything."""
+    return not _fails(None, list(tests))
+
+
+def _fails(mutant: Mutant | None, tests: list[str]) -> bool:
+    WORKSHOP.mkdir(exist_ok=True)
+    asked = WORKSHOP / "tests"
     asked.write_text("\n".join(tests), encoding="utf-8")
     try:
-        code, told = _run(["-x", f"@{asked}"], {}, (file, source))
+        code, told = _run(["-x", f"@{asked}"], mutant)
     except subprocess.TimeoutExpired:
         return True
     if code == 5:
@@ -257,21 +312,33 @@ def _fails(file: Path, source: str, tests: tuple[str, ...]) -> bool:
 
 
 def _run(
-    asked: list[str], more: dict[str, str], changed: tuple[Path, str] | None = None, limit: float | None = LIMIT
+    asked: list[str], mutant: Mutant | None, more: dict[str, str] | None = None, limit: float | None = LIMIT
 ) -> tuple[int, str]:
-    """Run quick tests on a copy of the package, with another source for one file; how it ends, and what it says."""
-    copy = workshop() / "src" / "stickslip"
+    """Run quick tests on a copy of the package, with a change; how it ends, and what it says."""
+    copy = WORKSHOP / "src" / "stickslip"
     shutil.rmtree(copy, ignore_errors=True)
     shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("static", "__pycache__"))
-    if changed is not None:
-        (copy / changed[0].relative_to(PACKAGE)).write_text(changed[1], encoding="utf-8")
-    places = {"PYTHONPATH": str(copy.parent), "NUMBA_CACHE_DIR": str(workshop() / "compiled")}
-    environment = {**os.environ, **places, "PYTHONDONTWRITEBYTECODE": "1", **more}
+    places = {"PYTHONPATH": str(copy.parent), "NUMBA_CACHE_DIR": str(WORKSHOP / "compiled")}
+    environment = {**os.environ, **places, "PYTHONDONTWRITEBYTECODE": "1", **(more or {})}
+    if mutant is not None:
+        before = _compiled(environment)
+        changed = copy / mutant.name
+        changed.write_text(mutant.source, encoding="utf-8")
+        shutil.copystat(mutant.file, changed)
+        if kernels := compiled_of(mutant):
+            stale = [f"{module.rpartition('.')[2]}.{name}-*" for module, name in kernels]
+            shutil.copytree(before, _compiled(environment), ignore=shutil.ignore_patterns(*stale), dirs_exist_ok=True)
     command = [sys.executable, "-m", "pytest", "-q", "-m", "not slow", "-p", "no:cacheprovider", *asked]
-    report = workshop() / "report"
+    report = WORKSHOP / "report"
     with report.open("w") as told:
         done = subprocess.run(command, cwd=ROOT, env=environment, stdout=told, stderr=told, timeout=limit)
     return done.returncode, report.read_text(errors="replace")
+
+
+def _compiled(environment: dict[str, str]) -> str:
+    """Return the folder of what is compiled of the copy as it is now."""
+    asked = [sys.executable, "-c", "from stickslip.kernels import _jit; print(_jit._PLACE)"]
+    return subprocess.run(asked, env=environment, check=True, capture_output=True, text=True).stdout.strip()
 
 
 def main() -> int:
