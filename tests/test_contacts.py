@@ -224,6 +224,24 @@ def test_energies_of_a_flight_balance(numbers, drive):
             assert got[1] == pytest.approx(squares, abs=1e-12 * squares + 8 * (kinetic + path))
 
 
+@pytest.mark.parametrize("numbers", COEFFICIENTS)
+def test_energies_of_the_shortest_flights_are_a_taylor_expansion(numbers):
+    """Each of its terms, against the powers of the path: in the flights above the last ones are below rounding."""
+    flight = flight_of(*numbers)._replace(v=0.7, c2=-1.3, c3=0.9, c4=1.7, c5=-0.6)
+    path = np.polynomial.Polynomial([0, flight.v, flight.c2, flight.c3, flight.c4, flight.c5])
+    force, K, drive_v, drive_a = 0.3, 2.0, -0.5, 3.0
+    pulled = np.polynomial.Polynomial([0, drive_v, 0.5 * drive_a])
+    for h in (0.7, 1.0):
+        work, _ = flights._short_energies(flight, h, path(h), force, K, drive_v, drive_a)
+        # The moment of the path is expanded to one power less.
+        lost = drive_a * K * flight.c5 * h**7 / 7
+        assert work == pytest.approx(((force + K * (pulled - path)) * pulled.deriv()).integ()(h) + lost, rel=1e-14)
+    lengths = np.array([0.02, 0.01])
+    squares = [flights._short_energies(flight, h, path(h), force, K, drive_v, drive_a)[1] for h in lengths.tolist()]
+    missed = np.abs(squares - (path.deriv() ** 2).integ()(lengths))
+    assert np.log2(missed[0] / missed[1]) == pytest.approx(7, abs=0.1)
+
+
 @settings(max_examples=200)
 @given(
     st.sampled_from(COEFFICIENTS),

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import contextlib
 import json
 import os
 import random
@@ -23,6 +24,7 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -39,11 +41,11 @@ PACKAGE = ROOT / "src" / "stickslip"
 WORKSHOP = ROOT / ".mutants"
 """The copies, what is compiled of them, and what was learnt: always in one place, for compiled code knows its own."""
 LEARNT = WORKSHOP / "learnt.json"
-"""The tests that pass: `lines`, by module and line, those that run through it; `seconds`, how long each takes."""
+"""Of tests that pass: `seconds`, by name; `lines`, by module and line, the places in `seconds` of those that run it."""
 ENOUGH = 240
 """Seconds of tests that a mutant meets, the quickest first."""
-LIMIT = 600
-"""Seconds for the tests of one mutant; a mutant that hangs is caught."""
+STUCK = 150
+"""Seconds without a test that ends, most of them to compile in, after which a mutant hangs: it is caught."""
 
 TESTS = {
     "advise": "test_advise",
@@ -232,21 +234,22 @@ def learn() -> None:
     rooms = sorted({f"tests/{test}.py" for tests in TESTS.values() for test in tests.split()})
     traced = WORKSHOP / "coverage"
     asked = ["-n", str(os.cpu_count()), "--dist", "loadfile", "--cov", "--cov-context=test", "--cov-report="]
-    _, told = _run([*asked, "-rfE", "-vv", "--durations=0", *rooms], None, {"COVERAGE_FILE": str(traced)}, limit=None)
+    _, told = _run([*asked, "-rfE", "-vv", "--durations=0", *rooms], None, {"COVERAGE_FILE": str(traced)})
     failed = {line.split()[1] for line in told.splitlines() if line.startswith(("FAILED", "ERROR"))}
     seconds: dict[str, float] = defaultdict(float)
     for took, test in re.findall(r"^([\d.]+)s (?:setup|call) +(.+)$", told, re.MULTILINE):
         seconds[test] += float(took)
     data = CoverageData(basename=str(traced))
     data.read()
-    found: dict[str, dict[int, list[str]]] = {}
+    tests = sorted({context.partition("|")[0] for context in data.measured_contexts()} - failed - {""})
+    number = {test: place for place, test in enumerate(tests)}
+    found: dict[str, dict[int, list[int]]] = {}
     for name in data.measured_files():
-        met = {
-            line: {each.partition("|")[0] for each in tests} for line, tests in data.contexts_by_lineno(name).items()
-        }
-        passed = {line: sorted(tests - failed - {""}) for line, tests in met.items()}
-        found[name.rpartition("/stickslip/")[2]] = {line: tests for line, tests in passed.items() if tests}
-    LEARNT.write_text(json.dumps({"lines": found, "seconds": seconds}), encoding="utf-8")
+        met = data.contexts_by_lineno(name).items()
+        each = {line: {number.get(context.partition("|")[0], -1) for context in through} for line, through in met}
+        found[name.rpartition("/stickslip/")[2]] = {line: sorted(places - {-1}) for line, places in each.items()}
+    known = {"seconds": {test: seconds[test] for test in tests}, "lines": found}
+    LEARNT.write_text(json.dumps(known), encoding="utf-8")
     print(f"{LEARNT.name}: {len(found)} modules; {len(failed)} tests fail without any mutant and are left out")
 
 
@@ -276,12 +279,14 @@ def tests_for(mutant: Mutant) -> list[str]:
     places = {(mutant.name, line) for line in mutant.statement}
     if kernels := compiled_of(mutant):
         places = {(file.relative_to(PACKAGE).as_posix(), line) for file, line in callers().lines(kernels)}
-    found = {test for file, line in places for test in learnt()["lines"].get(file, {}).get(str(line), [])}
+    seconds, lines = learnt()["seconds"], learnt()["lines"]
+    names = list(seconds)
+    found = {names[test] for file, line in places for test in lines.get(file, {}).get(str(line), [])}
     if kernels or not found:  # its own tests call kernels without a line of the package between
-        found |= {test for test in learnt()["seconds"] if test.startswith(room)}
-    order = sorted(found, key=lambda test: (not test.startswith(room), learnt()["seconds"].get(test, 0.0)))
-    total = accumulate(learnt()["seconds"].get(test, 0.0) for test in order)
-    return [test for test, seconds in zip(order, total, strict=True) if seconds < ENOUGH] or list(room)
+        found |= {test for test in names if test.startswith(room)}
+    order = sorted(found, key=lambda test: (not test.startswith(room), seconds[test]))
+    total = accumulate(seconds[test] for test in order)
+    return [test for test, so_far in zip(order, total, strict=True) if so_far < ENOUGH] or list(room)
 
 
 def is_caught(mutant: Mutant) -> bool:
@@ -302,18 +307,13 @@ def _fails(mutant: Mutant | None, tests: list[str]) -> bool:
     WORKSHOP.mkdir(exist_ok=True)
     asked = WORKSHOP / "tests"
     asked.write_text("\n".join(tests), encoding="utf-8")
-    try:
-        code, told = _run(["-x", f"@{asked}"], mutant)
-    except subprocess.TimeoutExpired:
-        return True
+    code, told = _run(["-x", f"@{asked}"], mutant)
     if code == 5:
         sys.exit(f"no test was run:\n{told}")
     return code != 0
 
 
-def _run(
-    asked: list[str], mutant: Mutant | None, more: dict[str, str] | None = None, limit: float | None = LIMIT
-) -> tuple[int, str]:
+def _run(asked: list[str], mutant: Mutant | None, more: dict[str, str] | None = None) -> tuple[int, str]:
     """Run quick tests on a copy of the package, with a change; how it ends, and what it says."""
     copy = WORKSHOP / "src" / "stickslip"
     shutil.rmtree(copy, ignore_errors=True)
@@ -330,9 +330,16 @@ def _run(
             shutil.copytree(before, _compiled(environment), ignore=shutil.ignore_patterns(*stale), dirs_exist_ok=True)
     command = [sys.executable, "-m", "pytest", "-q", "-m", "not slow", "-p", "no:cacheprovider", *asked]
     report = WORKSHOP / "report"
-    with report.open("w") as told:
-        done = subprocess.run(command, cwd=ROOT, env=environment, stdout=told, stderr=told, timeout=limit)
-    return done.returncode, report.read_text(errors="replace")
+    with (
+        report.open("w") as told,
+        subprocess.Popen(command, cwd=ROOT, env=environment, stdout=told, stderr=told) as run,
+    ):
+        while run.poll() is None:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                run.wait(1.0)
+            if mutant is not None and time.time() - report.stat().st_mtime > STUCK:
+                run.kill()
+    return run.returncode, report.read_text(errors="replace")
 
 
 def _compiled(environment: dict[str, str]) -> str:
