@@ -8,7 +8,7 @@ import pytest
 
 import stickslip as ss
 from stickslip import model, stability
-from stickslip.kernels import langevin_contacts
+from stickslip.kernels import langevin_contacts, langevin_density
 from stickslip.kernels.closure import Cohorts as ClosureCohorts
 from stickslip.kernels.closure import (
     Thresholds,
@@ -26,7 +26,7 @@ from stickslip.kernels.langevin_density import Cohorts, advance_density, cell_wi
 from stickslip.kernels.langevin_response import excursions, life_transforms
 from stickslip.kernels.langevin_steady import life_moments, pull_newborns, steady_friction, steady_moments
 from stickslip.kernels.oscillator import RIGID, Load, Motion, Slider, move
-from stickslip.kernels.stepping import Course
+from stickslip.kernels.stepping import Course, Stroke
 
 STD = 0.1
 NONE = np.zeros(1)
@@ -291,6 +291,40 @@ def density_at_rest(cells=400):
     for row, side in enumerate((points < 0.0, points > 0.0)):
         mass[row], moment[row] = gauss[side].sum(axis=0), -0.01 * points[side] @ gauss[side]
     return np.array([0.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0]), Cohorts(place, mass, moment), nodes
+
+
+@pytest.mark.parametrize("newborn", [0.01, 0.05, 0.1])
+@pytest.mark.parametrize("length", [0.02, 0.1])
+def test_what_breaks_within_a_step_attaches_again_within_it(newborn, length):
+    """Nothing is lost before the masses are scaled: also if newborns break again and again while the step goes on."""
+    langevin = ONE._replace(newborn=newborn)
+    nodes = langevin_density.density_nodes(langevin, 10.0)
+    grid, n = langevin_density._Grid(nodes, cell_widths(nodes)), nodes.size
+    mass = np.exp(-0.5 * ((nodes - 0.1) / STD) ** 2) * grid.width
+    mass[0] = 0.0
+    moment, before = 0.01 * mass, mass.sum()
+    lines = np.zeros((6, n))
+    work = langevin_density._Work(*lines, np.zeros((2, 2, n)), np.full(1, n - 1))
+    step = langevin_density._prepare(langevin, Stroke(0.0, length, length, 0.0, 0.3))
+    birth = int(np.searchsorted(nodes, newborn)) - 1
+    part = (newborn - nodes[birth]) / (nodes[birth + 1] - nodes[birth])
+    births = langevin_density._Births(birth, part, 0.0, 0.0)
+    breaking = langevin_density._advance_cohort(mass, moment, grid, 0.0, step, n - 1, births, work)
+    assert min(breaking) > 0.01 * before  # it is no small part
+    assert mass.sum() == pytest.approx(before, rel=1e-12)
+
+
+def test_a_closed_cohort_joins_the_nearest():
+    nodes = np.linspace(0.0, 1.0, 5)
+    place = np.array([0.0, 1.0, 0.4, 0.45, 0.0, 0.0])
+    mass, moment = np.zeros((6, 5)), np.zeros((6, 5))
+    mass[:4, 1:] = 0.1
+    closed = langevin_density._close(Cohorts(place, mass, moment), nodes, 3, 0.7, 0.2, 0.0)
+    assert closed == 3
+    assert mass.sum(axis=1) == pytest.approx([0.4, 0.4, 0.8, 0.0, 0.0, 0.0])
+    assert moment[2] == pytest.approx([0.0, *[0.1 * 0.05] * 4])
+    assert place[3] == 0.7  # the next open cohort begins where the slider is
+    assert langevin_density._close(Cohorts(place, mass, moment), nodes, 3, 0.8, 0.2, 0.0) == 4  # 0.7: none is near
 
 
 def advance(density, drive, slider, rate, times, cells=400):

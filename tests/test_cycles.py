@@ -579,6 +579,12 @@ def test_any_distribution_and_any_parameter():
     assert answer.unit == "1"
 
 
+def test_a_band_goes_to_the_end_of_what_was_searched():
+    rig = Rig(delayed(0.1), Slider(stiffness=2.0, mass=1e-4, damping=42.4), constant(1.0))
+    (band,) = bistable_range(rig, "velocity", between=(0.95, 1.5), step=0.2, tolerance=0.01)
+    assert (band.low.kind, band.low.value, band.high.kind) == ("end of range", 0.95, "linear")
+
+
 def test_the_ends_of_a_branch_are_in_the_units_of_the_rig():
     rig = Rig(delayed(0.1), Slider(stiffness=2.0, mass=1e-4, damping=42.4), constant(1.0))
     scaled = replace(rig, scales=Scales(force=2.0, stretching=3e-6, time=1e-3))

@@ -622,11 +622,24 @@ def test_mistakes_in_the_table_of_a_bar_are_told(line: str, instead: str, messag
 
 
 @pytest.mark.parametrize("method", [ss.MasterEquation(), ss.Contacts(20_000, seed=1)])
-def test_smooth_sliding_begins_with_what_attached_and_detached_contacts_carry(method):
-    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.Delay(0.3), sliding_force=0.4)
-    bar = ss.Chain(blocks=3, coupling=2.0, mass=0.02, damping=30.0, leaf=4.0)
+@pytest.mark.parametrize(("delay", "mass"), [(0.3, 0.02), (0.01, 20.0)])  # the second is a sixth of a step
+def test_smooth_sliding_begins_with_what_attached_and_detached_contacts_carry(method, delay, mass):
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.Delay(delay), sliding_force=0.4)
+    bar = ss.Chain(blocks=3, coupling=2.0, mass=mass, damping=0.6 / mass, leaf=4.0)
     run = ss.simulate(ss.Rig(interface, bar, ss.constant(1.0, 2.0), method=method, start=ss.FromSliding()))
     kinetic, drag = ss.kinetic_friction(interface, 1.0), bar.mass * bar.damping  # .09 of .49 by detached contacts
     tolerance = 1e-3 if isinstance(method, ss.MasterEquation) else 0.02
     assert run["friction_force"].to_numpy() == pytest.approx(kinetic, abs=tolerance)
     assert run["spring_force"].to_numpy() == pytest.approx(3.0 * (kinetic + drag), abs=3.0 * tolerance)
+
+
+@pytest.mark.parametrize("thresholds", [ss.Exponential(mean=0.5), TENTH])
+def test_what_broke_on_a_block_is_detached_for_the_delay(thresholds):
+    """Newborns that break at once count too, as they do with exponential thresholds."""
+    interface = ss.Interface(thresholds=thresholds, delay=ss.Delay(0.2), sliding_force=0.4)
+    bar = ss.Chain(blocks=3, coupling=2.0, mass=2.0, damping=3.0, leaf=4.0)
+    rig = ss.Rig(interface, bar, ss.constant(1.0, 3.0), method=ss.MasterEquation(), output=ss.Output(interval=0.1))
+    run = ss.simulate(rig)
+    broken, attached = run.broken.to_numpy(), run.attached.to_numpy()
+    assert (broken[-1] > 1.0).all()
+    assert attached[2:] == pytest.approx(1.0 - (broken[2:] - broken[:-2]), abs=1e-3)  # in steps of .02, second order
