@@ -316,7 +316,7 @@ def test_what_breaks_within_a_step_attaches_again_within_it(newborn, length):
 
 def test_a_closed_cohort_joins_the_nearest():
     nodes = np.linspace(0.0, 1.0, 5)
-    place = np.array([0.0, 1.0, 0.4, 0.45, 0.0, 0.0])
+    place = np.array([0.3, 1.0, 0.4, 0.45, 0.0, 0.0])
     mass, moment = np.zeros((6, 5)), np.zeros((6, 5))
     mass[:4, 1:] = 0.1
     closed = langevin_density._close(Cohorts(place, mass, moment), nodes, 3, 0.7, 0.2, 0.0)
