@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from drawn import assert_drawn
 
 import stickslip as ss
 from stickslip import fitting, stability
@@ -445,6 +446,8 @@ def test_pictures(found, tmp_path):
 
     assert save(found.events.plot(), tmp_path / "slips.png").stat().st_size > 10_000
     assert save(found.plot(), tmp_path / "fit.png").stat().st_size > 10_000
+    assert_drawn(found.events.plot(), "slips")
+    assert_drawn(found.plot(), "fit")
 
 
 def test_the_quick_recipe_inverts_the_closed_forms():

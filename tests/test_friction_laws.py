@@ -13,6 +13,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 import xarray as xr
+from drawn import assert_drawn, assert_kept
 from other_units import rescaled
 from scipy import special
 
@@ -644,6 +645,8 @@ def test_a_measured_step_on_basalt(pytestconfig):
     assert [slip.a, slip.b, slip.distance] == pytest.approx([0.00961, 0.00945, 7.9], rel=0.05)
     assert [ageing.a, ageing.b, ageing.distance] == pytest.approx([0.00933, 0.00904, 5.8], rel=0.05)
     assert max(slip.rms, ageing.rms) < 5.1e-4
+    assert_drawn(ss.plot.velocity_step(step, [slip, ageing], ["slip law", "ageing law"]), "velocity_step")
+    assert_kept(f"{slip}\n{ageing}\n", "velocity_step_told")
 
 
 # ---------------------------------------------------------------- files for other programs

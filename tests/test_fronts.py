@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from drawn import assert_drawn, assert_kept
 from scipy.optimize import brentq
 
 import stickslip as ss
@@ -561,6 +562,16 @@ def test_spacetime_shows_every_block_at_every_time(passing):
     assert 0.0 < float(passing["attached"].mean()) < 1.0
 
 
+@pytest.mark.parametrize("name", ["spacetime", "fronts", "front_curve"])
+def test_pictures_of_a_front_are_what_they_were(passing, name):
+    assert_drawn(getattr(ss.plot, name)(passing).figure, f"front_{name}")
+
+
+@pytest.mark.parametrize("name", ["precursors", "precursor_lengths", "slip_profiles"])
+def test_pictures_of_precursors_are_what_they_were(pulled, name):
+    assert_drawn(getattr(ss.plot, name)(pulled).figure, name)
+
+
 def test_spacetime_of_the_velocity_is_in_decades(passing):
     mesh = ss.plot.spacetime(passing, "velocity").collections[0]
     assert mesh.norm.vmax == pytest.approx(float(np.abs(passing["velocity"]).max()))
@@ -774,6 +785,7 @@ def test_a_sweep_over_a_chain_in_a_file(tmp_path):
 def test_an_overview_of_a_chain_shows_all_blocks(pulled):
     upper, lower, bar_of_colours = ss.plot.overview(pulled).axes
     assert drawn(upper)
+    assert_drawn(upper.figure, "overview_of_a_chain")
     assert lower.get_ylim() == (-0.5, 23.5)
     assert upper.get_xlim() == lower.get_xlim()
     assert "velocity" in bar_of_colours.get_ylabel()
@@ -799,6 +811,8 @@ def test_predict_tells_which_wave_grows_and_at_which_speeds():
     assert all(longest.speeds[0][0] < wave.speeds[0][0] for wave in others)
     assert found.speeds == longest.speeds
     assert found.to_dict()["waves"][0]["wavelength"] is None  # infinite
+    assert_drawn(found.plot(), "waves")
+    assert_kept(str(found), "waves_told")
     assert [tick.get_text() for tick in found.plot().axes[0].get_yticklabels()] == [wave.name for wave in found.waves]
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import reference
 import xarray as xr
+from drawn import assert_drawn, assert_kept
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from stickslip.errors import InputError, UndecidedError
@@ -82,6 +83,12 @@ def test_picture_has_ink_and_every_panel_names_its_quantities(quick, name):
     words = [text for ax in picture.axes for text in (ax.get_xlabel(), ax.get_ylabel())]
     words += [sub.get_supylabel() for sub in picture.subfigs]
     assert sum("(" in text for text in words if text) >= 2
+
+
+@pytest.mark.parametrize("name", QUICKLY)
+def test_picture_and_claims_are_what_they_were(quick, name):
+    assert_drawn(FIGURES[name].draw(quick(name)), name)
+    assert_kept("\n".join(str(claim) for claim in FIGURES[name].check(quick(name))), f"{name}_claims")
 
 
 @pytest.mark.parametrize("name", QUICKLY)

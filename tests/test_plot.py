@@ -8,6 +8,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 import xarray as xr
+from drawn import assert_drawn
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -125,6 +126,20 @@ def test_each_picture_has_labels_with_units(run_si, draw, wanted):
     ax = draw(run_si)
     assert labels(ax) == wanted
     assert ax.has_data()
+
+
+@pytest.mark.parametrize(
+    "name", ["overview", "force_trace", "velocity", "attached", "phase_portrait", "energy", "stretchings"]
+)
+def test_pictures_of_a_run_are_what_they_were(run_si, name):
+    shown = getattr(plot, name)(run_si)
+    assert_drawn(shown if isinstance(shown, Figure) else shown.figure, f"run_{name}")
+
+
+def test_other_pictures_are_what_they_were(run, trace):
+    assert_drawn(plot.overview(trace), "trace_overview")
+    assert_drawn(plot.rigid_curve(rigid_slide(FIG4.interface, 3.0)).figure, "rigid_curve")
+    assert_drawn(plot.side_by_side(run, run.isel(time=slice(1000, None))), "side_by_side")
 
 
 def test_stretchings_and_rigid_curve(run):
@@ -282,6 +297,7 @@ def test_a_prediction_shows_its_speeds_its_force_and_its_margins():
     assert strip.get_xlim() == pytest.approx(answer.speeds_searched)
     assert any(line.get_xdata()[0] == pytest.approx(1e-3) for line in strip.lines)
     assert labels(force) == ("time (s)", "spring force (N)")
+    assert_drawn(plot.prediction(answer), "prediction")
     shown = force.lines[0].get_xdata()
     assert 10 < (shown[-1] - shown[0]) * answer.frequency < 13  # a dozen cycles, not a black band
 
@@ -289,6 +305,7 @@ def test_a_prediction_shows_its_speeds_its_force_and_its_margins():
 def test_a_map_is_titled_and_its_frequencies_are_in_hertz():
     found = chart(example("brake_pad"), ("velocity", "stiffness"), 10.0, 24)
     figure = plot.chart(found)
+    assert_drawn(figure, "chart")
     ax = figure.axes[0]
     assert labels(ax) == ("velocity (mm/s)", "stiffness (MN/m)")
     assert ax.get_title(loc="left").startswith("Brake pad, creep groan\n")

@@ -18,6 +18,7 @@ import pytest
 import reference
 import tomli_w
 import xarray as xr
+from drawn import assert_drawn
 
 import stickslip as ss
 from stickslip import cli, console, plot
@@ -513,6 +514,7 @@ def test_a_phase_diagram_shows_every_kind_of_cell():
     for found, start in zip(cells, ("from rest", "sliding"), strict=True):
         stuck = (result["regime"].sel(start=start) == 1) & (result["status"].sel(start=start) == 1)
         np.testing.assert_array_equal(found, np.argwhere(stuck.transpose("velocity", "stiffness").values))
+    assert_drawn(figure, "phase_diagram")
     assert all(ax.get_xscale() == "log" and ax.get_yscale() == "linear" for ax in figure.axes)
     assert "speed" in " ".join(figure.axes[0].get_ylabel().split())
 
@@ -532,6 +534,7 @@ def test_a_sweep_along_one_axis_is_a_line(tmp_path):
     assert "<svg" in (tmp_path / "s.svg").read_text()
     figure = plot.sweep_picture(with_theory(open_sweep(store)))
     (ax,) = figure.axes
+    assert_drawn(figure, "sweep_along_one_axis")
     oscillation = open_sweep(store)["peak_to_peak"]
     lines = {line.get_label(): line for line in ax.lines}
     assert lines["from a start at rest"].get_ydata() == pytest.approx(
@@ -549,6 +552,7 @@ def test_cells_lie_where_their_values_are_in_any_order():
     result["regime"][0, 1] = study.KINDS.index("stick-slip")
     figure = plot.sweep_picture(with_theory(result))
     (ax,) = figure.axes
+    assert_drawn(figure, "sweep_in_any_order")
     mesh = meshes_of(ax)[plot.BLUE]
     ((i, j),) = np.argwhere(~np.ma.getmaskarray(mesh.get_array()))
     (x, y), (right, top) = mesh.get_coordinates()[i, j], mesh.get_coordinates()[i + 1, j + 1]
