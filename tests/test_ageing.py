@@ -5,6 +5,7 @@ from math import erf, erfc, exp, sqrt
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import stickslip as ss
 from stickslip import model, stability
@@ -25,7 +26,7 @@ from stickslip.kernels.langevin_contacts import Contacts, advance_contacts, cros
 from stickslip.kernels.langevin_density import Cohorts, advance_density, cell_widths, density_nodes
 from stickslip.kernels.langevin_response import excursions, life_transforms
 from stickslip.kernels.langevin_steady import life_moments, pull_newborns, steady_friction, steady_moments
-from stickslip.kernels.oscillator import RIGID, Load, Motion, Slider, move
+from stickslip.kernels.oscillator import RIGID, Load, Motion, Slider, move, travel
 from stickslip.kernels.stepping import Course, Stroke
 
 STD = 0.1
@@ -184,6 +185,30 @@ def test_the_oscillator_satisfies_its_equation(damping):
         residual = mass * acceleration + mass * damping * v + k * x - force[0] - force[1] * t - force[2] * t**2
         assert abs(residual) < 1e-5
         assert abs((at(t + dt)[0] - at(t - dt)[0]) / (2 * dt) - v) < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("mass", "damping", "length", "tolerance"),  # the quadratures are of fourth order in the last doubling
+    [(0.02, 40.0, 0.3, 1e-5), (1.0, 2.0, 0.3, 1e-5), (1.0, 2.0, 1.0, 5e-4), (0.02, 3.0, 0.05, 1e-6)],
+)
+def test_work_and_turning_points_of_the_oscillator(mass, damping, length, tolerance):
+    """Against the equation of motion, integrated: a drive that turns, contacts that break ever slower."""
+    K, begin, start = 1.5, 0.1, Motion(0.1, 0.15, -0.4)
+    drive, load = Quadratic(0.0, 0.2, -1.0, 2.0), Load(0.1, 0.5, 0.7, -0.3)
+
+    def slope(t, state):
+        X, V, _, _ = state
+        D, velocity = drive_at(drive, begin + t)
+        friction = load.force + load.stiffness * (X - start.X) - load.loss * t - 0.5 * load.ramp * t * t
+        return [V, (K * (D - X) - friction) / mass - damping * V, K * (D - X) * velocity, V * V]
+
+    exact = solve_ivp(slope, (0, length), [start.X, start.V, 0, 0], "DOP853", rtol=1e-12, atol=1e-14, dense_output=True)
+    X, V, work, squares = exact.y[:, -1]
+    path = exact.sol(np.linspace(0, length, 10_001))[0]
+    got = travel(Slider(K, mass, damping), drive, start, load, length)
+    assert pytest.approx([X, V], abs=1e-12) == [got.X, got.V]
+    assert [got.low, got.high] == pytest.approx([path.min(), path.max()], abs=20 * tolerance)  # a cubic between ends
+    assert [got.work, got.squares] == pytest.approx([work, squares], abs=tolerance)
 
 
 def test_a_slider_with_very_strong_damping_creeps_and_does_not_overflow():

@@ -344,6 +344,18 @@ def test_balance_with_re_attachment_and_a_drive_that_turns(ends: str) -> None:
     assert float(run.attached[-1].min()) == 1.0
 
 
+def test_detached_contacts_stick_again_when_the_drive_turns() -> None:
+    """They carry the sliding force until then, and are as stiff as attached ones until they slide the other way."""
+    leaf = 2.0
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.Delay(NEVER), sliding_force=0.4)
+    bar = ss.Chain(blocks=2, coupling=3.0, mass=1.0, damping=1.0, leaf=leaf)
+    drive = ss.constant(1.0, duration=1.5).then(ss.constant(-1.0, duration=0.2))
+    rig = ss.Rig(interface, bar, drive, method=ss.QuasiStatic(100, seed=1), output=ss.Output(interval=0.01))
+    back = ss.simulate(rig).sel(time=slice(1.5, None))
+    assert 0.03 < float(back.attached.min()) <= float(back.attached.max()) < 0.1
+    assert np.diff(back.displacement, axis=0) == pytest.approx(-0.01 * leaf / (leaf + 1.0), rel=1e-9)
+
+
 def test_events_of_precursors_grow() -> None:
     run = ss.simulate(creeping(ss.QuasiStatic(50, seed=1)).replace(output=ss.Output(interval=5.0)))
     table = ss.events(run)
