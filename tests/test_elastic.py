@@ -655,3 +655,23 @@ def test_what_broke_on_a_block_is_detached_for_the_delay(thresholds):
     broken, attached = run.broken.to_numpy(), run.attached.to_numpy()
     assert (broken[-1] > 1.0).all()
     assert attached[2:] == pytest.approx(1.0 - (broken[2:] - broken[:-2]), abs=1e-3)  # in steps of .02, second order
+
+
+@pytest.mark.parametrize("thresholds", [ss.Exponential(mean=0.8), ss.Gaussian(mean=1.0, std=0.3)])
+@pytest.mark.parametrize("delay", [ss.Delay(0.3), ss.RandomDelay(mean=0.3, std=0.1), ss.Delay(0.01)])
+@pytest.mark.parametrize("sliding_force", [0.0, 0.3])
+def test_blocks_that_move_alike_are_a_rigid_slider(thresholds, delay, sliding_force):
+    """Steps of leapfrog with cohorts of one age against panels: two solvers that share no line, through a reversal."""
+    interface = ss.Interface(thresholds=thresholds, delay=delay, sliding_force=sliding_force)
+    drive = ss.constant(1.0, 3.0).then(ss.ramp(1.0, -1.0, 1.0)).then(ss.constant(-1.0, 1.0))
+    one, two = (
+        ss.simulate(ss.Rig(interface, slider, drive, method=ss.MasterEquation(), output=ss.Output(interval=0.05)))
+        for slider in (
+            ss.Slider(stiffness=0.7, mass=0.05, damping=1.0),
+            ss.Chain(blocks=2, coupling=5.0, mass=0.05, damping=1.0, leaf=0.7),
+        )
+    )
+    for name in ("displacement", "velocity", "friction_force", "attached"):
+        assert np.abs(two[name].mean("block") - one[name]).max() < 3e-4
+    for name in ("work", "kinetic_energy", "spring_energy", "contact_energy", "damped_energy", "broken_energy"):
+        assert np.abs(two[name] / 2 - one[name]).max() < 2e-4
