@@ -11,6 +11,7 @@ import reference
 import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.signal import lfilter
 
 import stickslip as ss
 from stickslip.measure import counted, drops, read_trace, regime, statistics, transitions
@@ -947,3 +948,45 @@ def test_a_run_is_judged_by_its_last_two_fifths():
     run = ss.simulate(ss.example("brake_pad"))
     begin, end = (float(run["time"][i]) for i in (0, -1))
     assert ss.regime(run).window == pytest.approx((end - 0.4 * (end - begin), end), abs=0.002 * (end - begin))
+
+
+# ----------------------------------------------------------------------------------------------- noise of a sensor
+
+
+@pytest.mark.parametrize("samples", [300, 2000, 20_000])
+@pytest.mark.parametrize("noise", [0.03, 0.1, 0.4])
+def test_a_force_that_is_noise_is_smooth_sliding_however_long_it_lasts(samples, noise):
+    """Drops that noise shows by chance where it was smoothed are no slips, and more samples would bring no others."""
+    for seed in range(6):
+        force = 5.0 + noise * np.random.default_rng(seed).normal(size=samples)
+        seen = regime(trace(0.01 * np.arange(samples), force))
+        assert seen.kind == "smooth sliding"
+        assert seen.reason.startswith("the force shows noise only")
+
+
+def test_noise_that_leaves_room_for_nothing_else_and_slips_below_it():
+    rng, t = np.random.default_rng(3), 0.01 * np.arange(2000)
+    hidden = regime(trace(t, 5.0 + 1.5 * rng.normal(size=t.size)))
+    assert hidden.kind == "undecided"
+    assert "hides what there is" in hidden.reason
+    slips = regime(trace(t, 5.0 + 0.2 * (rng.normal(size=t.size) + 4.0 * (t / 2.0 % 1.0))))
+    assert slips.kind == "stick-slip"
+    assert slips.period == pytest.approx(2.0, rel=0.03)
+
+
+def test_the_period_of_a_trace_that_was_sampled_at_two_rates():
+    t = np.cumsum(np.where(np.arange(20_000) // 2500 % 2 == 0, 0.01, 0.03))
+    seen = regime(trace(t, 5.0 + np.sin(2.0 * math.pi * t / 1.37)))
+    assert seen.kind == "sustained oscillation"
+    assert seen.period == pytest.approx(1.37, rel=1e-4)
+
+
+@pytest.mark.parametrize("colour", [0.9, 0.99])
+def test_irregular_forces_without_a_model(colour):
+    """Slow noise is smooth sliding while it is distributed as noise; what is not is told with what would decide it."""
+    t, rng = 0.01 * np.arange(20_000), np.random.default_rng(1)
+    slow = lfilter([math.sqrt(1 - colour**2)], [1, -colour], rng.normal(size=t.size))
+    assert regime(trace(t, 5.0 + 0.3 * slow)).kind == "smooth sliding"
+    cut = regime(trace(t, 5.0 + 0.3 * np.clip(slow, -0.5, 0.5)))
+    assert cut.kind == "undecided"
+    assert "too much for noise" in cut.reason

@@ -26,6 +26,7 @@ CONTACT_NOISE = 0.5  # standard deviation of the force of N contacts over static
 NO_MORE_THAN_NOISE, MORE_THAN_NOISE = 2.0, 3.0  # times that: below the one noise, above the other motion; a lightly
 # damped slider amplifies noise to what lies between, and it stays distributed as noise is
 NORMAL = 2.4  # fourth moment over the squared variance: 3 for noise, 1.5 for a sine
+WHITE = 5.0  # over the root of the samples: what a force that is noise may exceed its scatter by, by chance
 LARGE_DROP = 0.2  # fast drops of this part of static friction are slips, and not noise, however few contacts there are
 COHERENT = 0.97  # autocorrelation at one period that even amplified noise does not reach
 CLEAR = 3.0  # drops this many times what noise may show need no smoothing
@@ -140,6 +141,12 @@ def is_normal(force: Array) -> bool:
     return float(np.mean(rest**4)) >= NORMAL * float(np.mean(rest**2)) ** 2
 
 
+def is_white(trace: Trace, noise: float, cycles: Cycles) -> bool:
+    """Whether a force shows white noise about a line and nothing else: no more of it, no period, and normal."""
+    rest, chance = without_line(trace.force, trace.t), WHITE / math.sqrt(trace.t.size)
+    return float(rest.std()) <= (1.0 + chance) * noise and cycles.correlation <= 2.0 * chance and is_normal(rest)
+
+
 def _quantum(force: Array) -> float:
     """Step in which a trace was recorded, or 0 if its values lie on no coarse grid."""
     force = force[:: max(1, force.size // 50_000)]
@@ -207,7 +214,7 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
     by_chance = max(chance, 2.5 * _quantum(trace.force), rounding, 1e-300)
     peaks, troughs = turns(force, by_chance, among)
     drops = force[peaks] - force[troughs]
-    if drops.size == 0:
+    if drops.size == 0 or (trace.contacts is None and is_white(trace, noise, cycles)):
         criterion = f"no drop exceeds what the noise ({noise:.2g}) could show by chance ({by_chance:.3g})"
         return replace(_joined(trace, force, math.inf, criterion, noise, cycles, among), smallest=by_chance)
     smallest = max(by_chance, SMALLEST_PART_OF_DROP * _weighted_median(drops, drops**2))

@@ -25,6 +25,7 @@ from stickslip.measure.slips import (
     contact_noise,
     find_slips,
     is_normal,
+    is_white,
     mean_and_std,
     speeds,
 )
@@ -505,7 +506,7 @@ def _without_drops(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]
                 f"{trace.time_in_words(2.0 * span)} more would tell"
             )
         return "smooth sliding", f"{relative}: noise of the contacts"
-    if oscillation > 2.0 * found.smallest and oscillation > SMALL * friction:
+    if oscillation > max(2.0 * found.smallest, SMALL * friction) and not is_white(trace, found.noise, found.cycles):
         return "undecided", (
             "too short: the force oscillates, but shows no complete drop in the window; about "
             f"{trace.time_in_words(4.0 * span)} more would tell"
