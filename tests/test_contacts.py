@@ -224,6 +224,22 @@ def test_energies_of_a_flight_balance(numbers, drive):
             assert got[1] == pytest.approx(squares, abs=1e-12 * squares + 8 * (kinetic + path))
 
 
+@pytest.mark.parametrize(
+    ("v", "most", "found"),
+    [
+        (2.0, 10.0, (0.5, 1)),
+        (-3.0, 10.0, (0.2, -1)),
+        (0.0, 10.0, (10.0, 0)),
+        (2.0, 0.4, (0.4, 0)),
+        (-3.0, 0.1, (0.1, 0)),
+    ],
+)
+def test_rigid_motion_goes_on_as_it_goes(v, most, found):
+    flight = flights.take_off(0.0, 0.0, 1.0, v, 0.0, 0.0, 0.0)
+    assert flights.first_crossing(flight, 1.0, 0.6, most, np.empty(24)) == pytest.approx(found)
+    assert flights.first_turn(flight, most, np.empty(24)) == math.inf
+
+
 @pytest.mark.parametrize("numbers", COEFFICIENTS)
 def test_energies_of_the_shortest_flights_are_a_taylor_expansion(numbers):
     """Each of its terms, against the powers of the path: in the flights above the last ones are below rounding."""
