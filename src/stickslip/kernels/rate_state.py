@@ -11,7 +11,6 @@ AGEING = 0
 SLIP = 1
 
 # Dormand and Prince, fifth order with an error estimate of fourth.
-_NODE = np.array([0.0, 0.2, 0.3, 0.8, 8 / 9, 1.0, 1.0])
 _STAGE = np.array(
     [
         [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],

@@ -1,0 +1,297 @@
+"""The small kernels, each against what it stands for; the engines that are made of them have tests of their own."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import approx_fprime
+
+from stickslip.kernels import expansions, hazard, heap, network, rules, tournament, turning_points
+from stickslip.kernels import flight as flights
+from stickslip.kernels.drift_diffusion import bernoulli
+from stickslip.kernels.growth import EXPONENTIAL, LOGARITHMIC, Growth, grown
+from stickslip.kernels.hazard import BARRIER, BELL, PARABOLIC, Hazard
+
+# ---------------------------------------------------------------- the smallest of many
+
+changes = st.lists(st.tuples(st.integers(0, 10_000), st.floats(0, 1) | st.just(math.inf)), max_size=80)
+
+
+@settings(max_examples=100)
+@given(st.integers(1, 70), changes)
+def test_a_heap_knows_the_smallest_and_whose_it_is(slots, steps):
+    keys = [(7 * slot % 11) / 11 for slot in range(slots)]
+    held = heap.make_heap(np.array(keys))
+    for slot, key in [(0, keys[0]), *steps]:
+        keys[slot % slots] = key
+        heap.update(held, slot % slots, key)
+        assert heap.smallest(held) == min(keys) == keys[heap.first(held)]
+    # It is a heap all the way down: each key waits below no larger one.
+    order = held.order.tolist()
+    assert sorted(order) == list(range(slots))
+    assert [held.place[slot] for slot in order] == list(range(slots))
+    assert all(keys[order[(i - 1) // 2]] <= keys[order[i]] for i in range(1, slots))
+
+
+@settings(max_examples=100)
+@given(st.sampled_from([1, 2, 7, 8, 9, 63, 64, 65, 600]), changes)
+def test_a_tournament_knows_the_smallest_and_whose_it_is(slots, steps):
+    trees = tournament.tournaments(2, slots)
+    numbers = np.full(slots, np.inf)
+    for slot, value in steps:
+        numbers[slot % slots] = value
+        tournament.enter(trees[1], slots, slot % slots, value)
+        assert tournament.smallest(trees[1]) == numbers.min()
+        assert tournament.winner(trees[1], slots) == np.argmin(numbers)
+    played = trees.copy()
+    played[:, slots:] = -1.0
+    tournament.play(played, slots)
+    assert np.array_equal(played, trees)  # the other one has not changed
+    assert trees.shape[1] >= slots
+
+
+# ---------------------------------------------------------------- turning points
+
+
+def plain_turns(force, drop, rise):
+    """Peaks and troughs after them: the highest since the last trough, proved by a drop; and so on."""
+    found, falling, best = [], False, 0
+    for i, value in enumerate(force):
+        if (value < force[best]) if falling else (value > force[best]):
+            best = i
+        elif abs(value - force[best]) >= (rise if falling else drop):
+            found.append(best)
+            falling, best = not falling, i
+    peaks, troughs = found[::2], found[1::2]
+    return peaks[: len(troughs)], troughs
+
+
+@settings(max_examples=200)
+@given(st.lists(st.integers(-6, 6).map(float), min_size=1, max_size=80), st.integers(1, 5), st.integers(1, 5))
+def test_turning_points(force, drop, rise):
+    peaks, troughs = turning_points.pick(np.array(force), float(drop), float(rise))
+    assert (peaks.tolist(), troughs.tolist()) == plain_turns(force, drop, rise)
+    tops, bottoms = np.array(force)[peaks], np.array(force)[troughs]
+    for size in (drop, drop + 2):
+        # Of a series of slips those are left that are turning points where more must drop; a rise comes after the last.
+        series = [value for pair in zip(tops.tolist(), bottoms.tolist(), strict=True) for value in pair]
+        left = len(plain_turns([*series, math.inf], size, rise)[0])
+        assert turning_points.larger(tops, bottoms, float(size), float(rise)) == left
+
+
+@pytest.mark.parametrize(("noise", "resolution", "error"), [(0.0, 0.0, 0.1), (0.0, 0.5, 0.4), (0.1, 0.0, 0.5)])
+def test_a_saw_is_seen_as_it_is_sampled(noise, resolution, error):
+    """Samples fall at most one slope short of a peak; noise and rounding of the recorder come on top."""
+    peaks, troughs = np.array([9.0, 10.0, 8.0, 11.0, 9.0, 10.0]), np.array([2.0, 3.0, 1.0, 4.0, 2.0, 3.0])
+    seen = np.full((2, 4), np.nan)
+    sampling = turning_points.Sampling(0.1, noise, resolution, 2.0, 2.0)
+    assert turning_points.observe(peaks, troughs, sampling, np.random.default_rng(1), seen) == 4
+    assert seen[0] == pytest.approx(peaks[1:5], abs=error)
+    assert seen[1] == pytest.approx(troughs[1:5], abs=error)
+    if resolution:
+        assert np.all(seen / resolution == np.round(seen / resolution))
+    else:
+        assert np.all(seen[0] <= peaks[1:5] + 4 * noise)
+        assert np.all(seen[1] >= troughs[1:5] - 4 * noise)
+    few = np.full((2, 9), np.nan)
+    assert turning_points.observe(peaks, troughs, sampling, np.random.default_rng(1), few) == 4  # no more are there
+
+
+# ---------------------------------------------------------------- functions
+
+
+@given(st.floats(-0.25, 0.25))
+def test_the_exponential_of_small_arguments(u):
+    assert expansions.expm1(u) == pytest.approx(math.expm1(u), rel=4e-15, abs=3e-13 * (4 * abs(u)) ** 10)
+    assert expansions.grown_by(u) == pytest.approx(math.expm1(u), rel=4e-15, abs=3e-13)
+
+
+@given(st.floats(-0.999, 5.0))
+def test_the_logarithm_of_small_arguments(u):
+    assert expansions.log1p(u) == pytest.approx(math.log1p(u), rel=1e-13, abs=0)
+
+
+def test_growth_beyond_the_largest_number_stops_there():
+    assert expansions.grown_by(0.3) == math.expm1(0.3)
+    assert expansions.grown_by(1e4) == math.expm1(300.0)
+    assert expansions.grown_by(-1e4) == -1.0
+
+
+@given(st.floats(-800.0, 800.0))
+def test_bernoulli(z):
+    exact = 1.0 if z == 0.0 else z / math.expm1(z) if z < 700.0 else 0.0
+    assert bernoulli(z) == pytest.approx(exact, rel=1e-12, abs=1e-300)
+
+
+def test_rules_are_exact_for_the_polynomials_that_they_promise():
+    for nodes, weights in ((rules.GAUSS, rules.WEIGHT),):
+        for power in range(2 * nodes.size):
+            assert weights @ nodes**power == pytest.approx(1.0 / (power + 1), rel=1e-14)
+
+
+def test_thresholds_that_grow():
+    factor, addend = grown(Growth(EXPONENTIAL, 0.5, 0.2), 3.0)
+    assert (factor, addend) == pytest.approx((1 - math.exp(-1.5), 0.2 * math.exp(-1.5)))
+    factor, addend = grown(Growth(LOGARITHMIC, 0.5, 0.2), 3.0)
+    assert (factor, addend) == pytest.approx((1.0, 0.5 * math.log(16.0)))
+    assert hazard.threshold_at(Growth(LOGARITHMIC, 0.5, 0.2), 2.0, 3.0) == pytest.approx(2.0 + 0.5 * math.log(16.0))
+    assert hazard.ageing_time(Growth(LOGARITHMIC, 0.5, 0.2), 3.0) == pytest.approx(3.2)
+    assert hazard.ageing_time(Growth(LOGARITHMIC, 0.0, 0.2), 3.0) == math.inf
+    assert hazard.ageing_time(Growth(EXPONENTIAL, 0.5, 0.2), 3.0) == pytest.approx(0.5)
+
+
+# ---------------------------------------------------------------- rates of breaking
+
+HAZARDS = [
+    Hazard(BELL, 3.0, 0.05, 1.0, 0.0),
+    Hazard(PARABOLIC, 3.0, 0.02, 1.0, 0.0),
+    Hazard(BARRIER, 3.0, 20.0, 1.5, 0.0),
+    Hazard(BARRIER, 3.0, 20.0, 1.5, 1.0),
+    Hazard(BARRIER, 3.0, 20.0, 1.0, 1.0),
+]
+
+
+def plain_rate(held, x, threshold):
+    """The rate as it stands in the docstrings of `Bell`, `Parabolic` and `Barrier`."""
+    if held.kind == BELL:
+        return held.attempts * math.exp((abs(x) - threshold) / held.scale)
+    if held.kind == PARABOLIC:
+        return held.attempts * math.exp(-(threshold**2 - x**2) / (2.0 * held.scale))
+    left = 1.0 - abs(x) / threshold
+    prefactor = left ** (held.power - 1.0) if held.kramers else 1.0
+    return held.attempts * prefactor * math.exp(-held.scale * left**held.power)
+
+
+@pytest.mark.parametrize("held", HAZARDS)
+@pytest.mark.parametrize(("x", "threshold"), [(0.3, 1.1), (-0.5, 0.9), (0.85, 0.9)])
+def test_rates_and_their_slopes(held, x, threshold):
+    assert hazard.rate(held, x, threshold) == pytest.approx(plain_rate(held, x, threshold), rel=1e-12)
+    log, *slopes = hazard.log_rate(held, abs(x), threshold)
+    assert held.attempts * math.exp(log) == pytest.approx(plain_rate(held, x, threshold), rel=1e-12)
+    at = np.array([abs(x), threshold])
+    by_differences = [
+        (math.log(plain_rate(held, *(at + step))) - math.log(plain_rate(held, *(at - step)))) / 2e-6
+        for step in 1e-6 * np.eye(2)
+    ]
+    assert slopes == pytest.approx(by_differences, rel=1e-6)
+
+
+@pytest.mark.parametrize("held", HAZARDS)
+@pytest.mark.parametrize("x", [0.1, 0.7, 0.99999])
+def test_the_largest_rate_is_that_of_the_worst_contact(held, x):
+    rates = [plain_rate(held, each, 1.0) for each in np.linspace(0.0, x, 200_001)]
+    assert hazard.largest_rate(held, x, 1.0) == pytest.approx(max(rates), rel=1e-4)
+
+
+@pytest.mark.parametrize("held", HAZARDS)
+@pytest.mark.parametrize("x", [0.3, -0.5, 0.8])
+def test_rates_grow_by_e_over_their_steepness(held, x):
+    """Where the prefactor matters little: about is what it says."""
+    length = hazard.steepness(held, x, 1.0)
+    ahead = abs(x) + (0.0 if held.kind == BELL else 0.5 * length)  # of the slope in the middle, where it changes
+    before = plain_rate(held, ahead - 1e-3 * length, 1.0)
+    grows = 1e3 * math.log(plain_rate(held, ahead, 1.0) / before)
+    assert grows == pytest.approx(1.0, abs=0.35)
+
+
+# ---------------------------------------------------------------- elastic bodies
+
+
+def test_forces_are_the_slopes_of_energies():
+    rng = np.random.default_rng(2)
+    # A ring of five blocks: each spring is known to both of its ends.
+    springs = np.array([3.0, 5.0, 2.0, 4.0, 1.0])
+    neighbour = np.array([[(j - 1) % 5, (j + 1) % 5] for j in range(5)], np.int32)
+    body = network.Network(
+        neighbour=neighbour,
+        spring=np.stack([np.roll(springs, 1), springs], axis=1),
+        pull=np.array([0.7, 0.0, 0.3, 0.0, 1.1]),
+        load=np.array([0.2, 0.5, -0.1, 0.0, 0.4]),
+        push=np.array([0.05, 0.5, 0.0, 0.0, -0.2]),
+        mass=0.4,
+        damping=2.0,
+        lag=0.03,
+    )
+    X, V, D = rng.normal(size=5), rng.normal(size=5), 0.6
+    found = network.energies(body, X, V, D)
+    assert found.kinetic == pytest.approx(0.5 * body.mass * np.sum(V**2))
+    assert found.bulk == pytest.approx(0.5 * np.sum(springs * (np.roll(X, -1) - X) ** 2))
+    carried = body.pull * (D - X) + body.load - body.push
+    assert found.force == pytest.approx(carried.sum())
+    pulled = body.pull > 0
+    assert found.springs == pytest.approx(0.5 * np.sum(carried[pulled] ** 2 / body.pull[pulled]))
+    assert found.pushed == pytest.approx(body.push @ X)
+    slopes = approx_fprime(X, lambda x: network.energies(body, x, V, D).bulk, 1e-7)
+    assert [network.stretch(body, X, j) for j in range(5)] == pytest.approx(-slopes, abs=1e-5)
+    matrix = np.diag(body.pull + 1.0 + body.spring.sum(axis=1))
+    for j in range(5):
+        for k, spring in zip(neighbour[j], body.spring[j], strict=True):
+            matrix[j, k] -= spring
+    squares = np.linalg.eigvalsh(matrix) / body.mass
+    assert math.sqrt(squares[-1]) <= network.fastest(body) < 1.5 * math.sqrt(squares[-1])
+    dashpots = body.lag * np.linalg.eigvalsh(matrix - np.diag(body.pull + 1.0)) / body.mass
+    assert dashpots[-1] <= network.stiffest_dashpot(body) < 1.5 * dashpots[-1]
+
+
+# ---------------------------------------------------------------- flights that need no search
+
+FLIGHTS = [
+    # eta, w2, v, f0, f1: oscillation, creep, critical damping
+    (2.0, 900.0, 0.3, 20.0, 3.0),
+    (0.5, 400.0, -0.4, -8.0, -2.0),
+    (0.0, 400.0, 0.1, 4.0, 0.0),
+    (90.0, 900.0, 0.3, 20.0, 3.0),
+    (60.0, 900.0, 0.3, 20.0, -3.0),
+]
+
+
+@pytest.mark.parametrize(("eta", "w2", "v", "f0", "f1"), FLIGHTS)
+def test_out_of_reach_is_out_of_reach_and_no_further_than_it_must_be(eta, w2, v, f0, f1):
+    flight = flights.take_off(eta, w2, flights.NEAR / (eta + math.sqrt(w2)), v, f0, f1, 0.0)
+    t = np.linspace(0.0, 60.0, 200_001)
+    y = np.array([flights.far(flight, h)[0] for h in t.tolist()])
+    amplitude = math.hypot(flight.y0, flight.v0 / math.sqrt(w2))
+    for ahead, behind in ((0.2, 0.15), (0.15, 0.2), (0.02, 0.03)):
+        most = flights.out_of_reach(flight, ahead, behind, 50.0)
+        before = y[t < most]
+        assert np.all((before < ahead) & (before > -behind))
+        oscillates = w2 > 0.25 * eta * eta
+        assert oscillates or most == 0.0
+        if oscillates and 2.5 * amplitude < min(ahead - abs(flight.q0), behind - abs(flight.q0)):
+            # The mean path has to come as near to a side as the oscillation once was wide.
+            drift = ahead - flight.q0 if f1 > 0 else behind + flight.q0
+            free = (drift - 1.2 * amplitude) / abs(flight.q1) if f1 else 50.0
+            assert most >= min(50.0, 0.999 * free)
+
+
+@pytest.mark.parametrize(("eta", "w2", "v", "f0", "f1"), FLIGHTS)
+@pytest.mark.parametrize("small", [1e-12, 1e-3, 0.1])
+def test_a_settled_flight_is_long_only_if_what_oscillates_is_small(eta, w2, v, f0, f1, small):
+    flight = flights.take_off(eta, w2, flights.NEAR / (eta + math.sqrt(w2)), v, f0, f1, 0.0)
+    t = np.linspace(0.0, 10.0 / min(math.sqrt(w2), w2 / max(eta, 1e-9)), 20_001)
+    free = np.array([flights.far(flight, h)[0] for h in t.tolist()]) - flight.q0 - flight.q1 * t
+    most = flights.settled(flight, 1e3, small)
+    if most == 1e3:
+        assert np.abs(free).max() < 3.0 * small
+    else:
+        # Two nearly equal rates have large amplitudes that all but cancel.
+        assert np.abs(free).max() > 0.3 * small or eta * eta == 4.0 * w2
+        rates = np.abs(np.roots([1.0, eta, w2]))
+        assert most == pytest.approx(0.7 / rates.max()) or most == pytest.approx(0.7 / rates.min())
+    assert flights.settled(flight, 1e-6, small) == 1e-6
+
+
+@settings(max_examples=200)
+@given(st.sampled_from(FLIGHTS), st.floats(1e-6, 0.05))
+def test_a_crossing_that_comes_soon_is_where_the_slider_is_then(numbers, distance):
+    eta, w2, v, f0, f1 = numbers
+    flight = flights.take_off(eta, w2, flights.NEAR / (eta + math.sqrt(w2)), v, f0, f1, 0.0)
+    there = math.copysign(distance, v)
+    h, y, u, reached, known = flights.soon(flight, there, 0.5)
+    assert known or distance > 1e-3 * abs(v) / math.sqrt(w2)
+    if known:
+        assert (y, u) == pytest.approx(flights.at(flight, h), rel=1e-9, abs=1e-12)
+        assert y == there if reached else abs(y) < distance
+        assert not reached or u * v > 0.0
