@@ -370,6 +370,18 @@ def test_events_of_precursors_grow() -> None:
         ss.events(xr.Dataset())
 
 
+def test_events_do_not_depend_on_how_finely_they_are_sampled() -> None:
+    """Between two samples that lie near each other no contact of a block may break, though it slips all the while."""
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.Delay(5.0), sliding_force=0.4)
+    bar = ss.Chain(blocks=20, coupling=4.0, mass=1.0, damping=0.1, side=4.0, leaf=0.1)
+    rig = ss.Rig(interface, bar, ss.constant(5e-3, duration=1320.0), method=ss.Contacts(50, seed=1))
+    some, many = (ss.events(ss.simulate(rig, output=ss.Output(interval=each), long=True)) for each in (0.5, 0.05))
+    assert some.sizes["event"] == many.sizes["event"] == 1
+    assert float(many.moment[0]) == pytest.approx(float(some.moment[0]), rel=0.05)
+    assert abs(int(many.blocks[0]) - int(some.blocks[0])) <= 1
+    assert float(many.front_speed[0]) == pytest.approx(float(some.front_speed[0]), rel=0.1)
+
+
 # ---------------------------------------------------------------------------------------------------------------------
 # Runs as all runs are
 # ---------------------------------------------------------------------------------------------------------------------

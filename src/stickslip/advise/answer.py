@@ -66,7 +66,8 @@ class Prediction(Answer):
         Largest force in slow rigid motion, and mean force of steady sliding at the rig's speed.
     critical_stiffness, critical_stiffness_without_reattachment : float
         ``K*`` of Eq. (8) in both conventions. Where thresholds age, these and the static friction are those of contacts
-        whose thresholds have fully grown and do not change during the motion.
+        whose thresholds have fully grown and do not change during the motion; where heat breaks contacts, they are of
+        motion that is too fast for it.
     unstable_modes : int or None
         Growing modes of smooth sliding; None where the theory does not apply, for the reason in `theory_note`.
     growth_rate, mode_frequency : float or None
@@ -311,6 +312,7 @@ class Prediction(Answer):
         """Names and values, with units, of the quantities behind the verdict."""
         rig = self.rig
         aged = ", thresholds fully aged" if rig.interface.ageing is not None else ""
+        aged += ", no contact broken by heat" if rig.interface.temperature is not None else ""
         yield "total contact strength N f_s", rig.in_units(1.0, "force")
         yield f"static friction F_s (slow rigid motion{aged})", self._said(self.static_friction, "force")
         yield "kinetic friction F_k at this speed", self._said(self.kinetic_friction, "force")

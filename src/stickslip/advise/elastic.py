@@ -7,7 +7,7 @@ from collections import Counter
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from stickslip.advise.linear import stability_along
+from stickslip.advise.linear import is_dear, stability_along
 from stickslip.answers import Answer, plain
 from stickslip.errors import InputError, UndecidedError
 from stickslip.model import Chain, ElasticBody
@@ -28,7 +28,7 @@ _MODES = 5
 """Modes that are told of, of different stiffness, the softest first."""
 _MOST = 64
 """Modes among which those that grow are counted."""
-_RANGE, _AGED_RANGE = 100.0, 10.0
+_RANGE, _DEAR_RANGE = 100.0, 10.0
 """Speeds are looked at within this factor of those of the drive."""
 
 
@@ -183,7 +183,7 @@ def predict_waves(rig: Rig, report: Progress = lambda _share: None) -> ElasticPr
     stiffness, coupling, wavelength, sliders = sliders_of(body, _MOST)
     through = [abs(v) for piece in setting.drive.pieces for v in (piece.start, piece.end) if v != 0]
     through += [*setting.operation.speeds, *(setting.operation.between or ())]
-    widest = _RANGE if interface.ageing is None else _AGED_RANGE
+    widest = _DEAR_RANGE if is_dear(interface) else _RANGE
     low, high = min(through) / widest, max(through) * widest
     speed, note = rig.unit("x_s/time"), ""
     growing, waves, critical = 0, list[WaveAnswer](), None

@@ -10,14 +10,14 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.errors import InputError, UndecidedError
+from stickslip.model.interface import Interface
 from stickslip.model.parameters import Parameter
 from stickslip.model.rig import Rig
 from stickslip.stability import count_unstable, critical
 from stickslip.stability.critical import Crossings, search
 
-_PER_DECADE = 16
-_AGED_PER_DECADE = 6
-"""Points at which growing modes are counted; for thresholds that age each count costs a hundred times as much."""
+_PER_DECADE, _DEAR_PER_DECADE = 16, 6
+"""Points at which growing modes are counted; the latter where `is_dear` says so."""
 _NARROW = 1.01
 """A boundary is polished within a bracket of this factor."""
 
@@ -32,6 +32,11 @@ def together(parts: Sequence[tuple[Parameter, int]]) -> Parameter:
 
     name = " and ".join(parameter.name for parameter, _ in parts)
     return Parameter(name=name, unit="1", get=lambda _rig: 1.0, set=varied)
+
+
+def is_dear(interface: Interface) -> bool:
+    """Whether a look at the linear response costs a hundred times as much: contacts age, or heat breaks them."""
+    return interface.ageing is not None or interface.temperature is not None
 
 
 def is_stable(setting: Rig) -> bool | None:
@@ -62,7 +67,7 @@ def stability_along(parameter: Parameter, setting: Rig, low: float, high: float)
         Range searched. Stable ranges narrower than a sixteenth of a decade may be missed, and where the theory cannot
         tell of the whole range, unstable ones.
     """
-    density = _PER_DECADE if setting.interface.ageing is None else _AGED_PER_DECADE
+    density = _DEAR_PER_DECADE if is_dear(setting.interface) else _PER_DECADE
     try:
         return _between(search(parameter, setting, low, high, density=density, edges_only=True))
     except (InputError, UndecidedError):  # at some value the theory cannot tell

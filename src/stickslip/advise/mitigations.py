@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 from stickslip.advise.judging import Budget, Spent, contacts_of, first_smooth, judge, slides_smoothly
-from stickslip.advise.linear import is_stable, stability_along, together
+from stickslip.advise.linear import is_dear, is_stable, stability_along, together
 from stickslip.errors import InputError
 from stickslip.model import FromRest, FromSliding
 from stickslip.model.parameters import (
@@ -27,7 +27,7 @@ from stickslip.model.parameters import (
 )
 from stickslip.model.rig import Rig
 
-RANGE, AGED_RANGE = 30.0, 10.0
+RANGE, DEAR_RANGE = 30.0, 10.0
 """Changes are looked for up to this factor."""
 _CLEARANCE = 1.03
 _CLEARANCES = (_CLEARANCE, 1.1, 1.25)
@@ -119,7 +119,7 @@ class Search:
         self.in_si = in_si
         self.setting, self.unstable, self.budget = setting, unstable, budget
         self.method = contacts_of(setting)
-        self.range = RANGE if setting.interface.ageing is None else AGED_RANGE
+        self.range = DEAR_RANGE if is_dear(setting.interface) else RANGE
         self.left_out: list[str] = []
         self.known: dict[tuple[tuple[str, int], ...], list[tuple[float, float]]] = {}
 

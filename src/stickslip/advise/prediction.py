@@ -12,7 +12,7 @@ from stickslip.advise import speeds
 from stickslip.advise.answer import Margin, Prediction
 from stickslip.advise.elastic import ElasticPrediction, predict_waves
 from stickslip.advise.judging import Budget, at_speed, cost_of, cycle_of, length_of
-from stickslip.advise.linear import Part, stability_along
+from stickslip.advise.linear import Part, is_dear, stability_along
 from stickslip.advise.mitigations import Attempt, Mitigation
 from stickslip.advise.speeds import Band
 from stickslip.errors import InputError, UndecidedError, instance
@@ -28,15 +28,15 @@ from stickslip.theory import kinetic_friction
 
 _FIRST, _ALL, _FOR_SPEEDS = 0.8, 4.0, 0.25
 """Seconds, by estimate, for the first run and for all runs; the part of what is then left that goes to other speeds."""
-_AGED = 10.0
-"""How much more thresholds that age may take, whose runs cost a hundred times as much."""
+_DEARER = 10.0
+"""How much more contacts may take that age or break by heat, whose runs cost up to a hundred times as much."""
 _FEWEST_CYCLES = 3.3
 """The first run lasts for so many, by their longest, whatever that takes; most are shorter."""
 _FOR_AN_ANSWER = 30.0
 """For runs of what is left to try when no change was found in that time."""
 _LONGEST = 40.0
 """A run that cannot be judged is made twice as long, again and again, while the next takes less than this."""
-_RANGE, _AGED_RANGE = 30.0, 10.0
+_RANGE, _DEAR_RANGE = 30.0, 10.0
 """Margins are looked for within this factor on either side of a parameter's value."""
 _STABLE = {kind: stable for stable, kind in speeds.BY_THEORY.items()}
 _DELAYS = (0.01, 10.0)
@@ -93,7 +93,8 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
         bands = speeds.bands_by_theory(VELOCITY, at_speed(setting, low), low, high)
     report(0.2)
     recording, seen = _watch(rig, lambda share: report(0.2 + 0.8 * share))
-    aged = replace(rig.interface, ageing=None)  # rigid motion from contacts at rest finds thresholds that have grown up
+    # Rigid motion from contacts at rest finds thresholds that have grown up, and is over before heat breaks any.
+    aged = replace(rig.interface, ageing=None, temperature=None)
     force, stiffness, rate = rig.unit("f_s"), rig.unit("k"), rig.unit("1/time")
     speed = rig.unit("x_s/time")
     return Prediction(
@@ -123,7 +124,7 @@ def complete(found: Prediction, *, progress: Progress | None = None) -> Predicti
         report(1.0)
         return replace(found, complete=True)
     spent = min(cost_of(found.recording.rig), 0.7 * _ALL)
-    left = (_ALL - spent) * (1.0 if rig.interface.ageing is None else _AGED)
+    left = (_ALL - spent) * (_DEARER if is_dear(rig.interface) else 1.0)
     speed = rig.unit("x_s/time")
     linear = tuple(_scaled(band, 1.0 / speed) for band in found.bands)
     survey = speeds.Survey(setting, linear, found.regime)
@@ -201,7 +202,7 @@ def _range_of_speeds(setting: Rig) -> tuple[float, float]:
     """Speeds that the answer is about: far on either side of those that the drive goes through."""
     through = [abs(v) for piece in setting.drive.pieces for v in (piece.start, piece.end) if v != 0]
     through += [*setting.operation.speeds, *(setting.operation.between or ())]
-    widest = speeds.RANGE if setting.interface.ageing is None else speeds.AGED_RANGE
+    widest = speeds.DEAR_RANGE if is_dear(setting.interface) else speeds.RANGE
     return min(through) / widest, max(through) * widest
 
 
@@ -211,7 +212,7 @@ def _watch(rig: Rig, progress: Progress) -> tuple[Recording, Regime]:
     A drive whose last stretch is not of constant speed is replaced by one of constant speed.
     """
     drive, setting = rig.drive, rig.natural
-    dearer = 1.0 if rig.interface.ageing is None else _AGED
+    dearer = _DEARER if is_dear(rig.interface) else 1.0
     if drive.pieces[-1].start != drive.pieces[-1].end or drive.pieces[-1].end <= 0:
         drive = constant(setting.velocity, length_of(setting) / setting.velocity)
     if len(drive.pieces) == 1:
@@ -308,5 +309,5 @@ def _searched(parameter: Parameter, value: float, rig: Rig) -> tuple[float, floa
         return value / 3.0, max(changes.WIDEST_STD * rig.interface.thresholds.moment(1), 1.5 * value)
     if parameter.name == "delay":  # longer delays never help, and have many modes
         return value / _RANGE, value * 3.0
-    widest = _RANGE if rig.interface.ageing is None else _AGED_RANGE
+    widest = _DEAR_RANGE if is_dear(rig.interface) else _RANGE
     return value / widest, value * widest

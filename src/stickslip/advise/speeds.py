@@ -25,7 +25,7 @@ from stickslip.measure import Regime
 from stickslip.model.parameters import Parameter
 from stickslip.model.rig import Rig
 
-RANGE, AGED_RANGE = 100.0, 10.0
+RANGE, DEAR_RANGE = 100.0, 10.0
 """Speeds are looked at within this factor of those of the drive."""
 _APART = 3.0
 """Speeds on the grid lie within this factor of each other."""

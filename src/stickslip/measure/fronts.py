@@ -25,7 +25,9 @@ FAST = 10.0
 _SLOWEST = 0.01
 """Where the drive stands still: than this part of the fastest block of the run."""
 _BREAKING = 0.01
-"""A block that holds takes part only while it breaks more than this part of its contacts from sample to sample."""
+"""A block that holds takes part only if it breaks more than this part of its contacts while it is fast."""
+_IN_TIME = np.array([[0, 1, 0]] * 3)
+"""Neighbours in time, for tables of samples and blocks."""
 
 
 def fronts(run: xr.Dataset) -> xr.Dataset:
@@ -190,12 +192,16 @@ def events(run: xr.Dataset, *, velocity: float | None = None) -> xr.Dataset:
         velocity = FAST * drive if drive > 0 else _SLOWEST * float(speed.max(initial=0.0))
     else:
         velocity = number("events: velocity", velocity, above=0)
-    breaking = np.diff(broken, axis=0) > _BREAKING
-    active = (speed > velocity) & (breaking | (np.minimum(attached[1:], attached[:-1]) < 0.5))
+    # Whether a block takes part is asked of the whole time that it is fast, however finely that is sampled.
+    spells, many = ndimage.label(speed > velocity, _IN_TIME)
+    breaks = np.bincount(spells.ravel(), np.diff(broken, axis=0).ravel()) > _BREAKING
+    hangs = np.bincount(spells[np.minimum(attached[1:], attached[:-1]) < 0.5], minlength=many + 1) > 0
+    active = (breaks | hangs)[spells] & (spells > 0)
     shape = _shape(run)
     grid = active.reshape(active.shape[0], *shape)
     # What lies within a sample and a block of each other is one event.
-    labels, count = ndimage.label(ndimage.binary_dilation(grid, np.ones((3,) * grid.ndim)), np.ones((3,) * grid.ndim))
+    about = np.ones((3,) * grid.ndim, np.int64)
+    labels, count = ndimage.label(ndimage.binary_dilation(grid, about), about)
     labels = np.where(active, np.asarray(labels).reshape(active.shape), 0)
     rows = []
     for label, where in enumerate(ndimage.find_objects(labels, count), start=1):
