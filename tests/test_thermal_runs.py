@@ -540,3 +540,20 @@ def test_a_run_without_end_is_refused():
     with pytest.raises(ss.InputError, match=r"interface.temperature = 0.01: .*steps of .* cohorts would take"):
         ss.simulate(rig.replace(method=ss.MasterEquation()))
     assert estimate(pulled(T)).seconds < 60
+
+
+@pytest.mark.parametrize("velocity", [1.0, -1.0])
+def test_a_slider_that_flies_far_from_all_its_contacts_comes_down_again(velocity):
+    """In a slip of a soft, light bench all are detached for hundreds of widths: the clocks have to come along."""
+    heat = ss.Bell(width=0.01, attempts=1e4)
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.5), temperature=heat)
+    slider = ss.Slider(stiffness=0.01, mass=2.6e-5, damping=4.0)
+    rig = ss.Rig(interface, slider, ss.constant(velocity, 200.0), method=ss.Contacts(50, seed=1))
+    run = ss.simulate(rig, output=ss.Output(interval=0.01))
+    assert float(np.abs(run.velocity).max()) > 100.0
+    assert float(run.attached.min()) == 0.0
+    assert bool(np.isfinite(run.friction_force).all())
+    assert float(np.abs(run.friction_force).max()) < 1.2
+    kept = run.kinetic_energy + run.spring_energy + run.contact_energy + run.damped_energy + run.broken_energy
+    assert float(np.abs(kept - kept[0] - run.work).max()) < 1e-6 * float(np.abs(run.work).max())
+    assert ss.drops(run).sizes["event"] >= 1

@@ -505,6 +505,8 @@ def _flight(
             clock_back = reading_back
         else:
             clock_back += A * log1p(run_back)
+    else:  # a clock by which nobody goes comes along, or it would be left so far behind that its rate has no number
+        clock_back = max(clock_back, -leg.X - y - LAG * A)
     if happens == _BREAK:
         clock = reading
     elif rate > 0.0:
@@ -514,6 +516,8 @@ def _flight(
             happens, clock = _BREAK, reading
         else:
             clock += A * log1p(run)
+    else:
+        clock = max(clock, leg.X + y - LAG * A)
     return h, y, u, happens, clock, clock_back
 
 
