@@ -13,7 +13,7 @@ import pytest
 import stickslip as ss
 from stickslip import advise
 from stickslip.advise import prediction
-from stickslip.advise.judging import Budget, judge
+from stickslip.advise.judging import Budget, judge, slides_smoothly
 from stickslip.advise.speeds import Band, Survey, bands_by_theory
 from stickslip.io import rig_files as rigs
 from stickslip.model.parameters import parameter_named
@@ -399,3 +399,15 @@ def test_a_narrow_range_of_instability_is_told():
     rig = replace(rig, slider=replace(rig.slider, damping=47.83))
     kinds = [band.kind for band in bands_by_theory(parameter_named("velocity"), rig, 0.01, 100.0)]
     assert kinds == ["stable", "unstable", "stable"]
+
+
+def test_an_oscillation_is_no_smooth_sliding_however_slow_it_is():
+    """The slider never goes at more than three times the drive, and yet the force oscillates on and on."""
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
+    rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=0.01, damping=2.0), ss.constant(3.0, 30.0))
+    method = ss.Contacts(2000, seed=1)
+    seen = ss.regime(ss.simulate(rig, method=method))
+    assert (seen.kind, seen.largest_velocity < 3.0) == ("sustained oscillation", True)
+    assert not slides_smoothly(rig, method, Budget(20.0), ss.FromRest(), 0)
+    stiff = replace(rig, slider=replace(rig.slider, stiffness=50.0))
+    assert slides_smoothly(stiff, method, Budget(20.0), ss.FromRest(), 0)

@@ -11,6 +11,7 @@ from stickslip import cycles
 from stickslip.cycles import bistable_range, cycle_branch, is_sustained, sustained, sustained_onset
 from stickslip.cycles import branch as branches
 from stickslip.cycles.branch import Point, carried
+from stickslip.cycles.edges import Edge
 from stickslip.cycles.fold import FINEST, held_fold
 from stickslip.cycles.ride import Look, Range, Ride, extreme
 from stickslip.cycles.verdict import _fate, settle
@@ -616,3 +617,8 @@ def test_what_shrinks_is_told_by_how_its_steps_change(change, answer, word):
     assert fate is not None
     assert fate[0] is answer
     assert word in fate[1]
+
+
+def test_an_edge_in_another_unit_keeps_its_bracket():
+    edge = Edge.between(2.0, 8.0).scaled(0.5)
+    assert (edge.value, edge.decays_at, edge.persists_at, edge.error) == (2.0, 1.0, 4.0, 1.5)

@@ -16,8 +16,8 @@ from stickslip.errors import InputError
 from stickslip.fitting.arrest import KEYS, Prior, simulate
 from stickslip.fitting.inference import infer
 from stickslip.fitting.observation import Observation
-from stickslip.fitting.rates import half_speed_of, strengthening_of
-from stickslip.fitting.summary import FITTED, NAMES, resampled, statistics
+from stickslip.fitting.rates import Strengthening, half_speed_of, strengthening_of
+from stickslip.fitting.summary import FITTED, NAMES, detrended, resampled, statistics
 from stickslip.fitting.synthetic import sampled
 from stickslip.fitting.tables import folder_of, table
 
@@ -497,3 +497,29 @@ def test_the_growth_with_rest_has_the_error_of_a_straight_line():
     found = strengthening_of(tuple(zip(times.tolist(), forces.tolist(), strict=True)))
     assert found.per_decade == pytest.approx(slope / forces[0], rel=1e-9)
     assert found.error == pytest.approx(np.sqrt(covariance[0, 0]) / forces[0], rel=1e-9)
+
+
+def test_what_the_holds_add_is_said_as_it_is():
+    told = {sign: str(Strengthening(per_decade=sign * 0.05, error=0.01)) for sign in (1, -1)}
+    assert told[1].endswith("changes by 5 ± 1 % per decade of rest: contacts age")
+    assert told[-1].endswith("no ageing is seen")
+    assert str(Strengthening(per_decade=0.05, error=0.03)).endswith("no ageing is seen")
+
+
+def test_statistics_are_what_their_names_say():
+    """Of detrended peaks and troughs: quantiles and scatter of drops over their mean, the extremes over the peak."""
+    rng = np.random.default_rng(7)
+    peaks, troughs = 8.0 + 0.3 * rng.normal(size=400), 3.0 + 0.2 * rng.normal(size=400)
+    found = dict(zip(NAMES, statistics(peaks, troughs).tolist(), strict=True))
+    high, low = (each - detrended(each) for each in (peaks, troughs))
+    top, bottom = peaks - high + peaks.mean(), troughs - low + troughs.mean()
+    drops = top - bottom
+    for part in (5, 10, 90, 95):
+        name = f"{part} % quantile of drops"
+        assert found[name] == pytest.approx(np.quantile(drops, part / 100) / drops.mean(), rel=1e-9)
+    assert found["largest peak"] == pytest.approx(top.max() / peaks.mean() - 1.0, rel=1e-9)
+    assert found["smallest trough"] == pytest.approx((bottom.min() - troughs.mean()) / peaks.mean(), rel=1e-9)
+    again = resampled(peaks, troughs, resamples=200)
+    for name, value in found.items():  # samples of the series scatter about it
+        column = again[:, NAMES.index(name)]
+        assert abs(np.median(column) - value) < 5.0 * column.std() + 1e-12

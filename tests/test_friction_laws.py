@@ -9,6 +9,7 @@ import json
 import math
 from dataclasses import replace
 from functools import lru_cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,11 +17,13 @@ import xarray as xr
 from drawn import assert_drawn, assert_kept
 from other_units import rescaled
 from scipy import special
+from scipy.signal import lfilter
 
 import stickslip as ss
 from stickslip.errors import InputError, UndecidedError
 from stickslip.rate_state import RateAndState, finite_step, small_step, velocity_step_in
 from stickslip.rate_state.contacts import contact_stiffness
+from stickslip.rate_state.measured import _inflation
 from stickslip.stability import critical_spring, dynamic_stiffness
 
 
@@ -806,3 +809,12 @@ def test_a_sudden_step_finds_the_contacts_that_are_attached(interface):
     assert contact_stiffness(interface, 1.0) == pytest.approx(attached.mean(), abs=5e-3)
     assert attached.mean() < 0.9
     assert contact_stiffness(replace(interface, delay=ss.Delay(0.0)), 1.0) == 1.0
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.5, 0.8])
+def test_errors_grow_with_the_likeness_of_neighbours(memory):
+    """Of noise that forgets in proportion, n samples are worth n (1 - r)/(1 + r)."""
+    rng, n = np.random.default_rng(4), 100_000
+    noise = lfilter([1.0], [1.0, -memory], rng.normal(size=n))
+    step, fit = SimpleNamespace(friction=noise), SimpleNamespace(curve=np.zeros(n))
+    assert _inflation(step, fit) == pytest.approx(math.sqrt((1.0 + memory) / (1.0 - memory)), rel=0.05)

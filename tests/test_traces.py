@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip.errors import InputError
 from stickslip.measure import read_trace
 
 # ----------------------------------------------------------------------------------------------- reading traces
@@ -443,3 +444,13 @@ def test_a_cell_that_is_no_number_is_missing(tmp_path, cell, value):
     trace = ss.read_trace(place)
     assert np.flatnonzero(trace["filled"].to_numpy()).tolist() == ([20] if value is None else [])
     assert value is None or trace["spring_force"].to_numpy()[20] == value
+
+
+def test_a_load_without_a_unit_is_a_column(tmp_path):
+    """And one column needs no mark between columns."""
+    place = tmp_path / "one.csv"
+    place.write_text("Load cell (N)\n" + "\n".join(f"{5 + 0.1 * math.sin(k / 5):.4f}" for k in range(300)) + "\n")
+    assert read_trace(place, step=0.01).spring_force.attrs["units"] == "N"
+    for load, words in (("7", "no such column"), ("-7 N", "must be a force above 0"), ("7 s", "must be a force")):
+        with pytest.raises(InputError, match=words):
+            read_trace(place, step=0.01, load=load)

@@ -11,7 +11,9 @@ import stickslip as ss
 from stickslip import cli
 from stickslip.errors import LONGEST_MESSAGE
 from stickslip.io import rig_files
+from stickslip.progress import _lines
 from stickslip.simulation import estimate
+from stickslip.simulation.work import _radians
 
 INTERFACE = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
 AGEING = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), ageing=ss.Langevin(rate=1e5))
@@ -164,3 +166,18 @@ def test_contacts_that_wait_break_less_often(delay, breaks):
     rig = ss.Rig(interface, body, ss.constant(1.0, duration=1000.0), method=ss.Contacts(100))
     part = next(part for part in estimate(rig).parts if part.key == "simulation.contacts")
     assert f"about {1000 * breaks:.2g} breaks" in part.what
+
+
+def test_the_time_left_in_a_log(monkeypatch, capsys):
+    now = [0.0]
+    monkeypatch.setattr("stickslip.progress.time.monotonic", lambda: now[0])
+    line = _lines("sweep")
+    now[0] = 300.0
+    line(0.25)
+    assert capsys.readouterr().err.endswith("sweep: 25 %, about 15 min left\n")
+
+
+def test_a_slider_that_sticks_rings_for_some_turns_after_each_slip():
+    soft = ss.Slider(stiffness=0.1, mass=1e-4, damping=42.4)
+    assert _radians(RIG, soft, turns=1e5, rings=3.0, distance=20.0) == pytest.approx(10.0 * 3.0 * (1.0 + 20.0 * 0.1))
+    assert _radians(RIG, soft, turns=50.0, rings=3.0, distance=20.0) == 50.0  # no more than there are
