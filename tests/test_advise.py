@@ -411,3 +411,22 @@ def test_an_oscillation_is_no_smooth_sliding_however_slow_it_is():
     assert not slides_smoothly(rig, method, Budget(20.0), ss.FromRest(), 0)
     stiff = replace(rig, slider=replace(rig.slider, stiffness=50.0))
     assert slides_smoothly(stiff, method, Budget(20.0), ss.FromRest(), 0)
+
+
+@pytest.mark.filterwarnings("error")
+def test_contacts_that_break_by_heat():
+    """Static friction and the critical stiffness are those without heat; the rest knows of it."""
+    thresholds = ss.Gaussian(mean=1.0, std=0.3)
+    interface = ss.Interface(thresholds=thresholds, delay=ss.Delay(0.5), temperature=ss.Bell(width=0.1, attempts=10.0))
+    rig = ss.Rig(interface, ss.Slider(stiffness=0.5, mass=1e-3, damping=20.0), ss.constant(1.0))
+    found = ss.predict(rig, fast=True)
+    assert (found.regime.kind, found.unstable_modes) == ("stick-slip", 2)
+    cold = replace(interface, temperature=None)
+    assert found.static_friction == ss.static_friction(cold)[0]
+    assert found.kinetic_friction == ss.kinetic_friction(interface, 1.0) < ss.kinetic_friction(cold, 1.0)
+    assert dict(found.numbers())["static friction F_s (slow rigid motion, no contact broken by heat)"] == "0.6457 f_s"
+    stable, unstable = found.bands
+    assert (stable.kind, unstable.kind, stable.high) == ("stable", "unstable", unstable.low)
+    for factor, modes in ((0.99, 0), (1.01, 2)):
+        there = replace(rig, drive=ss.constant(factor * stable.high))
+        assert ss.stability.count_unstable(there) == modes

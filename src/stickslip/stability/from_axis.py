@@ -144,9 +144,9 @@ class FromAxis(ABC):
 
         quickest = self.quickest(velocity)
         before, s = starts * (1 + 0.02j * (starts.imag != 0) - 0.05 * (starts.imag == 0)), starts.copy()
-        f_before, f = value(before), value(s)
         settled = np.zeros(s.shape, dtype=bool)
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"):  # what lies so far to the left that it has no number is dropped
+            f_before, f = value(before), value(s)
             for _ in range(25):
                 step = np.where(settled | (f == f_before), 0.0, -f * (s - before) / (f - f_before))
                 step *= np.minimum(1.0, 0.3 * np.abs(s) / np.maximum(np.abs(step), 1e-300))
