@@ -1931,6 +1931,26 @@ def test_of_those_who_wait_the_one_served_longest_ago_comes_first():
     assert served == ["eager", "rare", "eager", "eager", "eager", "eager", "eager"]
 
 
+def test_a_turn_is_not_given_to_one_who_has_just_left():
+    """It would be lost, and with it a worker: the one who leaves is told only after the turn ends."""
+
+    async def run():
+        turns, visitor = workers._Turns(1), workers.Visitor()
+
+        async def wait():
+            async with turns.of(visitor):
+                return True
+
+        async with turns.of(visitor):
+            left = asyncio.create_task(wait())
+            await asyncio.sleep(0)
+            left.cancel()
+        return await asyncio.wait_for(wait(), 5.0)
+
+    with ThreadPoolExecutor() as aside:
+        assert aside.submit(lambda: asyncio.run(run())).result()
+
+
 @pytest.mark.slow
 def test_forty_visitors(lesson):
     """Each answered within 5 s, none with another's rig, memory steady."""

@@ -73,8 +73,6 @@ class _Turns:
             except asyncio.CancelledError:
                 if turn.done() and not turn.cancelled():
                     self._next()
-                else:
-                    self._waiting.remove((visitor, turn))
                 raise
         self._last[visitor] = time.monotonic()
         try:
@@ -83,6 +81,7 @@ class _Turns:
             self._next()
 
     def _next(self) -> None:
+        self._waiting = [one for one in self._waiting if not one[1].cancelled()]  # who has left may not know it yet
         if not self._waiting:
             self._free += 1
             return
