@@ -50,7 +50,7 @@ def _rigid(interface, method):
     return ss.rigid_slide(interface, 2.0, method=method)["friction_force"].to_numpy()[::20].tolist()
 
 
-def _cases() -> dict[str, Callable[[], object]]:
+def small_cases() -> dict[str, Callable[[], object]]:
     few, coarse = ss.Contacts(12, seed=1), ss.MasterEquation(rtol=1e-2)
     cases: dict[str, Callable[[], object]] = {}
     for name, delay in DELAYS.items():
@@ -114,7 +114,7 @@ def _numbers() -> dict[str, Callable[[], object]]:
 
 def results() -> dict[str, object]:
     """Return what every case gives."""
-    return {name: make() for name, make in _cases().items()}
+    return {name: make() for name, make in small_cases().items()}
 
 
 if __name__ == "__main__":
