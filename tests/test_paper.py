@@ -92,6 +92,27 @@ def test_picture_and_claims_are_what_they_were(quick, name):
 
 
 @pytest.mark.parametrize("name", QUICKLY)
+def test_claims_on_other_numbers_are_what_they_were(quick, name):
+    """Each number of a figure in turn, made a third and three times as large: which claims notice, and how."""
+
+    def told(data):
+        try:
+            claims = FIGURES[name].check(data)
+        except (ValueError, RuntimeWarning):
+            return "nothing can be said"
+        return "; ".join(f"{claim.number} {claim.verdict} {[m.ok for m in claim.measured]}" for claim in claims)
+
+    as_it_is = told(quick(name))
+    lines = []
+    for variable, values in quick(name).data_vars.items():
+        for factor in (1 / 3, 3.0) if values.dtype.kind == "f" else ():
+            changed = told(quick(name).assign({variable: values.copy(data=factor * values)}))
+            if changed != as_it_is:
+                lines.append(f"{variable} times {factor:.2f}: {changed}")
+    assert_kept("\n".join(lines), f"{name}_claims_on_other_numbers")
+
+
+@pytest.mark.parametrize("name", QUICKLY)
 def test_words_stay_within_the_picture(quick, name):
     picture = FIGURES[name].draw(quick(name))
     FigureCanvasAgg(picture).draw()
