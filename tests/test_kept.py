@@ -29,7 +29,7 @@ RTOL = 1e-7
 LESS = {
     "run: thresholds": 1e-6,
     "small: memoryless": 1e-6,
-    "a step read": 1e-4,
+    "a step read": 1e-2,
     "rate and state": 1e-4,
     "light slider": 5e-3,
     "again at the arrest": 5e-3,
