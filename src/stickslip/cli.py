@@ -310,8 +310,9 @@ def measure(
         return
     print(seen, *front_map.in_words(trace), sep="\n")
     print()
-    print(f"{measures.counted(catalogue)}; mean ± standard deviation:")
-    for name, text in measures.statistics(catalogue):
+    statistics = measures.statistics(catalogue)
+    print(measures.counted(catalogue) + ("; mean ± standard deviation:" if statistics else ""))
+    for name, text in statistics:
         print(f"{name}: {text}")
     if note := trace.attrs.get("note"):
         print(f"note: {note}")

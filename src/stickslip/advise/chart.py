@@ -88,7 +88,7 @@ def chart(
     found.attrs["rig"] = rig.name
     found.attrs["summary"] = (
         f"{rig.name}: smooth sliding is {state} at the rig's own point; "
-        + (f"{curves} neutral curves" if curves else "no boundary")
+        + (f"{curves} neutral curve{'s' * (curves > 1)}" if curves else "no boundary")
         + f" within a factor {around:g} of it in {names[0]} and {names[1]}"
     )
     return rig.in_its_units(found)

@@ -153,9 +153,10 @@ class Regime(Answer):
             f"average, peak to peak {self.peak_to_peak:.3g}{force}, noise {self.noise:.2g}{force}",
         ]
         if self.cycles:
-            line = f"{self.cycles} cycles, drop {self.drop:.3g}{force} (CV {self.drop_variation:.2g})"
+            line = f"{self.cycles} cycle{'s' * (self.cycles > 1)}, drop {self.drop:.3g}{force}"
+            line += _variation(self.drop_variation)
             if math.isfinite(self.period):
-                line += f", period {self.period:.4g}{time} (CV {self.period_variation:.2g})"
+                line += f", period {self.period:.4g}{time}{_variation(self.period_variation)}"
             if math.isfinite(self.slip_phase):
                 line += f", slip phase: {100 * self.slip_phase:.0f} % of the cycle"
             lines.append(line)
@@ -164,6 +165,10 @@ class Regime(Answer):
         if self.largest_velocity is not None:
             lines.append(f"largest velocity {self.largest_velocity:.3g} times the drive's")
         return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
+
+
+def _variation(value: float) -> str:
+    return f" (CV {value:.2g})" if math.isfinite(value) else ""
 
 
 def regime(data: xr.Dataset, *, after: float | None = None) -> Regime:

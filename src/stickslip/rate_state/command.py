@@ -30,7 +30,9 @@ def rsf(
         str | None, Parameter(help="Also slide, hold and slide, with these times of rest: '1 s, 10 s, 100 s'.")
     ] = None,
     export: Annotated[Program | None, Parameter(help="Print, or write, the input of another program.")] = None,
-    load: Annotated[str | None, Parameter(help="Normal load, for the export: '2 kN'.")] = None,
+    load: Annotated[
+        str | None, Parameter(help="Normal load, for coefficients of friction and for the export: '2 kN'.")
+    ] = None,
     area: Annotated[str | None, Parameter(help="Area of the surface, for the export: '1 cm^2'.")] = None,
     output: Annotated[Path | None, Parameter(alias="-o", help="Write the export to a file.")] = None,
     step_at: Annotated[str | None, Parameter(help="Of a trace: time of the step, '68.7 s'.")] = None,
@@ -61,9 +63,14 @@ def rsf(
         if plot is not None and holds is None:
             raise InputError(f"--plot {plot}: draws the fit of a trace, or the peaks after holds; give --holds")
         if export is None:
-            healed = None if holds is None else _after_holds(rig, fit, holds, plot)
-            told = fit.to_dict() if healed is None else {**fit.to_dict(), "holds": healed.to_dict()}
-            print(jsonlib.dumps(told, indent=2) if json else fit if healed is None else f"{fit}\n\n{healed}")
+            for option, given in (("--area", area), ("--output", output)):
+                if given is not None:
+                    raise InputError(f"{option} {given}: is for --export; ask for one of the programs")
+            told, words = _in_the_units_of(rig, fit, load)
+            if holds is not None:
+                healed = _after_holds(rig, fit, holds, plot)
+                told, words = {**told, "holds": healed.to_dict()}, f"{words}\n\n{healed}"
+            print(jsonlib.dumps(told, indent=2) if json else words)
             return
         if holds is not None:
             raise InputError("--holds: not together with --export; ask for one after the other")
@@ -97,6 +104,23 @@ def _of_rig(
         speed = _told("--velocity", velocity, lambda text: read_quantity(text, "m/s", "1 um/s")) / rig.unit("x_s/time")
     ratio = _told("--step", step, read_number)
     return rate_and_state(rig.natural.interface, speed, step=ratio, law=law), rig
+
+
+def _in_the_units_of(rig: Rig, fit: RateAndStateFit, load: str | None) -> tuple[dict[str, Any], str]:
+    """Return a fit for a machine and for a person, with coefficients of friction where a load is given."""
+    from stickslip.model.quantities import read_quantity
+
+    scaled = fit.in_units(rig)
+    if load is None:
+        return scaled.to_dict(), str(scaled)
+    if rig.scales is None:
+        raise InputError(f"--load {load}: is for a rig file in SI units; this one is in natural units")
+    weight = _told("--load", load, lambda text: read_quantity(text, "N", "2 kN"))
+    if not weight > 0:
+        raise InputError(f"--load {load}: must be above 0")
+    mu, a, b = (value / weight for value in (scaled.kinetic_friction, scaled.a, scaled.b))
+    words = f"coefficients under {load}: mu = {mu:.4g} at this speed, a = {a:.4g}, b = {b:.4g}, a - b = {a - b:.3g}"
+    return {**scaled.to_dict(), "coefficients": {"load": weight, "mu": mu, "a": a, "b": b}}, f"{scaled}\n{words}"
 
 
 def _after_holds(rig: Rig, fit: RateAndStateFit, holds: str, plot: Path | None) -> Healing:

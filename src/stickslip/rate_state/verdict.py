@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from stickslip.answers import Answer, plain
 from stickslip.errors import InputError, UndecidedError, instance, number, shown
-from stickslip.model import Interface, LogarithmicGrowth, Rig, Slider, constant
+from stickslip.model import Interface, LogarithmicGrowth, Rig, Scales, Slider, constant
+from stickslip.model.units import SI, Quantity, engineering
 from stickslip.rate_state.contacts import contact_stiffness, finite_step, small_step
 from stickslip.rate_state.fitting import Fit, fit_small_step, fit_step
 from stickslip.rate_state.laws import LAWS, Law, RateAndState
@@ -39,14 +40,16 @@ _FAST = 200.0
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class RateAndStateFit(Answer):
-    """Rate-and-state parameters of an interface, and what they are worth. Per contact, natural units.
+    """Rate-and-state parameters of an interface, and what they are worth.
+
+    Per contact and in natural units; `in_units` gives those of a rig.
 
     Attributes
     ----------
     law : {"ageing", "slip"}
         The law whose distance changes less between a step up and a step down.
     a, b, distance : float
-        Of the step that was asked for, or of a small one where `step` is None; in ``f_s`` and ``x_s``.
+        Of the step that was asked for, or of a small one where `step` is None.
     a_error, b_error, distance_error : float
         Standard errors of the fit. They say how well the step fixes the parameters, not how well the law describes it.
     misfit : float
@@ -73,6 +76,8 @@ class RateAndStateFit(Answer):
         Whether the interface is rate-and-state-like.
     reason : str
         What fails, or what was tested.
+    scales : Scales or None
+        Of the rig in whose units, N and m, the numbers are; None in natural units.
     """
 
     law: Law
@@ -95,6 +100,16 @@ class RateAndStateFit(Answer):
     exact_critical_stiffness: float
     holds: bool
     reason: str
+    scales: Scales | None = None
+
+    def in_units(self, rig: Rig) -> RateAndStateFit:
+        """Return parameters found in natural units in those of a rig: forces of all its contacts, in N."""
+        if rig.scales is None or self.scales is not None:
+            return self
+        sizes = {name: rig.scales.unit(quantity) for quantity, names in _QUANTITIES.items() for name in names}
+        values = {name: getattr(self, name) for name in sizes}
+        scaled: dict[str, Any] = {n: None if value is None else value * sizes[n] for n, value in values.items()}
+        return replace(self, scales=rig.scales, **scaled)
 
     @property
     def parameters(self) -> RateAndState:
@@ -127,17 +142,37 @@ class RateAndStateFit(Answer):
         return {**super().to_dict(), **plain(derived)}
 
     def __str__(self) -> str:
-        verdict = "rate-and-state-like" if self.holds else "not rate-and-state"
-        lines = [f"{verdict}: {self.reason}"]
-        if self.holds:
-            lines.append(
-                f"{self.law} law, a = {self.a:.4g} +- {self.a_error:.1g}, b = {self.b:.4g} +- {self.b_error:.1g}, "
-                f"D = {self.distance:.4g} +- {self.distance_error:.1g}, a - b = {self.a - self.b:.3g}"
-            )
-            lines.append(_of_stiffness(self))
-            if self.healing is not None:
-                lines.append(f"healing {self.healing:.4g} per e-fold of hold time, {self.healing_over_b:.2f} times b")
+        if not self.holds:
+            return f"not rate-and-state: {self.reason}"
+        a = f"a = {_said(self, self.a, 'force')} +- {_said_error(self, self.a_error, 'force')}"
+        b = f"b = {_said(self, self.b, 'force')} +- {_said_error(self, self.b_error, 'force')}"
+        distance = f"D = {_said(self, self.distance, 'length')} +- {_said_error(self, self.distance_error, 'length')}"
+        change = f"a - b = {_said(self, self.a - self.b, 'force', 3)}"
+        lines = [
+            f"rate-and-state-like: {self.reason}",
+            f"{self.law} law, {a}, {b}, {distance}, {change}",
+            _of_stiffness(self),
+        ]
+        if self.healing is not None:
+            healing = _said(self, self.healing, "force")
+            lines.append(f"healing {healing} per e-fold of hold time, {self.healing_over_b:.2f} times b")
         return "\n".join(lines)
+
+
+_QUANTITIES: dict[Quantity, tuple[str, ...]] = {
+    "force": ("a", "a_error", "b", "b_error", "healing", "kinetic_friction"),
+    "length": ("distance", "distance_error"),
+    "velocity": ("velocity",),
+    "stiffness": ("contact_stiffness", "critical_stiffness", "exact_critical_stiffness"),
+}
+
+
+def _said(fit: RateAndStateFit, value: float, quantity: Quantity, digits: int = 4) -> str:
+    return f"{value:.{digits}g}" if fit.scales is None else engineering(value, SI[quantity], digits)
+
+
+def _said_error(fit: RateAndStateFit, error: float, quantity: Quantity) -> str:
+    return f"{error:.1g}" if fit.scales is None else engineering(error, SI[quantity], 2)
 
 
 def _of_stiffness(fit: RateAndStateFit) -> str:
@@ -149,7 +184,8 @@ def _of_stiffness(fit: RateAndStateFit) -> str:
         "too low": f" ({100 * (1 - fit.ratio):.0f} % too low: it says stable where the contacts are not)",
         "too high": f" ({100 * (fit.ratio - 1):.0f} % too high: it says unstable where the contacts are stable)",
     }[fit.danger]
-    return f"critical stiffness {exact:.4g} exactly, {fitted:.4g} by rate and state{words}"
+    exactly, by_fit = (_said(fit, value, "stiffness") for value in (exact, fitted))
+    return f"critical stiffness {exactly} exactly, {by_fit} by rate and state{words}"
 
 
 def rate_and_state(

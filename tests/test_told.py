@@ -1,0 +1,139 @@
+"""What commands print, word for word, and their numbers to two in a thousand: who changes a sentence is told.
+
+Kept in tests/data/drawn; ``REDRAW=1`` in the environment writes what is printed now. Read it before it is kept.
+"""
+
+import shutil
+
+import pytest
+from drawn import assert_kept
+
+import stickslip as ss
+from stickslip import cli
+
+WARM = """
+name = "Warm bench"
+[slider]
+mass = "1 kg"
+stiffness = "4 MN/m"
+damping_ratio = 0.1
+[interface]
+contact_strength = "768 N"
+breaking_displacement = "2 um"
+thresholds = { distribution = "gaussian", std = 0.3 }
+ageing = { model = "logarithmic", slope = 0.02, time = "1 ms" }
+[interface.temperature]
+kind = "bell"
+temperature = "293 K"
+activation_volume = "0.4 nm^3"
+shear_strength = "1 GPa"
+attempts = "1e6 1/s"
+[drive]
+velocity = "2 um/s"
+"""
+SMALL = """
+name = "small"
+[slider]
+stiffness = "5 kN/m"
+mass = "10 g"
+damping_ratio = 0.4
+[interface]
+contact_strength = "10 N"
+breaking_displacement = "1 mm"
+thresholds = { distribution = "gaussian", std = 0.1 }
+delay = "2 ms"
+[drive]
+velocity = "100 mm/s"
+distance = "25 mm"
+[simulation]
+contacts = 300
+"""
+BAR = """
+name = "bar"
+[chain]
+blocks = 20
+spacing = "5 mm"
+width = "5 mm"
+height = "50 mm"
+youngs_modulus = "3 GPa"
+shear_modulus = "1.1 GPa"
+density = "1180 kg/m^3"
+side = "4 MN/m"
+damping = "1000 1/s"
+[interface]
+contact_strength = "768 N"
+sliding_force = "326.4 N"
+breaking_displacement = "1.17 um"
+thresholds = { distribution = "gaussian", std = 0.1 }
+delay = "1 ms"
+[drive]
+velocity = "1 mm/s"
+distance = "0.1 mm"
+[simulation]
+contacts = 10
+"""
+STUDY = """
+name = "A small study"
+rig = "small.toml"
+[axes]
+stiffness = ["5 kN/m", "20 kN/m", "80 kN/m"]
+velocity = ["30 mm/s", "300 mm/s"]
+[run]
+contacts = 200
+seed = 1
+distance = "20 mm"
+"""
+EXAMPLES = [name for name in ss.example_names() if name != "phase_diagram"]
+STEP = ("--step-at", "11676.28 s", "--from", "3 um/s", "--to", "10 um/s")
+EXPORT = ("--load", "2 kN", "--area", "1 cm^2")
+CASES = {
+    **{f"new {name}": ("new", name) for name in EXAMPLES},
+    **{f"predict {name}": ("predict", name, "--fast") for name in EXAMPLES},
+    "predict small": ("predict", "small.toml"),
+    "predict small as JSON": ("predict", "small.toml", "--fast", "--json"),
+    "predict warm": ("predict", "warm.toml", "--fast"),
+    "predict bar": ("predict", "bar.toml", "--fast"),
+    "simulate small": ("simulate", "small.toml", "-o", "run.nc"),
+    "simulate bar": ("simulate", "bar.toml", "-o", "run.nc"),
+    "measure a run": ("measure", "small.nc"),
+    "measure a run as JSON": ("measure", "small.nc", "--json"),
+    "measure a bar": ("measure", "bar.nc"),
+    "measure a trace": ("measure", "force.txt", "--step", "250 ms"),
+    "measure a trace as JSON": ("measure", "force.txt", "--step", "250 ms", "--json"),
+    "rerun": ("rerun", "small.nc"),
+    "rsf warm": ("rsf", "warm.toml", "--load", "2 kN"),
+    "rsf warm as JSON": ("rsf", "warm.toml", "--load", "2 kN", "--json"),
+    "rsf, holds": ("rsf", "warm.toml", "--holds", "1 s, 10 s, 100 s"),
+    **{
+        f"rsf to {name}": ("rsf", "warm.toml", "--law", "slip", "--export", name, *EXPORT)
+        for name in ("qdyn", "rsfmodel")
+    },
+    "rsf of a step": ("rsf", "basalt.txt", *STEP),
+    "rsf of a step as JSON": ("rsf", "basalt.txt", *STEP, "--json"),
+    "map small": ("map", "small.toml", "--points", "8", "-o", "map.png"),
+    "map small, bistable": ("map", "small.toml", "--points", "4", "--bistable", "-o", "map.png"),
+    "sweep": ("sweep", "study.toml", "--store", "cases.sqlite"),
+}
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory, request):
+    """A folder with rigs, runs, and traces."""
+    folder = tmp_path_factory.mktemp("bench")
+    for name, text in {"small": SMALL, "warm": WARM, "bar": BAR, "study": STUDY}.items():
+        (folder / f"{name}.toml").write_text(text)
+    for name in ("small", "bar"):
+        ss.save(ss.simulate(ss.read_rig(folder / f"{name}.toml")), folder / f"{name}.nc")
+    data = request.config.rootpath / "tests" / "data"
+    shutil.copy(data / "guldstrand_force7.txt", folder / "force.txt")
+    shutil.copy(data / "giacomel_basalt_step.txt", folder / "basalt.txt")
+    return folder
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_commands_say_what_they_said(name, bench, tmp_path, monkeypatch, capsys):
+    folder = shutil.copytree(bench, tmp_path / "bench")
+    monkeypatch.chdir(folder)
+    monkeypatch.setenv("COLUMNS", "100")
+    assert cli.main(CASES[name]) == 0
+    assert_kept(capsys.readouterr().out, f"told_{name.replace(',', '').replace(' ', '_')}")
