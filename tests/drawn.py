@@ -44,7 +44,8 @@ def as_drawn(figure: Figure) -> str:
     """Describe a picture: its panels, and what is in each, a line for each thing."""
     found = [f"picture of {len(figure.axes)} panels, {_words(figure.texts)}"]
     for ax in figure.axes:
-        found += _panel(ax)
+        for each in (ax, *ax.child_axes):
+            found += _panel(each)
     for legend in figure.legends:
         found.append(f"legend: {_words(legend.get_texts())}")
     return "\n".join(found) + "\n"
