@@ -619,6 +619,16 @@ def test_what_shrinks_is_told_by_how_its_steps_change(change, answer, word):
     assert word in fate[1]
 
 
+@pytest.mark.parametrize(("way", "patience"), [(1.0, 3), (-1.0, 3), (None, 1)])
+def test_what_drifts_all_one_way_is_given_three_times_as_long(way, patience):
+    """Steps of 2 % a look up or down, or a step down after five up: how many looks it takes to give up."""
+    steps = np.full(100, 0.02 * way) if way is not None else np.where(np.arange(100) % 6 == 5, -0.05, 0.1)
+    sizes = np.exp(np.concatenate([[0.0], np.cumsum(steps)]))
+    looks = [Look(size, 1.0, 1.0, 0.5, 3.0, np.empty(0)) for size in sizes.tolist()]
+    given_up = next(n for n in range(4, 100) if _fate(looks[:n], 1e-6, growing=None, patience=20) is not None)
+    assert given_up == 20 * patience
+
+
 def test_an_edge_in_another_unit_keeps_its_bracket():
     edge = Edge.between(2.0, 8.0).scaled(0.5)
     assert (edge.value, edge.decays_at, edge.persists_at, edge.error) == (2.0, 1.0, 4.0, 1.5)

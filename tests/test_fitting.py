@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from drawn import assert_drawn
+from drawn import assert_drawn, assert_kept
 
 import stickslip as ss
 from stickslip import fitting, stability
@@ -158,6 +158,11 @@ def with_a_load():
     return trace.assign(load=("time", np.linspace(20.0, 24.0, trace.sizes["time"])))
 
 
+def with_a_jump():
+    trace = bench()
+    return trace.isel(time=np.delete(np.arange(trace.sizes["time"]), slice(1000, 1007)))
+
+
 SINE = 10.0 + np.sin(0.06 * np.arange(20_000))
 NOT_STICK_SLIP = {
     "oscillation": (trace_of(SINE), "rises for 1 times as long as it drops"),
@@ -173,6 +178,7 @@ NOT_STICK_SLIP = {
     "fewer samples": (bench(samples=4), "record faster"),
     "noisy": (bench(noise=0.05), "of the peak force: at most 3 %"),
     "gap": (with_a_gap(), "6 samples in a row"),
+    "jump": (with_a_jump(), "7 samples in a row"),
     "load": (with_a_load(), "normal load changes by"),
     "constant": (trace_of(np.full(1000, 5.0)), "0 drops"),
     "negative": (trace_of(np.sin(0.06 * np.arange(2000)) - 0.0), ""),
@@ -448,6 +454,7 @@ def test_pictures(found, tmp_path):
     assert save(found.plot(), tmp_path / "fit.png").stat().st_size > 10_000
     assert_drawn(found.events.plot(), "slips")
     assert_drawn(found.plot(), "fit")
+    assert_kept(str(found), "fit_told")
 
 
 def test_the_quick_recipe_inverts_the_closed_forms():

@@ -142,6 +142,13 @@ def _solvers(interface, slider=SLIDER, drive=THERE_AND_BACK, solvers=None, **opt
     return [_run(interface, method, slider, drive, **options) for method in solvers]
 
 
+def _of_langevin(interface):
+    s = np.concatenate([[1j * 10.0**power for power in range(-6, 7)], [0.3 + 0.5j]])
+    v = (0.02, 0.5, 10.0)
+    stiffness = [ss.stability.dynamic_stiffness(interface, each, s) for each in v]
+    return {"friction": ss.kinetic_friction(interface, np.array(v)), "stiffness": stiffness}
+
+
 def _mode(rig):
     try:
         return ss.growth_rate(rig)
@@ -175,6 +182,32 @@ def _measured(delay, slider, drive):
     rig = ss.Rig(ss.Interface(thresholds=TENTH, delay=ss.Delay(delay)), slider, drive)
     run = ss.simulate(rig, method=ss.Contacts(300, seed=1), output=ss.Output(interval=0.01))
     return {"regime": ss.regime(run), "drops": ss.drops(run)}
+
+
+def _traces() -> Iterator[tuple[str, np.ndarray]]:
+    """Forces every .1 s, that slip, oscillate, or do neither."""
+    rng, t = np.random.default_rng(7), np.arange(4000)
+    noise, walk = 0.02 * rng.normal(size=t.size), 0.05 * np.cumsum(rng.normal(size=t.size))
+    saw, sine = (t % 200) / 200.0, np.sin(0.06 * t)
+    yield "slips", 5.0 + saw + noise
+    yield "one slip", 5.0 + ((t + 1000) % 3000) / 1000.0 + noise
+    yield "slips that shrink", 5.0 + saw * np.exp(-t / 1000.0) + noise
+    yield "slips backwards", -5.0 - saw + noise
+    yield "oscillation", 5.0 + 0.3 * sine + noise
+    yield "oscillation that grows", 5.0 + 0.3 * sine * np.exp(t / 1000.0) + noise
+    yield "slow drift", 5.0 + t / 1000.0 + noise
+    yield "slow fall", 9.0 - t / 1000.0 + noise
+    yield "half a period", 5.0 + np.sin(t / 1500.0) + noise
+    yield "noise", 5.0 + noise
+    yield "constant", np.full(t.size, 5.0)
+    yield "random walk", 20.0 + walk
+    yield "in steps of .1", np.round(5.0 + saw + noise, 1)
+
+
+def _read(force):
+    time = ("time", 0.1 * np.arange(force.size), {"units": "s"})
+    trace = xr.Dataset({"spring_force": ("time", force, {"units": "N"})}, coords={"time": time})
+    return {"regime": ss.regime(trace), "drops": ss.drops(trace)}
 
 
 def _stepped(interface, method):
@@ -231,6 +264,7 @@ def _fitted():
     prior = ss.fitting.Prior(contacts=(8.0, 50.0), threshold_std=(0.05, 0.5), stiffness_ratio=(0.01, 0.3))
     fit = ss.fit(trace, known={"stiffness": (100.0, 5.0), "speed": 0.005}, prior=prior, draws=1500)
     told = {each.key: (each.low, each.median, each.high) for each in (*fit.parameters, *fit.quantities)}
+    told["mass"] = fit.rig(name="bench").natural.slider
     return told | {"p": fit.p_values, "values": fit.values, "strength": fit.strength, "predicted": fit.predicted}
 
 
@@ -292,6 +326,16 @@ def _interfaces() -> Iterator[tuple[str, Callable[[], object]]]:
     yield "again at the arrest", partial(_solvers, ss.Interface(thresholds=TENTH, delay=ss.OnArrest()), LIGHT)
 
 
+def _langevin() -> Iterator[tuple[str, Callable[[], object]]]:
+    for newborn in (0.0, 0.3):
+        ageing = ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.0, newborn=newborn))
+        delayed = replace(ageing, delay=ss.Delay(0.05 if newborn else 0.0))
+        for velocity in (0.05, 0.5, 5.0):
+            contacts = partial(_run, ageing, ss.Contacts(100, seed=2), drive=ss.constant(velocity, 1.0))
+            yield f"Langevin, newborn {newborn}, at {velocity}", contacts
+        yield f"Langevin, newborn {newborn}, theory", partial(_of_langevin, delayed)
+
+
 def _heat() -> Iterator[tuple[str, Callable[[], object]]]:
     for name, interface in _by_heat():
         slow = 10.0 if isinstance(interface.ageing, ss.ExponentialGrowth) else 1.0  # to solve
@@ -321,6 +365,8 @@ def _bodies() -> Iterator[tuple[str, Callable[[], object]]]:
         for name, body in (("leaf springs", LEAVES), ("a ring", replace(LEAVES, ends="periodic"))):
             yield f"{name}, turning, {who}", partial(_run, DELAYED, solver, body, THERE_AND_BACK, start=sliding)
         yield f"a push, {who}", partial(_run, never, solver, LEAVES, ss.constant(0.0, 4.0), start=pushed)
+    half = ss.FromSliding(at_rest=6)
+    yield "a bar, half at rest", partial(_run, DELAYED, ss.Contacts(15, seed=2), BAR, ss.constant(0.5, 1.0), start=half)
     yield "bar, slowly", partial(_passing, ss.Interface(thresholds=TENTH), ss.QuasiStatic(15, seed=2), BAR)
     yield "theory of a bar", _of_a_bar
 
@@ -331,6 +377,8 @@ def _answers() -> Iterator[tuple[str, Callable[[], object]]]:
         for slider in (fast, slow):
             yield f"measured: {delay}, {slider}", partial(_measured, delay, slider, ss.constant(0.5, 30.0))
             yield f"cycles: {delay}, {slider}", partial(_cycles, delay, slider)
+    for name, force in _traces():
+        yield f"read: {name}", partial(_read, force)
     yield "measured: a slow ramp", partial(_measured, 0.2, fast, ss.ramp(0.1, 3.0, 20.0))
     yield "followed", partial(_followed, 0.3, fast)
     for seed, truth in enumerate(({}, {"track_scatter": 0.02, "threshold_std": 0.1, "contacts": 100.0})):
@@ -343,7 +391,7 @@ def _answers() -> Iterator[tuple[str, Callable[[], object]]]:
 
 
 SMALL = {f"small: {name}": make for name, make in small_cases().items()}
-CASES = SMALL | dict(_interfaces()) | dict(_heat()) | dict(_bodies()) | dict(_answers())
+CASES = SMALL | dict(_interfaces()) | dict(_langevin()) | dict(_heat()) | dict(_bodies()) | dict(_answers())
 
 
 @pytest.mark.parametrize("name", CASES)
