@@ -216,7 +216,8 @@ def _stepped(interface, method):
 
 def _as_rate_and_state(interface):
     run = ss.velocity_step(interface, before=1.0, after=5.0, distance=4.0, points=300)
-    return [ss.fit_rate_and_state(run, law=law, **STEP) for law in ("ageing", "slip")]
+    fits = [ss.fit_rate_and_state(run, law=law, **STEP) for law in ("ageing", "slip")]
+    return [*fits, ss.rate_and_state(interface, 1.0), ss.rate_and_state(interface, 3.0, step=None)]
 
 
 def _read_as_contacts():
@@ -277,7 +278,7 @@ def _of_a_bar():
         "length": ss.critical_length(replace(rig, interface=DELAYED)),
         "screening": ss.screening_length(rig),
         "threshold": ss.front_threshold(rig),
-        "fronts": [ss.front_speed(rig, prestress=each) for each in (0.5, 0.8)],
+        "fronts": [ss.front_speed(rig, prestress=each) for each in (0.45, 0.5, 0.8)],
         "precursors": ss.precursor_force(pulled),
     }
 
@@ -364,6 +365,8 @@ def _bodies() -> Iterator[tuple[str, Callable[[], object]]]:
                 yield f"{kind}, {name}, {who}", partial(_passing, interface, solver, body)
         for name, body in (("leaf springs", LEAVES), ("a ring", replace(LEAVES, ends="periodic"))):
             yield f"{name}, turning, {who}", partial(_run, DELAYED, solver, body, THERE_AND_BACK, start=sliding)
+        until = ss.constant(0.2, 6.0).until(ss.ForceAbove(0.2)).then(ss.constant(0.1, 1.0))
+        yield f"a bar until a force, {who}", partial(_run, DELAYED, solver, BAR, until)
         yield f"a push, {who}", partial(_run, never, solver, LEAVES, ss.constant(0.0, 4.0), start=pushed)
     half = ss.FromSliding(at_rest=6)
     yield "a bar, half at rest", partial(_run, DELAYED, ss.Contacts(15, seed=2), BAR, ss.constant(0.5, 1.0), start=half)
