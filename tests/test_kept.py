@@ -217,7 +217,7 @@ def _stepped(interface, method):
 def _as_rate_and_state(interface):
     run = ss.velocity_step(interface, before=1.0, after=5.0, distance=4.0, points=300)
     fits = [ss.fit_rate_and_state(run, law=law, **STEP) for law in ("ageing", "slip")]
-    return [*fits, ss.rate_and_state(interface, 1.0), ss.rate_and_state(interface, 3.0, step=None)]
+    return [*fits, ss.rate_and_state(interface, 1.0), ss.rate_and_state(interface, 3.0, step=None, law="ageing")]
 
 
 def _read_as_contacts():
