@@ -145,8 +145,13 @@ def _solvers(interface, slider=SLIDER, drive=THERE_AND_BACK, solvers=None, **opt
 def _of_langevin(interface):
     s = np.concatenate([[1j * 10.0**power for power in range(-6, 7)], [0.3 + 0.5j]])
     v = (0.02, 0.5, 10.0)
+    rig = ss.Rig(interface, ss.Slider(stiffness=0.3, mass=0.1, damping=0.5), ss.constant(0.5))
     stiffness = [ss.stability.dynamic_stiffness(interface, each, s) for each in v]
-    return {"friction": ss.kinetic_friction(interface, np.array(v)), "stiffness": stiffness}
+    return {
+        "friction": ss.kinetic_friction(interface, np.array(v)),
+        "stiffness": stiffness,
+        "critical": ss.critical(rig, "stiffness", between=(0.05, 2.0)),
+    }
 
 
 def _mode(rig):
@@ -279,6 +284,7 @@ def _of_a_bar():
         "screening": ss.screening_length(rig),
         "threshold": ss.front_threshold(rig),
         "fronts": [ss.front_speed(rig, prestress=each) for each in (0.45, 0.5, 0.8)],
+        "waves": [ss.front_speed(rig, prestress=each, blocks="continuum") for each in (0.3, 0.45, 0.5, 0.8)],
         "precursors": ss.precursor_force(pulled),
     }
 
@@ -344,8 +350,9 @@ def _heat() -> Iterator[tuple[str, Callable[[], object]]]:
         yield f"run: {name}", partial(_solvers, interface, drive=back)
         begun = ss.FromSliding(perturbation=0.05)
         yield f"run, sliding: {name}", partial(_solvers, interface, LIGHT, ss.constant(1.0, 2.0 / slow), start=begun)
-    for name in ("Bell, for ever the same, delay 0.1", "Bell, logarithmic growth, delay 0.0"):
-        yield f"theory: {name}", partial(_theory, dict(_by_heat())[name])
+    for name, interface in _by_heat():
+        if interface.delay.mean > 0 and not isinstance(interface.ageing, ss.ExponentialGrowth):
+            yield f"theory: {name}", partial(_theory, interface)
     for name, interface in (("heat", WARM), ("heat and ageing", WARM_AGEING)):
         for method in (ss.Contacts(500, seed=1), ss.MasterEquation(rtol=1e-4)):
             yield f"velocity step: {name}, {method}", partial(_stepped, interface, method)

@@ -217,15 +217,15 @@ def _interpolate(motion: Motion, row: Floats, fraction: float, span: float) -> N
 @bare
 def _sample(
     motion: Motion, network: Network, piece: Piece, sampling: Sampling, next_time: float, sliding: float
-) -> int:
-    """Fill the samples that lie between the last two moments; which one of them holds the condition, or -1."""
+) -> bool:
+    """Fill the samples that lie between the last two moments; whether one of them holds the condition."""
     counts, now = motion.counts, motion.scalar[TIME]
     k, n = counts[SAMPLE], motion.blocks.X.size
     if k == sampling.times.size or sampling.times[k] > max(now, next_time):
         counts[HAS_ROW] = 0
-        return -1
+        return False
     record(motion, network, piece, motion.rows[1], sliding)
-    found = -1
+    held = False
     while k < sampling.times.size and sampling.times[k] <= now:
         fraction, span = 1.0, 0.0
         if counts[HAS_ROW] == 1 and now > motion.scalar[ROW_TIME]:
@@ -238,14 +238,14 @@ def _sample(
             for j in range(n):
                 mean += motion.blocks.X[j]
             if holds(piece.stop, mean / n, motion.rows[1, 0]):
-                found = k - 1
+                held = True
                 break
     counts[SAMPLE] = k
     for i in range(motion.rows.shape[1]):
         motion.rows[0, i] = motion.rows[1, i]
     motion.scalar[ROW_TIME] = now
     counts[HAS_ROW] = 1
-    return found
+    return held
 
 
 @bare
@@ -264,7 +264,7 @@ def begin_step(motion: Motion, network: Network, piece: Piece, sampling: Samplin
         if k < sampling.times.size:
             h = min(h, sampling.times[k] - t)
     kick(motion, network, piece, before, h, sliding)
-    if _sample(motion, network, piece, sampling, t + h, sliding) >= 0:
+    if _sample(motion, network, piece, sampling, t + h, sliding):
         _rest(motion)
         return CONDITION_HELD
     if left <= 0.0:
