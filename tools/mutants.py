@@ -247,14 +247,14 @@ def learn() -> None:
         seconds[test] += float(took)
     data = CoverageData(basename=str(traced))
     data.read()
-    tests = sorted({context.partition("|")[0] for context in data.measured_contexts()} - failed - {""})
+    tests = sorted(seconds.keys() - failed)  # those, too, that call kernels alone
     number = {test: place for place, test in enumerate(tests)}
     found: dict[str, dict[int, list[int]]] = {}
     for name in data.measured_files():
         met = data.contexts_by_lineno(name).items()
         each = {line: {number.get(context.partition("|")[0], -1) for context in through} for line, through in met}
         found[name.rpartition("/stickslip/")[2]] = {line: sorted(places - {-1}) for line, places in each.items()}
-    known = {"seconds": {test: seconds[test] for test in tests}, "lines": found}
+    known = {"seconds": {test: round(seconds[test], 3) for test in tests}, "lines": found}
     LEARNT.write_text(json.dumps(known), encoding="utf-8")
     print(f"{LEARNT.name}: {len(found)} modules; {len(failed)} tests fail without any mutant and are left out")
 
