@@ -128,7 +128,8 @@ SHEET = ss.Sheet(along=6, across=3, coupling=4.0, shear=1.5, mass=0.5, damping=0
 
 
 def _work(rig):
-    return [(part.seconds, part.bytes) for part in estimate(rig).parts]
+    parts = estimate(rig).parts
+    return {"seconds": tuple(part.seconds for part in parts), "bytes": tuple(part.bytes for part in parts)}
 
 
 def _run(interface, method, slider=SLIDER, drive=THERE_AND_BACK, interval=0.05, **options):
@@ -240,6 +241,29 @@ def _held(interface, method):
     return ss.slide_hold_slide(interface, velocity=1.0, holds=(0.1, 1.0, 10.0), stiffness=20.0, method=method)
 
 
+def _estimates():
+    """Costs of runs that are not made: of every method, on contacts of every kind, for light and heavy sliders."""
+    langevin = ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.0), temperature=None)
+    wide = ss.Interface(thresholds=ss.Uniform(low=1.0, high=3.0), delay=ss.Delay(0.3))
+    contacts = [langevin, wide, *dict(_by_heat()).values()]
+    methods = [ss.Contacts(300), ss.MasterEquation(rtol=1e-3), ss.Population(10**6), ss.PaperClosure(cells=100)]
+    sliders = [LIGHT, ss.Slider(stiffness=0.1, mass=3.0, damping=0.2)]
+    starts, drive = (ss.FromRest(), ss.FromSliding(perturbation=0.3)), ss.ramp(0.5, 2.0, 30.0)
+    rigs = [
+        ss.Rig(interface, slider, drive, method=method, start=start, output=ss.Output(interval=0.1, snapshots=(3.0,)))
+        for interface in contacts
+        for slider in sliders
+        for method in methods
+        for start in starts
+    ]
+    bodies = [
+        ss.Rig(replace(wide, delay=ss.Delay(0.1)), body, drive, method=method, output=ss.Output(interval=0.1))
+        for body in (BAR, SHEET, LEAVES)
+        for method in methods[:2]
+    ]
+    return [_work(rig) for rig in (*rigs, *bodies)]
+
+
 def _of_example(name):
     rig = ss.example(name)
     return {"estimate": _work(rig), "load": rig}
@@ -337,7 +361,7 @@ def _langevin() -> Iterator[tuple[str, Callable[[], object]]]:
     for newborn in (0.0, 0.3):
         ageing = ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.0, newborn=newborn))
         delayed = replace(ageing, delay=ss.Delay(0.05 if newborn else 0.0))
-        for velocity in (0.05, 0.5, 5.0):
+        for velocity in (0.05, 0.5, 5.0, -5.0):
             contacts = partial(_run, ageing, ss.Contacts(100, seed=2), drive=ss.constant(velocity, 1.0))
             yield f"Langevin, newborn {newborn}, at {velocity}", contacts
         yield f"Langevin, newborn {newborn}, theory", partial(_of_langevin, delayed)
@@ -395,6 +419,7 @@ def _answers() -> Iterator[tuple[str, Callable[[], object]]]:
         yield f"trace: {truth}", partial(_measured_trace, seed=seed, **truth)
     yield "fit", _fitted
     yield "quick fit", _quick
+    yield "estimates", _estimates
     yield "a map of stability", _stability_map
     for example in ss.example_names():
         yield f"example: {example}", partial(_of_example, example)
