@@ -14,6 +14,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import xarray as xr
+from benches import WARM
 from drawn import assert_drawn, assert_kept
 from other_units import rescaled
 from scipy import special
@@ -699,27 +700,6 @@ def test_what_is_not_exported():
 
 
 # ---------------------------------------------------------------- rig files and the command
-
-WARM = """
-name = "Warm bench"
-[slider]
-mass = "1 kg"
-stiffness = "4 MN/m"
-damping_ratio = 0.1
-[interface]
-contact_strength = "768 N"
-breaking_displacement = "2 um"
-thresholds = { distribution = "gaussian", std = 0.3 }
-ageing = { model = "logarithmic", slope = 0.02, time = "1 ms" }
-[interface.temperature]
-kind = "bell"
-temperature = "293 K"
-activation_volume = "0.4 nm^3"
-shear_strength = "1 GPa"
-attempts = "1e6 1/s"
-[drive]
-velocity = "2 um/s"
-"""
 
 
 def test_temperature_in_a_rig_file(tmp_path):

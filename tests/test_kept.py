@@ -243,7 +243,7 @@ def _held(interface, method):
 
 def _estimates():
     """Costs of runs that are not made: of every method, on contacts of every kind, for light and heavy sliders."""
-    langevin = ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.0), temperature=None)
+    langevin = ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.0))
     wide = ss.Interface(thresholds=ss.Uniform(low=1.0, high=3.0), delay=ss.Delay(0.3))
     contacts = [langevin, wide, *dict(_by_heat()).values()]
     methods = [ss.Contacts(300), ss.MasterEquation(rtol=1e-3), ss.Population(10**6), ss.PaperClosure(cells=100)]
@@ -293,9 +293,9 @@ def _fitted():
     trace = synthetic_trace(slips=80, seed=1)
     prior = ss.fitting.Prior(contacts=(8.0, 50.0), threshold_std=(0.05, 0.5), stiffness_ratio=(0.01, 0.3))
     fit = ss.fit(trace, known={"stiffness": (100.0, 5.0), "speed": 0.005}, prior=prior, draws=1500)
-    told = {each.key: (each.low, each.median, each.high) for each in (*fit.parameters, *fit.quantities)}
-    told["mass"] = fit.rig(name="bench").natural.slider
-    return told | {"p": fit.p_values, "values": fit.values, "strength": fit.strength, "predicted": fit.predicted}
+    found = {each.key: (each.low, each.median, each.high) for each in (*fit.parameters, *fit.quantities)}
+    found["mass"] = fit.rig(name="bench").natural.slider
+    return found | {"p": fit.p_values, "values": fit.values, "strength": fit.strength, "predicted": fit.predicted}
 
 
 def _of_a_bar():
@@ -374,7 +374,6 @@ def _heat() -> Iterator[tuple[str, Callable[[], object]]]:
         yield f"run: {name}", partial(_solvers, interface, drive=back)
         begun = ss.FromSliding(perturbation=0.05)
         yield f"run, sliding: {name}", partial(_solvers, interface, LIGHT, ss.constant(1.0, 2.0 / slow), start=begun)
-    for name, interface in _by_heat():
         if interface.delay.mean > 0 and not isinstance(interface.ageing, ss.ExponentialGrowth):
             yield f"theory: {name}", partial(_theory, interface)
     for name, interface in (("heat", WARM), ("heat and ageing", WARM_AGEING)):

@@ -108,16 +108,14 @@ def _of_rig(
 
 def _in_the_units_of(rig: Rig, fit: RateAndStateFit, load: str | None) -> tuple[dict[str, Any], str]:
     """Return a fit for a machine and for a person, with coefficients of friction where a load is given."""
-    from stickslip.model.quantities import read_quantity
+    from stickslip.rate_state.exports import positive
 
     scaled = fit.in_units(rig)
     if load is None:
         return scaled.to_dict(), str(scaled)
     if rig.scales is None:
         raise InputError(f"--load {load}: is for a rig file in SI units; this one is in natural units")
-    weight = _told("--load", load, lambda text: read_quantity(text, "N", "2 kN"))
-    if not weight > 0:
-        raise InputError(f"--load {load}: must be above 0")
+    weight = positive("--load", load, "N", "2 kN")
     mu, a, b = (value / weight for value in (scaled.kinetic_friction, scaled.a, scaled.b))
     words = f"coefficients under {load}: mu = {mu:.4g} at this speed, a = {a:.4g}, b = {b:.4g}, a - b = {a - b:.3g}"
     return {**scaled.to_dict(), "coefficients": {"load": weight, "mu": mu, "a": a, "b": b}}, f"{scaled}\n{words}"

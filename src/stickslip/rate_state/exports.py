@@ -70,8 +70,8 @@ def export_rate_and_state(
             f"program = {program!r}: knows the ageing law only, and the interface follows the slip law; use 'qdyn' or "
             "'rsfmodel', or fit law='ageing'"
         )
-    weight = _quantity("load", load, "N", "2 kN")
-    stress = weight / _quantity("area", area, "m^2", "1 cm^2") if area is not None else None
+    weight = positive("load", load, "N", "2 kN")
+    stress = weight / positive("area", area, "m^2", "1 cm^2") if area is not None else None
     if stress is None and program in ("qdyn", "tandem"):
         raise InputError(f"area: is missing; {program} takes the normal stress, the load over an area such as '1 cm^2'")
     per_load = scales.force / weight
@@ -90,7 +90,8 @@ def export_rate_and_state(
     return text
 
 
-def _quantity(name: str, value: str | float, unit: str, example: str) -> float:
+def positive(name: str, value: str | float, unit: str, example: str) -> float:
+    """Read a quantity above 0, in words or in SI units."""
     if isinstance(value, str):
         try:
             value = read_quantity(value, unit, example)
