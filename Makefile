@@ -63,8 +63,12 @@ bench: $(VENV)/.dev
 fuzz: $(VENV)/.dev
 	$(BIN)/python tools/fuzz.py $(or $(MINUTES),10) $(SEED)
 
-mutants: $(VENV)/.dev
+mutants: .mutants/learnt.json
 	$(BIN)/python tools/mutants.py $(or $(COUNT),20) $(SEED)
+
+# Lines move when a module changes: which tests run through them is noted anew, in a quarter of an hour.
+.mutants/learnt.json: $(wildcard tests/*.py) $(shell find src/stickslip -name '*.py') | $(VENV)/.dev
+	$(BIN)/python tools/mutants.py --learn
 
 # Slow tests, pages, pictures of the browser and the paper's figures take no other road through the dependencies.
 LOWEST_TESTS := rig store units quantities distributions model simulate damaged files sweep sweep_plan measure traces plot cli

@@ -622,6 +622,22 @@ def test_mistakes_in_the_table_of_a_plate_are_told(line: str, instead: str, mess
     assert "\n" not in str(caught.value)
 
 
+def test_a_delay_of_more_steps_than_can_be_held_is_refused_by_how_many_blocks_there_are() -> None:
+    """The past of every block is held for as long as contacts are away."""
+    few, many = (
+        ss.Rig(
+            ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(5e3)),
+            ss.Chain(blocks=blocks, coupling=400.0, mass=1e-3, damping=1.0, leaf=0.2),
+            ss.constant(1e-3, 1e-3),
+            method=ss.MasterEquation(rtol=1e-2),
+        )
+        for blocks in (2, 20)
+    )
+    assert float(ss.simulate(few)["time"][-1]) == pytest.approx(1e-3)
+    with pytest.raises(ss.InputError, match=r"^Interface.delay: .* steps in the longest delay, for 20 blocks; use"):
+        ss.simulate(many)
+
+
 def test_a_rigid_slider_takes_no_prestressed_start() -> None:
     text = rig_files.to_toml(ss.example("brake_pad")).replace('start = "from rest"', "start = { stretching = 0.5 }")
     with pytest.raises(ss.InputError, match=r"simulation.start: as a table is for chain or sheet; write \"from rest"):

@@ -1,6 +1,7 @@
 """From a trace to a rig: picking, statistics, the simulator, inference, rigs and refusals."""
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -298,6 +299,53 @@ def test_statistics_that_all_draws_share_stop_no_fit():
     assert np.all(np.isfinite(sample.parts))
 
 
+NEAR_A_HALF = 0.02
+
+
+def near_a_half(values):
+    """How likely the sliding friction is, known to be a half."""
+    return np.exp(-0.5 * ((values[..., 2] - 0.5) / NEAR_A_HALF) ** 2)
+
+
+@pytest.fixture(scope="module")
+def compared():
+    """A table of simulations, and a series to find in it."""
+    peaks, troughs = simulate(np.array(TRUTH), 60, np.random.default_rng(3))
+    ideal = Observation(slips=40, slope=0.01, noise=0.0, resolution=0.0, drop=0.01, rise=0.01)
+    observed = ideal.see(np.array([60]), peaks[None], troughs[None], seed=1).statistics[0]
+    return table(prior=NARROW, draws=2500, slips=60), ideal, observed
+
+
+@pytest.mark.parametrize("rounds", [0, 1, 2])
+def test_what_is_known_holds_for_the_draws_of_every_round(compared, rounds):
+    made, _, _ = compared
+    sample = infer(*compared, likelihood=near_a_half, rounds=rounds, nearest=60)
+    values = made.prior.values(sample.parts)[:, 2]
+    assert np.all(np.isfinite(sample.weights)) and sample.weights.sum() == pytest.approx(1.0)
+    # Twice its error: the regression moves them by what their statistics say.
+    assert math.sqrt(float(sample.weights @ (values - 0.5) ** 2)) < 2.0 * NEAR_A_HALF
+
+
+def test_only_the_ratios_of_likelihoods_count(compared):
+    one, other = (infer(*compared, likelihood=lambda x, f=f: f * near_a_half(x), nearest=30) for f in (1.0, 0.125))
+    np.testing.assert_allclose(one.parts, other.parts, rtol=1e-9)
+    np.testing.assert_allclose(one.weights, other.weights, rtol=1e-9)
+
+
+def test_a_round_of_which_too_few_agree_with_what_is_known_is_left_out(compared):
+    """Known to a hair once the first draws were chosen: no draw of a round is that near."""
+    asked = []
+
+    def known(values):
+        asked.append(len(values))
+        return np.where(np.abs(values[..., 2] - 0.5) < (0.05 if len(asked) == 1 else 1e-7), 1.0, 0.0)
+
+    with_rounds = infer(*compared, likelihood=known, rounds=2, nearest=60)
+    assert len(asked) == 2
+    asked.clear()
+    np.testing.assert_array_equal(with_rounds.weights, infer(*compared, likelihood=known, rounds=0, nearest=60).weights)
+
+
 def test_block_bootstrap_errors_are_those_of_repeated_series():
     series = [simulate(np.array(TRUTH), 150, np.random.default_rng(seed)) for seed in range(40)]
     spread = np.std([statistics(*one) for one in series], axis=0)[:7]
@@ -376,6 +424,15 @@ def test_a_fitted_rig_file_reads_back_and_is_judged_over_its_draws(found, tmp_pa
     assert "linearly unstable" in str(seen)
     with pytest.raises(InputError, match="no fitted values"):
         fitting.over_draws(ss.example("brake_pad"))
+
+
+def test_the_unit_of_time_changes_no_rig(found):
+    in_ms = replace(found.events, time=1e3 * found.events.time, time_unit="ms")
+    known = replace(found.known, mass=None)
+    one, other = (replace(found, events=events, known=known).rig() for events in (found.events, in_ms))
+    for unit in ("x_s", "f_s", "k", "time"):
+        assert one.unit(unit) == pytest.approx(other.unit(unit), rel=1e-9)
+    assert one.natural.slider == other.natural.slider
 
 
 def test_the_rig_holds_what_was_fitted_and_answers_as_one_without_the_residual(found):

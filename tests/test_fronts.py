@@ -595,6 +595,7 @@ def test_front_speed_along_a_slider(passing):
     lines = drawn(ss.plot.fronts(passing))
     assert lines["sound"].get_ydata()[0] == 1.0
     x, v = lines["first breaks"].get_data()
+    assert lines["sound"].axes.get_xlim() == (-0.5, passing.sizes["block"] - 0.5)
     assert v == pytest.approx(ss.fronts(passing)["speed"].values[x.astype(int)])
 
 

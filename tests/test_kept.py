@@ -19,6 +19,7 @@ import xarray as xr
 from plain_cases import DELAYS, LIGHT, SLIDER, TENTH, THERE_AND_BACK, small_cases
 
 import stickslip as ss
+from stickslip.fitting.summary import covariance
 from stickslip.fitting.synthetic import synthetic_trace
 from stickslip.simulation import estimate
 
@@ -298,6 +299,12 @@ def _fitted():
     return found | {"p": fit.p_values, "values": fit.values, "strength": fit.strength, "predicted": fit.predicted}
 
 
+def _errors_of_a_fit():
+    """What a series resampled in blocks says of its own errors; of many blocks and of less than one."""
+    force = np.random.default_rng(5).uniform(0.5, 1.0, (2, 64))
+    return [covariance(force[0, :count] + 0.5, force[1, :count], seed=2) for count in (7, 64)]
+
+
 def _of_a_bar():
     interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.0), delay=ss.Delay(math.inf), sliding_force=0.2)
     rig = ss.Rig(interface, ss.Chain(blocks=40, coupling=9.0, mass=0.5, damping=0.3, leaf=0.2), ss.constant(0.5, 1.0))
@@ -417,6 +424,7 @@ def _answers() -> Iterator[tuple[str, Callable[[], object]]]:
     for seed, truth in enumerate(({}, {"track_scatter": 0.02, "threshold_std": 0.1, "contacts": 100.0})):
         yield f"trace: {truth}", partial(_measured_trace, seed=seed, **truth)
     yield "fit", _fitted
+    yield "errors of a fit", _errors_of_a_fit
     yield "quick fit", _quick
     yield "estimates", _estimates
     yield "a map of stability", _stability_map

@@ -168,6 +168,7 @@ def test_velocity_goes_logarithmic_for_violent_slips(run):
     assert plot.velocity(run).get_yscale() == "linear"
     assert plot.velocity(run, scale="log").get_yscale() == "symlog"
     violent = run.assign(velocity=100.0 * run["velocity"])
+    assert plot.velocity(violent.drop_vars("drive_velocity")).get_yscale() == "linear"
     axes = plot.velocity(violent)
     assert axes.get_yscale() == "symlog"
     drive, label = float(run["drive_velocity"].max()), axes.yaxis.get_major_formatter()

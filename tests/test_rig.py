@@ -249,6 +249,7 @@ MISTAKES = [
     ("drive", 3, "drive = 3", "table"),
     ("simulation.contacts", 0, "simulation.contacts = 0", "at least 1"),
     ("simulation.contacts", 1.5, "simulation.contacts = 1.5", "whole number"),
+    ("simulation.contacts", True, "simulation.contacts = True", "whole number"),
     ("simulation.contacts", 10**12, "simulation.contacts", "at most"),
     ("simulation.method", "monte carlo", "simulation.method", "'contacts' or 'master equation'"),
     ("simulation.seed", -1, "simulation.seed", "at least 0"),

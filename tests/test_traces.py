@@ -60,6 +60,9 @@ COMMA = str.maketrans(".", ",")
         ("t;F_d\n" + rows(lambda t, f: f"{t};{f}"), {"delimiter": ";", "decimal": "."}),
         ("t;F_d\n" + rows(lambda t, f: f"{t};{f}".translate(COMMA)), {"delimiter": ";", "decimal": ","}),
         ("t;F_d\n" + rows(lambda t, f: f"{t};{f}".translate(COMMA)), {"delimiter": ";"}),
+        ("t;F_d\n" + rows(lambda t, f: f"{t};{f}"), {"delimiter": ";"}),
+        ("t,F_d\n" + rows(lambda t, f: f"{t},{f}"), {"delimiter": ","}),
+        ("t;F_d\n" + rows(lambda t, f: f"{t:g};{f:.2e}".translate(COMMA)), {"delimiter": ";", "decimal": ","}),
         ('"Time (s)","Force (N)"\n' + rows(lambda t, f: f'"{t:.2f}|{f}"'.translate(COMMA).replace("|", '","')), {}),
         (rows(lambda _, f: f"{f}").replace("\n", "\r\n"), {"step": 0.25}),
         ("\ufeff" + rows(lambda _, f: f"{f}"), {"step": 0.25}),
@@ -373,6 +376,8 @@ def test_a_tdms_file_is_read(tmp_path):
         writer.write_segment([
             nptdms.ChannelObject("Run 1", "Friction force", FORCES, properties=waveform | {"unit_string": "mN"}),
             nptdms.ChannelObject("Run 1", "Temperature", FORCES, properties=waveform | {"unit_string": "°C"}),
+            nptdms.ChannelObject("Run 1", "Remarks", ["pulled", "slowly"]),
+            nptdms.ChannelObject("Run 1", "Spare", np.array([])),
         ])  # fmt: skip
     data = read_trace(tmp_path / "bench.tdms")
     np.testing.assert_array_equal(data["spring_force"], FORCES)

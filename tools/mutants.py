@@ -130,16 +130,17 @@ SIGNS = {
     ast.Mult: "* /",
     ast.Div: "/ *",
     ast.FloorDiv: "// *",
-    ast.Lt: "< <=",
-    ast.LtE: "<= <",
+    ast.Lt: "< >=",
+    ast.LtE: "<= >",
     ast.Gt: "> <=",
-    ast.GtE: ">= >",
+    ast.GtE: ">= <",
     ast.Eq: "== !=",
     ast.NotEq: "!= ==",
     ast.And: "and or",
     ast.Or: "or and",
 }
-"""Operators: as they are written, and what they are turned to."""
+"""Operators: as they are written, and what they are turned to; a comparison to its opposite, for few numbers meet an
+edge."""
 
 
 @dataclass(frozen=True)

@@ -69,7 +69,7 @@ class Survey:
 
     def __init__(self, setting: Rig, linear: tuple[Band, ...], here: Regime) -> None:
         self._setting, self._method, self._linear = setting, contacts_of(setting), linear
-        self._known: dict[float, str | None] = {setting.velocity: here.kind}
+        self._known: dict[float, str] = {setting.velocity: here.kind}
 
     def look(self, budget: Budget, report: Callable[[float], None]) -> None:
         """Simulate where the rig works, on the grid, and then closer to where motion changes, with what there is."""
@@ -80,7 +80,7 @@ class Survey:
         places = [*operation.speeds, *(operation.between or ()), *near]
         for i, speed in enumerate(places):
             report(0.7 * i / len(places))
-            self._known.setdefault(speed, None)
+            self._known.setdefault(speed, "")  # not known yet
             self._try(speed, budget)
         report(0.7)
         while (pair := self._widest_change()) is not None:
@@ -111,7 +111,7 @@ class Survey:
 
     def _try(self, speed: float, budget: Budget) -> bool:
         """Simulate at a speed, if that has not been done; whether it is not too dear."""
-        if self._known.get(speed) is not None:
+        if self._known.get(speed):
             return True
         there = at_speed(self._setting, speed)
         if cost_of(replace(there, method=self._method)) > _DEAREST:
@@ -138,7 +138,7 @@ class Survey:
         """
         told = _OSCILLATES if band.kind == "unstable" else (*_OSCILLATES, "smooth sliding")
         inside = sorted(speed for speed in self._known if band.low <= speed <= band.high)
-        seen = [(v, kind if (kind := self._known[v]) is not None and kind in told else band.kind) for v in inside]
+        seen = [(v, kind if (kind := self._known[v]) in told else band.kind) for v in inside]
         if band.kind == "stable":
             return seen
         # One speed left out between two with the same oscillation tells nothing against it.

@@ -31,6 +31,8 @@ _ROUND_COST, _PER_CONTACT = 15.0, 4e-7
 """Seconds that a round may take on one core, by estimate, and what a slip costs per contact."""
 _FEWEST_IN_A_ROUND = 1_000
 _SMALL = 1e-4
+_LITTLE = 1e-3
+"""Of the largest weight: draws with less are not kept."""
 Likelihood = Callable[[Array], Array]
 
 
@@ -128,9 +130,9 @@ def infer(
             "if the force falls between its slips or their size varies widely; else something else made the trace"
         )
     weights = np.ones(len(parts)) if likelihood is None else likelihood(table.prior.values(parts))
-    if (weights > 1e-3).sum() < nearest:
+    if (weights > _LITTLE).sum() < nearest:
         raise InputError(
-            f"fit: {(weights > 1e-3).sum()} of {len(parts)} draws agree with what is known, at least {nearest} are "
+            f"fit: {(weights > _LITTLE).sum()} of {len(parts)} draws agree with what is known, at least {nearest} are "
             "needed; check the known values, give their errors as (value, error), or take more draws"
         )
     sample = _kept(parts, found, weights, target, scale, nearest)
@@ -145,10 +147,11 @@ def infer(
         if likelihood is not None:
             fresh = fresh * likelihood(table.prior.values(more[good]))
         simulations += len(more)
-        if good.sum() < nearest:
-            break
         # At most a few per cent of the weight to one draw: the rest would count for nothing.
-        fresh = np.minimum(fresh, np.quantile(fresh, 0.98))
+        most = float(np.quantile(fresh, 0.98)) if fresh.size else 0.0
+        if (fresh > _LITTLE * most).sum() < nearest:
+            break
+        fresh = np.minimum(fresh, most)
         sample = _kept(more[good], comparable(near.statistics[good]), fresh, target, scale, nearest)
     parts, weights, found = sample
     if not far:
@@ -193,7 +196,7 @@ def _kept(
 ) -> tuple[Array, Array, Array]:
     """The draws nearest to the target, weighted by how near they are."""
     distance = np.sqrt((((found - target) / scale) ** 2).sum(axis=1))
-    distance[weights <= 1e-3 * weights.max()] = np.inf
+    distance[weights <= _LITTLE * weights.max()] = np.inf
     kept = np.argsort(distance)[:nearest]
     kernel = 1.0 - (distance[kept] / (distance[kept[-1]] * (1 + 1e-9))) ** 2
     return parts[kept], weights[kept] * kernel, found[kept]

@@ -471,7 +471,7 @@ def _as_wide(line: str, parting: str | None, width: int, numeric: list[int]) -> 
         found += [cells for mark in ",;\t" if mark in line for cells in split([line], mark)]
         found.append(re.split(r"\s+(?![\[(])", line.strip()))
     found += split([line], parting)
-    if width == 1 or (parting is None and len(numeric) == 1):
+    if parting is None and len(numeric) == 1:
         found.append([line.strip()])
     for cells in found:
         if len(cells) == width + 1 and simple(cells[-1]) in _REMARKS:

@@ -298,7 +298,7 @@ def search(
             found += crossings_between(parameter, rig, points[k - 1], points[k])
             if k >= 2:
                 found += _hidden(parameter, rig, points[k - 2], points[k - 1], points[k], _DEPTH)
-        if first and (points[0].unstable > 0 or any(c.unstable_below * c.unstable_above == 0 for c in found)):
+        if first and (points[0].unstable > 0 or found):  # what is found first, from a stable point on, is an edge
             break
     return Crossings(
         parameter=parameter.name,
