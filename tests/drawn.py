@@ -27,7 +27,7 @@ def assert_drawn(figure, name):
     assert_kept(as_drawn(figure), name)
 
 
-def assert_kept(now, name):
+def assert_kept(now, name, rtol=0.002, atol=1e-6):
     """Compare a text with the one that is kept under a name: the words exactly, numbers to two in a thousand."""
     file = KEPT / f"{name}.txt"
     if os.environ.get("REDRAW"):
@@ -37,7 +37,7 @@ def assert_kept(now, name):
     for old, new in zip(before.splitlines(), now.splitlines(), strict=True):
         assert NUMBER.sub("#", old) == NUMBER.sub("#", new)
         numbers = [np.array([float(word) for word in NUMBER.findall(line)]) for line in (old, new)]
-        assert np.allclose(*numbers, rtol=0.002, atol=0.5 if "panel" in now else 1e-6), f"{old}\n{new}"
+        assert np.allclose(*numbers, rtol=rtol, atol=0.5 if "panel" in now else atol), f"{old}\n{new}"
 
 
 def as_drawn(figure: Figure) -> str:

