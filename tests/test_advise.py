@@ -66,6 +66,12 @@ def test_the_paper_s_rig_is_bistable_with_its_margins():
     assert margins["velocity"].lower is None
 
 
+@pytest.fixture(scope="module")
+def quickly():
+    """An answer from theory alone."""
+    return ss.predict(ss.example("brake_pad"), fast=True)
+
+
 def changed(rig, mitigation, targets):
     """The rig after a mitigation."""
     for name, value in zip(mitigation.parameters, targets, strict=True):
@@ -84,6 +90,20 @@ def test_a_mitigation_leaves_the_bistable_band():
     assert found.mitigations[0].parameters[0] != "delay"  # a machine has other handles
     for mitigation in found.mitigations:
         assert motion_from_rest(changed(rig, mitigation, mitigation.stops), seed=5).kind == "smooth sliding", mitigation
+
+
+@pytest.mark.parametrize(
+    ("frequency", "words"), [(2500.0, "2.5 kHz"), (12.3, "12.3 Hz"), (0.0123, "12.3 mHz"), (None, "")]
+)
+def test_frequencies_are_told_in_a_unit_of_their_size(quickly, frequency, words):
+    assert quickly._frequency(frequency) == words
+
+
+def test_a_change_that_helps_a_little_says_what_it_leaves(quickly):
+    speed = quickly.rig.velocity
+    found = advise.Mitigation(parameters=("velocity",), values=(speed,), keeps=(2.0 * speed,), stops=None)
+    (line,) = replace(quickly, mitigations=(found,)).mitigation_lines()
+    assert line.endswith("and smooth sliding, once reached, stays; from rest, no value was found at which it decays")
 
 
 def test_the_change_proposed_is_the_smallest_to_a_few_percent():

@@ -504,6 +504,13 @@ def test_empirical_from_samples_is_the_histogram():
     assert len(Empirical.from_samples(values).weights) > 5
 
 
+def test_a_histogram_is_stretched_about_its_mean():
+    histogram = Empirical(edges=(0.5, 0.9, 1.1, 1.6), weights=(0.2, 1.0, 0.3))
+    wider = histogram.with_std(1.7 * histogram.own_std)
+    assert (wider.moment(1), wider.own_std) == pytest.approx((histogram.moment(1), 1.7 * histogram.own_std))
+    assert wider.weights == histogram.weights
+
+
 def test_empirical_weights_are_normalised():
     distribution = Empirical(edges=[0, 1, 3], weights=[2, 6])
     assert distribution == Empirical(edges=(0.0, 1.0, 3.0), weights=(0.25, 0.75))
@@ -560,6 +567,30 @@ def test_the_steady_state_conditions_its_thresholds():
 
 # ------------------------------------------------------------------------------------------------ a distribution of
 # one's own
+
+
+@dataclass(frozen=True)
+class Told(Distribution):
+    """What another distribution tells, without what it knows of its transform."""
+
+    other: Distribution
+
+    def density(self, x):
+        return self.other.density(x)
+
+    def partial_moment(self, x, order):
+        return self.other.partial_moment(x, order)
+
+    def inverse_survival(self, probability):
+        return self.other.inverse_survival(probability)
+
+
+@pytest.mark.parametrize(
+    ("other", "leftmost"),
+    [(Exponential(mean=0.5), -2.0), (LogNormal(mean=1.0, std=0.6), 0.0), (Uniform(low=0.6, high=1.5), -math.inf)],
+)
+def test_where_a_transform_ends_is_told_from_the_density(other, leftmost):
+    assert Told(other).leftmost == pytest.approx(leftmost, rel=1e-3)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stickslip.errors import InputError
+from stickslip.model import Interface, Rig, Slider
+from stickslip.model.distributions import Gaussian
 from stickslip.model.drive import Drive, ForceAbove, ForceBelow, Piece, Travel, constant, ramp
 
 velocities = st.floats(-10, 10)
@@ -55,6 +57,15 @@ def test_within_a_piece_the_velocity_is_that_of_the_piece(parts, share, data):
     # One rounding of the time, seen through the acceleration.
     slack = 1e-12 + 4e-16 * (begin + piece.duration) * abs(piece.acceleration) * 4
     assert joined(parts).velocity(begin + share * piece.duration) == pytest.approx(expected, abs=slack)
+
+
+def test_a_faster_drive_goes_the_same_way():
+    drive = constant(1.0, 2.0).then(ramp(1.0, -0.5, duration=3.0))
+    quick, t = drive.faster(4.0), np.linspace(0.0, 5.0, 41)
+    assert quick.duration == drive.duration / 4.0
+    np.testing.assert_allclose(quick.velocity(t / 4.0), 4.0 * drive.velocity(t), atol=1e-12)
+    rig = Rig(Interface(thresholds=Gaussian(mean=1.0, std=0.1)), Slider(stiffness=1.0, mass=0.1, damping=1.0), drive)
+    assert rig.replace(velocity=4.0).drive == quick
 
 
 def test_then_is_associative():

@@ -419,7 +419,9 @@ def test_a_fitted_rig_file_reads_back_and_is_judged_over_its_draws(found, tmp_pa
     assert again.fitted == rig.fitted
     assert "interface.delay" in again.assumed
     assert "mass" not in str(again.fitted)  # it was known
-    seen = fitting.over_draws(again, most=8)
+    part = []
+    seen = fitting.over_draws(again, most=8, progress=part.append)
+    assert part == [(i + 1) / 8 for i in range(8)]
     assert all(0.0 <= part <= 1.0 for part in seen.unstable)
     assert "linearly unstable" in str(seen)
     with pytest.raises(InputError, match="no fitted values"):

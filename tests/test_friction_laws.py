@@ -22,9 +22,9 @@ from scipy.signal import lfilter
 
 import stickslip as ss
 from stickslip.errors import InputError, UndecidedError
-from stickslip.rate_state import RateAndState, finite_step, small_step, velocity_step_in
+from stickslip.rate_state import RateAndState, finite_step, laws, small_step, velocity_step_in, verdict
 from stickslip.rate_state.contacts import contact_stiffness
-from stickslip.rate_state.measured import _inflation
+from stickslip.rate_state.measured import ContactsFit, _inflation
 from stickslip.stability import critical_spring, dynamic_stiffness
 
 
@@ -513,6 +513,70 @@ def test_small_steps_of_both_laws_are_the_linear_one():
         one = RateAndState(law=law, a=0.0106, b=0.0154, distance=0.31)
         found = one.step(x, 1.0005, stiffness=1.0) / math.log(1.0005)
         assert found == pytest.approx(one.small_step(x, stiffness=1.0), abs=1e-5)
+
+
+def test_steps_whose_poles_meet_or_go_are_those_of_their_neighbours():
+    slip = np.linspace(0.0, 5.0, 40)
+    beside = 0.5 * (laws.small_step(1.0, 1.0, 1.0, 4.004, slip) + laws.small_step(1.0, 1.0, 1.0, 3.996, slip))
+    np.testing.assert_allclose(laws.small_step(1.0, 1.0, 1.0, 4.0, slip), beside, atol=1e-6)
+    without, little = (laws.small_step(a, 0.3, 0.5, 2.0, slip[1:]) for a in (0.0, 1e-9))
+    np.testing.assert_allclose(without, little, atol=1e-6)
+    assert without[-1] == pytest.approx(-0.3, rel=1e-6)
+
+
+@pytest.mark.parametrize("linear", [True, False])
+def test_a_step_read_as_contacts_can_be_drawn(linear):
+    """Level and slope before the step; a long way after it the force of steady sliding."""
+    thresholds, x_s = ss.Gaussian(mean=1.0, std=0.3), 2.0
+    errors = dict.fromkeys(("width_error", "ageing_error", "breaking_displacement_error", "stiffness_error"), 0.0)
+    found = ContactsFit(
+        thresholds=thresholds,
+        width=0.01,
+        ageing=0.002,
+        breaking_displacement=x_s,
+        stiffness=1.5,
+        level=0.6,
+        trend=1e-3,
+        rms=0.0,
+        before=1.0,
+        after=1.02,
+        linear=linear,
+        **errors,
+    )
+    assert "thresholds with CV 0.3: A = 0.01" in str(found)
+    at = found.friction(np.array([-3.0, 0.0, 30.0]))
+    assert at[:2] == pytest.approx([0.597, 0.6])
+    slow, fast = (ss.kinetic_friction(found.interface, v) for v in (1.0, 1.02))
+    assert at[2] - 0.63 == pytest.approx(0.6 * (fast / slow - 1.0), rel=0.03)
+
+
+def test_a_step_with_few_samples_after_it_is_refused():
+    run = ss.velocity_step(AGEING, before=1.0, after=5.0, distance=4.0, points=100)
+    few = run.isel(time=slice(0, int((run["time"] <= 0.0).sum()) + 12))
+    with pytest.raises(InputError, match=r"^at = 0: 12 samples after the step; there must be at least 30"):
+        ss.fit_rate_and_state(few, at=0.0, before=1.0, after=5.0, law="slip")
+
+
+def test_what_speaks_against_rate_and_state_is_told_with_its_size():
+    fit, misfit = verdict._small(THERMAL, 1.0, 1.0)
+    assert verdict._failing(THERMAL, 1.0, 1.0, fit, misfit) == ""
+    assert "fitted to 50 % of its range only; must be below" in verdict._failing(THERMAL, 1.0, 1.0, fit, 0.5)
+    assert verdict._drifting(np.array([0.01, -0.9, 0.0])).startswith("b changes by -90 % over a decade")
+    with pytest.raises(UndecidedError, match="which law it is takes a step up and down"):
+        ss.rate_and_state(AGEING, 1.0, step=None)
+    alone = ss.rate_and_state(THERMAL, 1.0, step=None)
+    assert alone.law == "slip"
+    none = replace(alone, exact_critical_stiffness=0.0, critical_stiffness=0.0)
+    assert math.isnan(none.ratio)
+    assert replace(none, critical_stiffness=0.1).ratio == math.inf
+    assert replace(none, critical_stiffness=0.1, exact_critical_stiffness=0.4).ratio == 0.25
+
+
+def test_contacts_that_age_and_are_away_for_a_moment_are_nearly_all_attached():
+    ageing = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), ageing=ss.Langevin(rate=1.0, newborn=0.3))
+    away = [contact_stiffness(replace(ageing, delay=ss.Delay(tau)), 0.5) for tau in (0.0, 1e-6, 0.5)]
+    assert away[:2] == pytest.approx([1.0, 1.0], abs=1e-5)
+    assert 0.3 < away[2] < 0.9
 
 
 def test_exported_parameters_give_the_step_of_the_contacts_back():

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,8 @@ import stickslip as ss
 from stickslip.measure import counted, drops, read_trace, regime, statistics, transitions
 from stickslip.measure.arrays import turns
 from stickslip.measure.bench import about_the_sensor
-from stickslip.measure.periods import find_cycles
+from stickslip.measure.periods import _autocorrelation_peak, find_cycles
+from stickslip.measure.verdict import _whether_it_sticks
 
 TRACE = Path(__file__).parent / "data" / "guldstrand_force7.txt"
 
@@ -935,6 +937,15 @@ def test_the_period_is_one_in_time_and_not_in_samples(unit):
     assert found.period == pytest.approx(20.0 * unit, rel=0.01)
 
 
+@pytest.mark.parametrize("period", [20.0, 0.01])
+def test_the_period_of_more_samples_than_are_correlated_at_once(period):
+    """Long periods from averages of some samples, short ones from the beginning."""
+    t = 1e-3 * np.arange((1 << 18) + 60_000)
+    lag, height = _autocorrelation_peak(t, np.sin(2.0 * np.pi * t / period))
+    assert lag == pytest.approx(period, rel=0.02)
+    assert height > 0.95
+
+
 @pytest.mark.parametrize(("peaks", "told"), [(2, False), (3, True)])
 def test_three_flat_peaks_make_a_saturated_sensor(peaks, told):
     # Two may be chance; of each peak, the clipped part lasts for ten samples.
@@ -972,6 +983,13 @@ def test_noise_that_leaves_room_for_nothing_else_and_slips_below_it():
     slips = regime(trace(t, 5.0 + 0.2 * (rng.normal(size=t.size) + 4.0 * (t / 2.0 % 1.0))))
     assert slips.kind == "stick-slip"
     assert slips.period == pytest.approx(2.0, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("stuck", "words"), [(None, "does not tell"), (0.0, "never sticks"), (0.42, "sticks for 42 % of the time")]
+)
+def test_how_long_the_slider_sticks_is_told(stuck, words):
+    assert words in _whether_it_sticks(replace(regime(wave()), stuck=stuck))
 
 
 def test_the_period_of_a_trace_that_was_sampled_at_two_rates():

@@ -14,7 +14,7 @@ from stickslip.errors import InputError
 from stickslip.explorer import documents
 from stickslip.io import rig_files
 from stickslip.kernels.drive import Quadratic, Stop
-from stickslip.model.newborn import mean_life
+from stickslip.model.newborn import as_unstretched, mean_life
 from stickslip.model.units import Scales
 from stickslip.rigid import effective_stiffness
 from stickslip.simulation.engines.base import Beginning, Leg
@@ -563,3 +563,12 @@ def test_the_page_of_the_browser_app_keeps_every_mechanism():
         thresholds=TENTH, delay=ss.OnArrest(), sliding_force=0.25, newborn=STRETCHED, track_scatter=0.125
     )
     assert documents.rig_of(documents.of(rig_of(interface))).interface == interface
+
+
+def test_the_margin_of_stretched_newborns_is_exceeded_as_often_as_it_says():
+    thresholds = ss.Weibull(scale=1.1, shape=2.5)
+    margin, force = as_unstretched(ss.Interface(thresholds=thresholds, newborn=ss.Gaussian(mean=0.3, std=0.0)))
+    p = np.linspace(0.01, 0.99, 9)
+    assert force == -0.3
+    assert margin.survival(margin.inverse_survival(p)) == pytest.approx(p, rel=1e-9)
+    assert margin.inverse_survival(p) == pytest.approx(thresholds.inverse_survival(p * thresholds.survival(0.3)) - 0.3)

@@ -288,6 +288,15 @@ def test_all_missing_keys_are_told_at_once_each_with_a_value_that_it_could_have(
     assert rigs.from_document(tomllib.loads("\n".join(values))).velocity == pytest.approx(0.4e-3)
 
 
+def test_of_many_mistakes_some_are_told_and_the_rest_counted(document):
+    with pytest.raises(ss.InputError) as caught:
+        rigs.from_document(document | {f"{'mistaken_' * 9}{i}": 1 for i in range(9)}, "rig.toml")
+    message = str(caught.value)
+    told = message.count("known here: ")
+    assert 0 < told < 9
+    assert message.endswith(f"; and {9 - told} more")
+
+
 @pytest.mark.parametrize(("mu_s", "mu_k"), [(0.45, 0.35), (0.6, 0.35), (0.36, 0.34)])
 def test_two_coefficients_of_friction_are_those_of_the_rig(document, mu_s, mu_k):
     for key in ("contact_strength", "thresholds"):

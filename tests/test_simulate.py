@@ -13,6 +13,8 @@ from scipy.integrate import solve_ivp
 from stickslip.errors import InputError
 from stickslip.io import datasets as store
 from stickslip.model import (
+    Bell,
+    Chain,
     Contacts,
     Delay,
     FromRest,
@@ -21,6 +23,7 @@ from stickslip.model import (
     LogarithmicGrowth,
     MasterEquation,
     Output,
+    Population,
     RandomDelay,
     Rig,
     Slider,
@@ -403,6 +406,31 @@ def test_snapshots_hold_all_attached_contacts():
     # A contact is counted at the middle of its bin.
     force = run["friction_force"].sel(time=run["snapshot"], method="nearest")
     np.testing.assert_allclose(mean, force, atol=0.5 * width)
+
+
+WARM_CONTACTS = Interface(thresholds=Gaussian(mean=1.0, std=0.3), temperature=Bell(width=0.01, attempts=1e6))
+BAR = Chain(blocks=4, coupling=4.0, mass=0.5, damping=0.3, side=4.0)
+
+
+@pytest.mark.parametrize(
+    ("interface", "slider", "method"),
+    [
+        (WARM_CONTACTS, FIG4.slider, Contacts(400, seed=1)),
+        (WARM_CONTACTS, FIG4.slider, MasterEquation(rtol=1e-3)),
+        (FIG4.interface, FIG4.slider, Population(10**5, seed=1)),
+        (FIG4.interface, BAR, Contacts(100, seed=1)),
+        (FIG4.interface, BAR, MasterEquation(rtol=1e-2)),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_snapshots_of_every_solver_hold_the_contacts_and_their_force(interface, slider, method):
+    output = Output(interval=0.1, snapshots=(0.5, 0.9), bins=400)
+    run = simulate(Rig(interface, slider, constant(1.0, 1.0)), method=method, output=output)
+    width, seen = float(run["x"][1] - run["x"][0]), run.sel(time=run["snapshot"], method="nearest")
+    of_all = [dim for dim in ("block",) if dim in seen["attached"].dims]
+    held, force = (seen[name].mean(of_all) for name in ("attached", "friction_force"))
+    np.testing.assert_allclose(run["stretching_density"].sum("x") * width, held, atol=5e-3)
+    np.testing.assert_allclose((run["stretching_density"] * run["x"]).sum("x") * width, force, atol=width)
 
 
 @pytest.mark.parametrize("method", [Contacts(100), MasterEquation(rtol=1e-3)], ids=["contacts", "cohorts"])

@@ -478,6 +478,10 @@ def test_every_way_to_write_the_same_slider(velocity):
     assert springs == pytest.approx([springs[0]] * 3, rel=1e-10)
 
 
+def test_a_spring_that_radiates_without_a_mass_decays_at_one_rate():
+    assert natural_frequencies(RadiationDamping(stiffness=2.0, radiation=0.5, mass=0.0)) == pytest.approx([-4.0])
+
+
 def test_receptances_of_modes_add():
     rig = Modes(masses=(1e-3, 2e-3, 5e-4), stiffnesses=(3.0, 40.0, 90.0), dampings=(2.0, 0.5, 11.0), stiffness=0.4)
     s = np.array([0.3 + 4j, 60j, -5 + 100j, 2.0])

@@ -11,6 +11,7 @@ import time
 import tomllib
 import warnings
 from collections import Counter
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -206,6 +207,13 @@ def test_a_mistake_names_its_place_and_its_remedy(tmp_path, capsys, path, value,
     assert not (tmp_path / "s.sqlite").exists()
 
 
+def test_of_many_mistakes_some_are_told_and_the_rest_counted():
+    with pytest.raises(InputError) as caught:
+        from_document(changed("run", {f"mistaken_{i}": 1 for i in range(9)}))
+    assert "run.mistaken_6: unknown key" in str(caught.value)
+    assert str(caught.value).endswith("; and 2 more")
+
+
 def test_what_changes_nothing_is_no_axis():
     equation = changed("run", {"method": "master equation"})
     with pytest.raises(InputError, match=r"axes\.seed: changes nothing with the master equation"):
@@ -375,7 +383,7 @@ def test_seeds_of_an_ensemble_are_those_of_the_file():
     assert float(result["peak_to_peak"].sel(seed=2)) == alone["peak_to_peak"]
 
 
-def test_cases_that_fail_are_recorded_and_told(tmp_path, capsys):
+def test_cases_that_fail_are_recorded_and_told(tmp_path, capsys, monkeypatch):
     document = changed("axes", {"std": [0.1, -0.1, 0.2], "velocity": [0.5, 1.0]})
     file, store = written(tmp_path, document), tmp_path / "s.sqlite"
     assert run("sweep", file, "--store", store, "--plot", tmp_path / "s.png") == 1
@@ -384,6 +392,10 @@ def test_cases_that_fail_are_recorded_and_told(tmp_path, capsys):
     told = [line for line in lines if line.startswith("failed: ")]
     assert len(told) == 2
     assert "std = -0.1, velocity = 0.5: InputError: std = -0.1: must be" in told[0]
+    monkeypatch.setattr(cli, "_FAILURES_SHOWN", 1)
+    assert run("sweep", file, "--store", store) == 1
+    told = [line for line in capsys.readouterr().out.splitlines() if line.startswith("failed: ")]
+    assert told[1:] == ["failed: ... and 1 more, in the variable error of the store"]
     result = open_sweep(store)
     assert (result["error"].sel(std=-0.1) != "").all()
     assert (result["peak_to_peak"].sel(std=[0.1, 0.2]) > 0).all()
@@ -690,6 +702,21 @@ def resumed(file, store, monkeypatch):
     monkeypatch.setattr(study, "simulate", simulate)
     assert run("sweep", file, "--store", store) == 0
     return open_plan(store), counted
+
+
+def test_a_terminal_shows_how_far_a_sweep_is(monkeypatch):
+    shown = []
+
+    @contextmanager
+    def bar(title):
+        assert title == "map"
+        yield shown.append
+
+    monkeypatch.setattr(console, "bar", bar)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    with console.progress_of("map") as line:
+        line(Progress(total=40, finished=15, failed=0, found=5))
+    assert shown == [0.375]
 
 
 def test_a_log_says_how_long_the_rest_will_take(monkeypatch, capsys):

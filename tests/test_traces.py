@@ -275,6 +275,19 @@ def test_units_that_are_not_named_are_told_as_assumed(tmp_path):
     assert named.attrs["note"] == ""
 
 
+def test_numbers_below_more_text_than_is_looked_at_are_told_of(tmp_path):
+    with pytest.raises(ss.InputError, match=r"the numbers start only after line 1000; leave the text before them out"):
+        read_trace(written(tmp_path, 1000 * "pulled, slowly\n" + 4000 * "0.25,1.5\n"))
+
+
+def test_a_cell_in_no_unit_is_no_force(tmp_path):
+    cells = [f"{0.25 * i};{f if i != 7 else 99.0:.7g} {'N' if i != 7 else 'broken'}" for i, f in enumerate(FORCES)]
+    data = read_trace(written(tmp_path, "t;F\n" + "\n".join(cells)))
+    assert "1 of 60 rows could not be read" in data.attrs["note"]
+    np.testing.assert_array_equal(np.delete(data["spring_force"], 7), np.delete(FORCES, 7))
+    assert FORCES.min() < float(data["spring_force"][7]) < FORCES.max()
+
+
 def mixed(form):
     """Forces in cells, every third in mN."""
     return "t;F\n" + "".join(
