@@ -622,6 +622,11 @@ def test_mistakes_in_the_table_of_a_plate_are_told(line: str, instead: str, mess
     assert "\n" not in str(caught.value)
 
 
+def test_more_contacts_than_can_be_held_are_refused_with_how_many_there_may_be() -> None:
+    with pytest.raises(ss.InputError, match=r"6 blocks would have 6e\+08 contacts; give at most 16666666 \(1e\+08 in"):
+        ss.simulate(small(), method=ss.Contacts(10**8), long=True)
+
+
 def test_a_delay_of_more_steps_than_can_be_held_is_refused_by_how_many_blocks_there_are() -> None:
     """The past of every block is held for as long as contacts are away."""
     few, many = (

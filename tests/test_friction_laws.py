@@ -805,6 +805,8 @@ def test_command(tmp_path, capsys):
     path.write_text(WARM)
     assert main(["rsf", str(path)]) == 0
     assert "ageing law" in capsys.readouterr().out
+    assert main(["rsf", str(path), "--velocity", "0.1 mm/s", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["velocity"] == pytest.approx(1e-4)
     assert main(["rsf", str(path), "--export", "qdyn", "--load", "2 kN", "--area", "1 cm^2"]) == 0
     ast.parse(capsys.readouterr().out)
     for ageing in ("", 'ageing = { model = "langevin", time = "1 s" }\n'):

@@ -17,6 +17,7 @@ import stickslip as ss
 from stickslip import cli
 from stickslip.io import rig_files
 from stickslip.measure.front_map import front_summary
+from stickslip.measure.fronts import _half_times
 
 NEVER = ss.Delay(math.inf)
 STILL = ss.constant(velocity=0.0, duration=1.0)
@@ -585,6 +586,12 @@ def test_spacetime_of_a_long_run_keeps_the_peaks(passing):
     assert mesh.get_array().max() == pytest.approx(float(np.abs(passing["velocity"]).max()))
 
 
+def test_half_of_the_way_is_told_between_samples():
+    time = np.arange(11.0)
+    X = np.column_stack([3.0 * time, np.minimum(0.7 * time, 2.0), -np.minimum(0.7 * time, 2.0), 0.0 * time])
+    assert _half_times(time, X) == pytest.approx([5.0, 1.0 / 0.7, 1.0 / 0.7, 1.0])
+
+
 def test_spacetime_of_the_force(passing):
     ax = ss.plot.spacetime(passing, "force")
     assert ax.get_ylabel() == "time (time units)"
@@ -815,6 +822,12 @@ def test_predict_tells_which_wave_grows_and_at_which_speeds():
     assert_drawn(found.plot(), "waves")
     assert_kept(str(found), "waves_told")
     assert [tick.get_text() for tick in found.plot().axes[0].get_yticklabels()] == [wave.name for wave in found.waves]
+
+
+def test_a_bar_of_which_no_wave_grows_says_so():
+    found = ss.predict(replace(sliding(blocks=8, coupling=20.0, leaf=1.0), drive=ss.constant(2000.0)))
+    assert found.growing == 0
+    assert found.verdict.endswith("smooth sliding is linearly stable at every wavelength")
 
 
 def test_predict_of_a_bar_in_si_units_on_the_command_line(tmp_path, capsys):

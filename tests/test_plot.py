@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import tomllib
 from dataclasses import replace
 
 import matplotlib as mpl
@@ -12,9 +13,10 @@ from drawn import assert_drawn
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from stickslip import example, plot, predict
+from stickslip import example, plot, predict, read_rig
 from stickslip.advise import chart
 from stickslip.errors import InputError
+from stickslip.io.rig_files import example_file
 from stickslip.measure import drops
 from stickslip.model import Contacts, Output, Rig
 from stickslip.model.drive import constant
@@ -156,6 +158,14 @@ def test_energies_stack_up_to_the_work(run):
     top = ax.collections[-1].get_paths()[0].vertices[:, 1].max()
     # The contacts start with a little of their own.
     assert top == pytest.approx(float(run["work"].max() + run["contact_energy"][0]), rel=1e-9)
+
+
+def test_speeds_at_which_a_rig_works_are_drawn():
+    document = tomllib.loads(example_file("brake_pad").read_text(encoding="utf-8"))
+    document["drive"] = {"velocity": ["20 mm/s", "1 m/s"]}
+    answer = predict(read_rig(document), fast=True)
+    dashed = [line for ax in answer.plot().axes for line in ax.lines if line.get_linewidth() == 0.9]
+    assert [line.get_xdata()[0] for line in dashed][:2] == pytest.approx([0.02, 1.0])
 
 
 def test_axes_given_are_used(run):
