@@ -43,7 +43,7 @@ from stickslip.sweep import (
     status_of,
     summary,
 )
-from stickslip.sweep._cases import case_seed, identity_of
+from stickslip.sweep._cases import _pack, case_seed, identity_of
 
 AXES = {"stiffness": [1.0, 2.0, 3.0], "velocity": np.linspace(0.1, 1.0, 7), "start": ["from rest", "sliding"]}
 
@@ -378,6 +378,25 @@ def test_another_sweep_is_refused_and_the_difference_named(tmp_path, change, par
         run_cases(**(same | change))
     assert same["store"].read_bytes() == before
     assert summary(run_cases(**same)).done == 2
+
+
+def test_a_function_typed_at_a_prompt_is_known_by_what_it_does():
+    def typed(text):
+        found = {}
+        exec(text, found)
+        return identity_of(found["case"], ["x"], 0, None)
+
+    same = typed("def case(x): return x + 1")
+    assert same == typed("def case(x): return x + 1")
+    assert same != typed("def case(x): return x + 2")
+    assert same != typed("def case(x): return x * 1")
+
+
+@pytest.mark.parametrize(("value", "kept"), [(np.array(True), True), (np.array(3), 3.0), (np.float32(0.5), 0.5)])
+def test_an_array_of_one_value_is_kept_as_the_value(value, kept):
+    packed = _pack("x", value)
+    assert packed == kept
+    assert type(packed) is type(kept)
 
 
 def test_identity_is_the_same_always_and_tells_bound_arguments_apart():

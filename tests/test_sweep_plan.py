@@ -608,6 +608,7 @@ def test_a_refinement_is_kept_drawn_and_gone_on_with(tmp_path, capsys, monkeypat
         "start": ["from rest", "sliding"],
     }
     file = written(tmp_path, changed("refine", {"runs": 24}, changed("axes", axes)))
+    assert read_plan(file).total == 48
     store = tmp_path / "s.sqlite"
     assert run("sweep", file, "--store", store, "--json", "--plot", tmp_path / "a.png") == 0
     found = json.loads(capsys.readouterr().out)
