@@ -20,8 +20,9 @@ from stickslip.paper import FIGURES, Claim, Figure
 from stickslip.paper.cases import FIG2, FIG5
 from stickslip.paper.fig1 import _parabola
 from stickslip.paper.fig2 import first_instability
-from stickslip.paper.figure import at_least, at_most, between, near, portions, verdict
+from stickslip.paper.figure import at_least, at_most, between, near, portions, variable, verdict
 from stickslip.rigid import effective_stiffness
+from stickslip.simulation import LABELS
 from stickslip.theory import critical_stiffness_estimate, effective_potential, slip_displacement
 
 READ, PRINTED, NOT = "reproduced under the stated reading", "reproduced", "not reproduced"
@@ -105,11 +106,11 @@ def test_claims_on_other_numbers_are_what_they_were(quick, name):
 
     as_it_is = told(quick(name))
     lines = []
-    for variable, values in quick(name).data_vars.items():
+    for key, values in quick(name).data_vars.items():
         for factor in (1 / 3, 3.0) if values.dtype.kind == "f" else ():
-            changed = told(quick(name).assign({variable: values.copy(data=factor * values)}))
+            changed = told(quick(name).assign({key: values.copy(data=factor * values)}))
             if changed != as_it_is:
-                lines.append(f"{variable} times {factor:.2f}: {changed}")
+                lines.append(f"{key} times {factor:.2f}: {changed}")
     assert_kept("\n".join(lines), f"{name}_claims_on_other_numbers")
 
 
@@ -130,16 +131,80 @@ def test_words_stay_within_the_picture(quick, name):
 @pytest.mark.parametrize("name", QUICKLY)
 def test_data_are_labelled_and_go_through_a_file(quick, name, tmp_path):
     data = quick(name)
-    for variable in (*data.data_vars.values(), *data.coords.values()):
-        if variable.dtype.kind == "f":
-            assert "units" in variable.attrs, variable.name
-            assert "long_name" in variable.attrs, variable.name
+    for array in (*data.data_vars.values(), *data.coords.values()):
+        if array.dtype.kind == "f":
+            assert "units" in array.attrs, array.name
+            assert "long_name" in array.attrs, array.name
     loaded = store.load(store.save(data, tmp_path / "data.nc"))
     xr.testing.assert_identical(loaded, data)
     made_by = store.read_provenance(loaded)
     assert made_by["call"] == "paper"
     assert made_by["arguments"] == {"figure": name, "quick": True}
     assert [c.plain() for c in FIGURES[name].check(loaded)] == [c.plain() for c in FIGURES[name].check(data)]
+
+
+def _made_up(name):
+    """Data as those of the figures whose quick versions take long, from lines and waves."""
+    t, rates = np.arange(0.0, 2350.0, 0.5), np.array([0.8, 1.2, 2.0])
+    waves = 0.3 + 0.2 * np.sin(t / 3.0)
+    along = {"time": ("time", t, LABELS["time"])}
+    if name == "fig9":
+        loop = np.interp(t, [0.0, 400.0, 550.0, 750.0, 850.0, 2350.0], [0.3, 1.3, 4.0, 0.3, 0.1, 0.012])
+        v, ends = np.linspace(0.0, 4.0, 9), {"v1": 0.9, "v2": 3.0, "v2_down": 2.8, "v1_down": 0.05}
+        return xr.Dataset(
+            {
+                "spring_force": ("time", waves, LABELS["spring_force"]),
+                "drive_velocity": ("time", loop, LABELS["drive_velocity"]),
+                **{end: variable("seed", [value, 1.02 * value], end, "x_s/time") for end, value in ends.items()},
+                "v1_linear": variable((), 0.91, "v1", "x_s/time"),
+                "up": variable("v", 0.2 * v, "peak to peak", "f_s"),
+                "down": variable("v", 0.3 * v, "peak to peak", "f_s"),
+            },
+            along | {"seed": variable("seed", [1, 2], "seed", "1"), "v": variable("v", v, "velocity", "x_s/time")},
+            {"count": 1000},
+        )
+    if name == "fig10":
+        ends = {"v1": np.outer(rates**2.01, [0.4, 0.42]), "v2": np.outer(rates**2.05, [1.1, 1.12])}
+        return xr.Dataset(
+            {
+                **{end: variable(("rate", "seed"), value, end, "x_s/time") for end, value in ends.items()},
+                "v1_linear": variable("rate", 0.41 * rates**2, "v1", "x_s/time"),
+            },
+            {"rate": variable("rate", rates, "rate", "1/sqrt(time)"), "seed": variable("seed", [1, 2], "seed", "1")},
+            {},
+        )
+    velocities, X = np.array([0.1, 0.3, 0.5, 0.8]), np.linspace(0.0, 1.6, 641)
+    force = np.sin(2.0 * X) / (1.0 + velocities[:, None])
+    return xr.Dataset(
+        {
+            "spring_force": ("time", waves, LABELS["spring_force"]),
+            "drive_velocity": ("time", 0.05 + 1.75 * t / t[-1], LABELS["drive_velocity"]),
+            "friction_force": variable(("velocity", "displacement"), force, "force", "f_s"),
+            "F_contacts": variable(("checked", "X_checked"), force[:, 19::20] + 0.01, "force", "f_s"),
+            "K_eff": variable("velocity", [3.3, 2.25, 0.92, 0.2], "effective stiffness", "k"),
+            "K_eff_smoothed": variable("velocity", [3.2, 2.21, 0.9, 0.1], "effective stiffness", "k"),
+            "crossing": variable((), 0.485, "crossing", "x_s/time"),
+            "v1_ramp": variable((), 0.4, "onset", "x_s/time"),
+            "v2_ramp": variable((), 1.1, "end", "x_s/time"),
+            "unstable": variable("end", [0.42, 1.5], "unstable", "x_s/time"),
+        },
+        along
+        | {
+            "velocity": variable("velocity", velocities, "velocity", "x_s/time"),
+            "displacement": variable("displacement", X, "displacement", "x_s"),
+            "checked": variable("checked", velocities, "velocity", "x_s/time"),
+            "X_checked": variable("X_checked", X[19::20], "displacement", "x_s"),
+            "end": variable("end", ["low", "high"], "end of the range"),
+        },
+        {"count": 4000},
+    )
+
+
+@pytest.mark.parametrize("name", ["fig9", "fig10", "fig11"])
+def test_claims_and_pictures_of_data_that_are_made_up(name):
+    figure, data = FIGURES[name], _made_up(name)
+    assert_kept("\n".join(str(claim) for claim in figure.claims(data)), f"{name}_made_up_claims")
+    assert_drawn(figure.drawing(data), f"{name}_made_up")
 
 
 def test_progress_rises_to_one():
