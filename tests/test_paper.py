@@ -12,6 +12,7 @@ import reference
 import xarray as xr
 from drawn import assert_drawn, assert_kept
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
 
 from stickslip.errors import InputError, UndecidedError
 from stickslip.io import datasets as store
@@ -116,16 +117,21 @@ def test_claims_on_other_numbers_are_what_they_were(quick, name):
 
 @pytest.mark.parametrize("name", QUICKLY)
 def test_words_stay_within_the_picture(quick, name):
-    picture = FIGURES[name].draw(quick(name))
+    assert_within(FIGURES[name].draw(quick(name)))
+
+
+def assert_within(picture):
+    """Titles, labels and words; not those of axes that are not shown."""
     FigureCanvasAgg(picture).draw()
     for ax in picture.axes:
-        for axis in (ax.xaxis, ax.yaxis):
-            box = axis.label.get_window_extent()
-            if axis.label.get_text() and axis.get_visible() and ax.axison:
-                assert picture.bbox.x0 <= box.x0
-                assert box.x1 <= picture.bbox.x1
-                assert picture.bbox.y0 - 1 <= box.y0
-                assert box.y1 <= picture.bbox.y1 + 1
+        labels = [axis.label for axis in (ax.xaxis, ax.yaxis) if axis.get_visible() and ax.axison]
+        for words in [*labels, *(each for each in ax.get_children() if isinstance(each, Text))]:
+            box = words.get_window_extent()
+            if words.get_text():
+                assert picture.bbox.x0 <= box.x0, words
+                assert box.x1 <= picture.bbox.x1, words
+                assert picture.bbox.y0 - 1 <= box.y0, words
+                assert box.y1 <= picture.bbox.y1 + 1, words
 
 
 @pytest.mark.parametrize("name", QUICKLY)
@@ -205,6 +211,7 @@ def test_claims_and_pictures_of_data_that_are_made_up(name):
     figure, data = FIGURES[name], _made_up(name)
     assert_kept("\n".join(str(claim) for claim in figure.claims(data)), f"{name}_made_up_claims")
     assert_drawn(figure.drawing(data), f"{name}_made_up")
+    assert_within(figure.drawing(data))
 
 
 def test_progress_rises_to_one():

@@ -213,13 +213,13 @@ def _drawing(data: xr.Dataset) -> matplotlib.figure.Figure:
     stiffness.plot(data["velocity"], data["K_eff"], "o-", color=plot.BLUE, markersize=3)
     stiffness.axhline(FIG11.slider.stiffness, color=plot.GREY, linewidth=0.8)
     stiffness.axvline(float(data["crossing"]), color=plot.VERMILLION, linewidth=0.9, linestyle="--")
-    stiffness.text(1.15, FIG11.slider.stiffness + 0.06, "$K$", ha="right", color=plot.GREY)
+    stiffness.text(0.02, FIG11.slider.stiffness + 0.06, "$K$", color=plot.GREY)
     stiffness.axvline(float(data["v2_ramp"]), color=plot.BLACK, linewidth=0.9, linestyle=":")
     stiffness.text(float(data["v2_ramp"]) - 0.02, 2.6, "$v_2$", ha="right")
     stiffness.set(xlim=(0.0, 1.2), ylim=(0.0, 1.08 * float(data["K_eff"].max())))
     plot.dress(stiffness.xaxis, data["velocity"])
     plot.dress(stiffness.yaxis, data["K_eff"])
-    plot.letter(stiffness, "(c) steepest decrease of the force in (b)")
+    plot.letter(stiffness, "(c) steepest fall in (b)")
     return figure
 
 
