@@ -346,6 +346,15 @@ def test_what_was_not_simulated_is_not_called_smooth():
     assert all(one.high == other.low for one, other in pairwise(more))
 
 
+def test_a_speed_is_stable_within_a_stable_range_alone():
+    setting = make(stiffness=2.0)
+    here = judge(setting, ss.Contacts(100, seed=1), Budget(10.0))
+    ends = (0.5, "stable", 1.0, "unstable", 2.0, "stable", 3.0)
+    bands = [Band(kind=ends[i], bistable=False, low=ends[i - 1], high=ends[i + 1]) for i in (1, 3, 5)]
+    survey = Survey(setting, tuple(bands), here)
+    assert [survey._is_stable(speed) for speed in (0.4, 0.7, 1.5, 2.5, 3.5)] == [False, True, False, True, False]
+
+
 def test_a_range_is_looked_at_to_its_very_ends():
     """Rounding put the last speed of some ranges just outside: what was seen there was not told."""
     setting = make(stiffness=2.0)
