@@ -18,6 +18,7 @@ from stickslip.fitting.arrest import KEYS, Prior, simulate
 from stickslip.fitting.inference import infer
 from stickslip.fitting.observation import Observation
 from stickslip.fitting.rates import Strengthening, half_speed_of, strengthening_of
+from stickslip.fitting.rigs import _draws
 from stickslip.fitting.summary import FITTED, NAMES, detrended, resampled, statistics
 from stickslip.fitting.synthetic import sampled
 from stickslip.fitting.tables import folder_of, table
@@ -426,6 +427,16 @@ def test_a_fitted_rig_file_reads_back_and_is_judged_over_its_draws(found, tmp_pa
     assert "linearly unstable" in str(seen)
     with pytest.raises(InputError, match="no fitted values"):
         fitting.over_draws(ss.example("brake_pad"))
+
+
+def test_contacts_are_away_for_as_long_as_a_slip_at_least_and_at_most_until_the_next(found):
+    events = found.events
+    slip = events.slip_samples * events.step
+    took = events.time[events.peak_at[1:]] - events.time[events.trough_at[:-1]]
+    delays = _draws(found, found.known)["interface.delay"]
+    assert slip < float(np.quantile(took, 0.05))
+    assert delays.min() == pytest.approx(slip, rel=0.1)
+    assert delays.max() == pytest.approx(float(np.quantile(took, 0.05)), rel=0.1)
 
 
 def test_the_unit_of_time_changes_no_rig(found):

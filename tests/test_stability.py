@@ -689,6 +689,12 @@ def test_import_stays_quick():
     assert out.stdout.strip() == "set()"
 
 
+def test_the_range_that_was_searched_is_told_in_the_units_of_the_rig():
+    found = critical(ss.example("brake_pad"), "velocity", between=(0.05, 0.5))
+    assert found.searched == pytest.approx((0.05, 0.5))
+    assert str(found).startswith("for velocity from 0.05 to 0.5 m/s, smooth sliding")
+
+
 def test_without_a_range_a_factor_30_either_way_is_searched():
     rig = ss.Rig(
         ss.Interface(thresholds=ss.Gaussian(1.0, 0.1), delay=ss.Delay(0.1)),
