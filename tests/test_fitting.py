@@ -429,11 +429,13 @@ def test_a_fitted_rig_file_reads_back_and_is_judged_over_its_draws(found, tmp_pa
         fitting.over_draws(ss.example("brake_pad"))
 
 
-def test_contacts_are_away_for_as_long_as_a_slip_at_least_and_at_most_until_the_next(found):
-    events = found.events
+@pytest.mark.parametrize(("faster", "unit"), [(1.0, "s"), (1e3, "s"), (1.0, "ms")])
+def test_contacts_are_away_for_as_long_as_a_slip_at_least_and_at_most_until_the_next(found, faster, unit):
+    events = replace(found.events, time=found.events.time / faster)
     slip = events.slip_samples * events.step
     took = events.time[events.peak_at[1:]] - events.time[events.trough_at[:-1]]
-    delays = _draws(found, found.known)["interface.delay"]
+    in_its_unit = replace(events, time=events.time * {"s": 1.0, "ms": 1e3}[unit], time_unit=unit)
+    delays = _draws(replace(found, events=in_its_unit), found.known)["interface.delay"]
     assert slip < float(np.quantile(took, 0.05))
     assert delays.min() == pytest.approx(slip, rel=0.1)
     assert delays.max() == pytest.approx(float(np.quantile(took, 0.05)), rel=0.1)
