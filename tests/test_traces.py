@@ -389,7 +389,7 @@ def test_a_tdms_file_is_read(tmp_path):
         writer.write_segment([
             nptdms.ChannelObject("Run 1", "Friction force", FORCES, properties=waveform | {"unit_string": "mN"}),
             nptdms.ChannelObject("Run 1", "Temperature", FORCES, properties=waveform | {"unit_string": "°C"}),
-            nptdms.ChannelObject("Run 1", "Remarks", ["pulled", "slowly"]),
+            nptdms.ChannelObject("Run 1", "Remarks", ["pulled"] * FORCES.size),
             nptdms.ChannelObject("Run 1", "Spare", np.array([])),
         ])  # fmt: skip
     data = read_trace(tmp_path / "bench.tdms")
