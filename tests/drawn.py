@@ -28,7 +28,7 @@ def assert_drawn(figure, name):
 
 
 def assert_kept(now, name, rtol=0.002, atol=1e-6):
-    """Compare a text with the one that is kept under a name: the words exactly, numbers to two in a thousand."""
+    """Compare a text with the one that is kept under a name: the words exactly, numbers within tolerances."""
     file = KEPT / f"{name}.txt"
     if os.environ.get("REDRAW"):
         KEPT.mkdir(exist_ok=True)

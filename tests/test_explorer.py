@@ -1035,7 +1035,7 @@ def test_the_page_outlives_the_server(browser):
             stack.callback(context.close)
             page = context.new_page()
             page.goto(running.url)
-            page.wait_for_selector("#friction:has-text('F')", timeout=120_000)
+            page.wait_for_selector("#friction:has-text('F')", timeout=headless.PATIENCE)
         page.wait_for_selector("#notice:has-text('The server is gone')")
         assert page.is_visible("#plot-force .trace")
 

@@ -409,7 +409,7 @@ def well_formed(text):
 letters = "0123456789.,eE+-*/^()  NmsgkMuµμÅ²³¹⁻·⋅'_\u2212\u00a0\n\0%"
 
 
-@settings(max_examples=800)
+@settings(max_examples=3000)
 @given(
     st.one_of(
         st.text(alphabet=letters, max_size=24),
@@ -431,7 +431,7 @@ def test_nothing_but_the_grammar_is_accepted(text):
         assert any(words in said for words in ("unit", "finite", "nearer"))
 
 
-@settings(max_examples=400)
+@settings(max_examples=1000)
 @given(
     st.one_of(
         st.text(alphabet="9*^()/ Nm.eE-²·", min_size=40, max_size=90),

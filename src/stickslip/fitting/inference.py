@@ -14,6 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stickslip.errors import InputError
 from stickslip.fitting.arrest import KEYS, Prior
@@ -32,7 +33,7 @@ _ROUND_COST, _PER_CONTACT = 15.0, 4e-7
 _FEWEST_IN_A_ROUND = 1_000
 _SMALL = 1e-4
 _LITTLE = 1e-3
-"""Of the largest weight: draws with less are not kept."""
+"""Of the largest weight, which is 1 of a likelihood: draws with less do not count."""
 Likelihood = Callable[[Array], Array]
 
 
@@ -148,10 +149,10 @@ def infer(
             fresh = fresh * likelihood(table.prior.values(more[good]))
         simulations += len(more)
         # At most a few per cent of the weight to one draw: the rest would count for nothing.
-        most = float(np.quantile(fresh, 0.98)) if fresh.size else 0.0
-        if (fresh > _LITTLE * most).sum() < nearest:
+        if fresh.size:
+            fresh = np.minimum(fresh, np.quantile(fresh, 0.98))
+        if _counting(fresh).sum() < nearest:
             break
-        fresh = np.minimum(fresh, most)
         sample = _kept(more[good], comparable(near.statistics[good]), fresh, target, scale, nearest)
     parts, weights, found = sample
     if not far:
@@ -191,12 +192,17 @@ def _edge(found: Array, target: Array, rng: np.random.Generator) -> float:
     return float(100.0 * (usual < here).mean())
 
 
+def _counting(weights: Array) -> NDArray[np.bool_]:
+    """Which draws have a weight that counts."""
+    return np.asarray(weights > _LITTLE * weights.max(initial=0.0))
+
+
 def _kept(
     parts: Array, found: Array, weights: Array, target: Array, scale: Array, nearest: int
 ) -> tuple[Array, Array, Array]:
     """The draws nearest to the target, weighted by how near they are."""
     distance = np.sqrt((((found - target) / scale) ** 2).sum(axis=1))
-    distance[weights <= _LITTLE * weights.max()] = np.inf
+    distance[~_counting(weights)] = np.inf
     kept = np.argsort(distance)[:nearest]
     kernel = 1.0 - (distance[kept] / (distance[kept[-1]] * (1 + 1e-9))) ** 2
     return parts[kept], weights[kept] * kernel, found[kept]
