@@ -7,7 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from stickslip.errors import InputError, instance, number, whole
+from stickslip.errors import InputError, instance, number, together, whole
 
 
 @pytest.mark.parametrize("value", [2, 2.0, np.float64(2), np.float32(2), np.int64(2), Fraction(2)])
@@ -95,3 +95,10 @@ def test_instance_takes_kinds_tuples_and_unions():
 
 def test_an_input_error_is_a_value_error():
     assert issubclass(InputError, ValueError)
+
+
+def test_mistakes_are_told_each_once_as_far_as_a_line_reaches():
+    assert together(["a: is missing", "b = 1: must be 2", "a: is missing"]) == "a: is missing; b = 1: must be 2"
+    assert together(["a" * 320, "b", "c", "c", "d"]) == f"{'a' * 320}; b; and 2 more"
+    assert together(["a" * 321, "b"]) == f"{'a' * 321}; and 1 more"
+    assert together([]) == ""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import reprlib
 from collections.abc import Iterable, Mapping
+from itertools import accumulate
 from numbers import Integral, Real
 from types import UnionType
 from typing import TYPE_CHECKING, Any
@@ -58,6 +59,18 @@ class InputError(ValueError):
         if self.place and message.startswith(self.place):
             return InputError(place + message.removeprefix(self.place), place)
         return InputError(f"{place}: {message}", place)
+
+
+_MOST_TOLD = 320
+"""Characters of mistakes after which the others are only counted."""
+
+
+def together(mistakes: Iterable[str]) -> str:
+    """Return mistakes in one line, each once, as far as a message reaches; the others are counted."""
+    each = list(dict.fromkeys(mistakes))
+    told = 1 + sum(so_far <= _MOST_TOLD for so_far in accumulate(map(len, each)))
+    more = len(each) - told
+    return "; ".join(each[:told]) + (f"; and {more} more" if more > 0 else "")
 
 
 class UndecidedError(RuntimeError):

@@ -9,7 +9,7 @@ from dataclasses import replace
 from functools import partial, reduce
 from typing import Any, TypeVar
 
-from stickslip.errors import InputError, shown
+from stickslip.errors import InputError, shown, together
 from stickslip.io import rig_keys
 from stickslip.io.bodies import BODIES, body_from, missing, size_of, start_from, wrong
 from stickslip.io.keys import Key, toml
@@ -52,10 +52,6 @@ class _MissingError(InputError):
         self.example = toml(example)
 
 
-_MOST_TOLD = 320
-"""Characters of mistakes after which the others are only counted."""
-
-
 def in_one_line(mistakes: list[InputError], place: str) -> InputError:
     """One error for every mistake in a file, as far as a line reaches."""
     missing = [mistake for mistake in mistakes if isinstance(mistake, _MissingError)]
@@ -65,14 +61,8 @@ def in_one_line(mistakes: list[InputError], place: str) -> InputError:
     elif missing:
         examples = ", ".join(f"{mistake.place} = {mistake.example}" for mistake in missing)
         lines.append(f"missing, here with example values: {examples}")
-    told: list[str] = []
-    for number, line in enumerate(lines):
-        told.append(line)
-        if sum(map(len, told)) > _MOST_TOLD and number + 1 < len(lines):
-            told.append(f"and {len(lines) - number - 1} more")
-            return InputError(f"{place}: {'; '.join(told)}")
     key = mistakes[0].place if len(mistakes) == 1 else ""
-    return InputError(f"{place}: {'; '.join(told)}", key, tuple(mistakes))
+    return InputError(f"{place}: {together(lines)}", key, tuple(mistakes))
 
 
 class Reader:

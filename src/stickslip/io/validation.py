@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, TypeAdapter, ValidationError, ValidationInfo
 
-from stickslip.errors import InputError, extreme, shortened, shown
+from stickslip.errors import InputError, extreme, shortened, shown, together
 from stickslip.io import files
 from stickslip.model.quantities import read_quantity
 
@@ -96,7 +96,8 @@ def validate(kind: type[Document], content: Mapping[str, Any], place: str, *, na
     try:
         return kind.model_validate(content, context={"natural": natural})
     except ValidationError as error:
-        raise InputError(f"{place}: {_in_one_line(error, kind)}") from None
+        mistakes = (_one_mistake(item, kind) for item in error.errors(include_url=False))
+        raise InputError(f"{place}: {together(mistakes)}") from None
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -157,21 +158,6 @@ Time = Annotated[float, quantity("s", "2 ms")]
 
 _TAGS = ("as list", "as table", "as range")
 """Names of the alternatives of a union: no keys of a file."""
-
-
-_MOST_TOLD = 320
-"""Characters of mistakes after which the others are only counted."""
-
-
-def _in_one_line(error: ValidationError, document: type[Part]) -> str:
-    """Say what is wrong with a file, mistake after mistake as far as a line reaches."""
-    told: dict[str, None] = {}
-    items = error.errors(include_url=False)
-    for number, item in enumerate(items):
-        told[_one_mistake(item, document)] = None
-        if sum(map(len, told)) > _MOST_TOLD and number + 1 < len(items):
-            return f"{'; '.join(told)}; and {len(items) - number - 1} more"
-    return "; ".join(told)
 
 
 def _one_mistake(item: Any, document: type[Part]) -> str:
