@@ -4,6 +4,7 @@ import json
 import math
 import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -559,6 +560,27 @@ def test_what_is_undecided_says_how_much_longer_would_decide(data, more):
     result = regime(run)
     assert result.kind == "undecided"
     assert re.search(more, result.reason), result.reason
+
+
+@pytest.mark.parametrize(
+    ("record", "how", "wanted"),
+    [
+        (trace, "slip phase: 30 % of the cycle", "more, or the velocity of the slider, would tell"),
+        (partial(with_motion, stiffness=5.0), "the slider reaches 1.13 times the velocity", "more would tell"),
+    ],
+)
+def test_what_is_neither_slips_nor_small_says_what_would_tell(record, how, wanted):
+    rng = np.random.default_rng(0)
+    knots = np.cumsum(np.tile([0.7, 0.3], 40) * np.repeat(rng.uniform(0.7, 1.3, 40), 2))
+    heights = 1.0 + 0.1 * np.tile([1.0, -1.0], 40) * rng.uniform(0.2, 1.8, 80)
+    t = np.arange(0.0, knots[-1], 0.01)
+    data = record(t, np.interp(t, knots, heights))
+    data["time"].attrs["units"] = "time"
+    result = regime(data)
+    assert result.kind == "undecided"
+    assert how in result.reason
+    longer = 4.0 * (result.window[1] - result.window[0])
+    assert result.reason.endswith(f"about {longer:.2g} time units {wanted}")
 
 
 # ----------------------------------------------------------------------------------------------- benches

@@ -17,13 +17,14 @@ from matplotlib.text import Text
 from stickslip.errors import InputError, UndecidedError
 from stickslip.io import datasets as store
 from stickslip.model import Slider
-from stickslip.paper import FIGURES, Claim, Figure
+from stickslip.paper import FIGURES, Claim, Figure, fig10
 from stickslip.paper.cases import FIG2, FIG5
 from stickslip.paper.fig1 import _parabola
 from stickslip.paper.fig2 import first_instability
 from stickslip.paper.figure import at_least, at_most, between, near, portions, variable, verdict
 from stickslip.rigid import effective_stiffness
 from stickslip.simulation import LABELS
+from stickslip.stability import Crossing
 from stickslip.theory import critical_stiffness_estimate, effective_potential, slip_displacement
 
 READ, PRINTED, NOT = "reproduced under the stated reading", "reproduced", "not reproduced"
@@ -53,14 +54,16 @@ ROUNDED = {"fig4": {"atol": 1e-4}, "fig5": {"rtol": 0.03}}
 
 @pytest.fixture(scope="session")
 def quick():
-    """Data of a figure, computed once."""
-    made = {}
+    """Data of a figure, computed once; how far it had come stands in `progress`."""
+    made, progress = {}, {}
 
     def data(name):
         if name not in made:
-            made[name] = FIGURES[name].compute(quick=True)
+            progress[name] = []
+            made[name] = FIGURES[name].compute(progress=progress[name].append, quick=True)
         return made[name]
 
+    data.progress = progress
     return data
 
 
@@ -217,12 +220,39 @@ def test_claims_and_pictures_of_data_that_are_made_up(name):
     assert_within(figure.drawing(data))
 
 
-def test_progress_rises_to_one():
-    seen = []
-    FIGURES["fig5"].compute(progress=seen.append, quick=True)
+@pytest.mark.parametrize("name", QUICKLY)
+def test_progress_rises_to_one(quick, name):
+    quick(name)
+    seen = quick.progress[name]
     assert seen[-1] == 1.0
     assert seen == sorted(seen)
-    assert seen[0] < 0.5
+    assert 0.0 <= seen[0] <= 0.5
+
+
+def test_figure_10_runs_two_ramps_at_each_rate(monkeypatch):
+    def ramped(rate, seed, progress, *, quick):
+        assert not quick
+        progress(1.0)
+        return 0.4 + 0.01 * seed, 1.1 + 0.01 * rate
+
+    def lost(rig, parameter, *, between):
+        rate = rig.interface.ageing.rate
+        assert (parameter, between) == ("velocity", pytest.approx((0.25 * rate**2, 0.6 * rate**2)))
+        counts = ((0.3, 1, 0), (0.41, 0, 1), (0.5, 0, 1))
+        return [
+            Crossing(value=value * rate**2, frequency=1.0, unstable_below=below, unstable_above=above)
+            for value, below, above in counts
+        ]
+
+    monkeypatch.setattr(fig10, "_ramped", ramped)
+    monkeypatch.setattr(fig10, "critical", lost)
+    seen = []
+    data = FIGURES["fig10"].compute(progress=seen.append)
+    rate = data["rate"].to_numpy()
+    assert seen == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.0])
+    np.testing.assert_allclose(data["v1"], np.outer(rate**2, [0.41, 0.42]))
+    np.testing.assert_allclose(data["v2"], np.outer(rate**2 * (1.1 + 0.01 * rate), [1.0, 1.0]))
+    np.testing.assert_allclose(data["v1_linear"], 0.41 * rate**2)
 
 
 def test_data_of_another_figure_are_refused(quick):

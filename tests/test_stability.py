@@ -42,7 +42,7 @@ from stickslip.stability import (
 )
 from stickslip.stability.impedances import impedance, natural_frequencies, poles
 from stickslip.stability.modes import respond
-from stickslip.stability.neutral import neutral_frequencies
+from stickslip.stability.neutral import _vertex, neutral_frequencies
 from stickslip.stability.transforms import transforms
 from stickslip.theory import kinetic_friction
 
@@ -727,3 +727,9 @@ def test_the_last_bit_of_a_range_is_found_before_it_is_gone():
         low, high = limits(last * (1.0 - short))
         assert math.log(high / low) == pytest.approx(4.1 * math.sqrt(short), rel=0.03)  # two roots of a parabola
         assert limits(last * (1.0 + short)) == []
+
+
+def test_a_parabola_through_three_points_has_its_lowest_value():
+    place, lowest, bend = np.array([0.0, 0.3, -0.45]), np.array([0.2, -0.1, 1.5]), np.array([1.0, 0.2, 7.0])
+    before, here, after = (lowest + bend * (x - place) ** 2 for x in (-1.0, 0.0, 1.0))
+    np.testing.assert_allclose(_vertex(before, here, after), lowest, rtol=1e-13)

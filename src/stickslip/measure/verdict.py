@@ -414,9 +414,10 @@ def _verdict(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]:
         return "sustained oscillation", f"{manner}, {oscillation}, peak to peak; {_whether_it_sticks(seen)}: {how}"
     if seen.peak_to_peak < MOST_NOISE * seen.static_friction and is_normal(trace.force):
         return "smooth sliding", f"the force fluctuates by {oscillation}, without a period, as noise does"
+    or_else = ", or the velocity of the slider," if seen.peak_velocity is None else ""
     return "undecided", (
         f"irregular oscillation of {oscillation} that is neither slips nor small: {how}; about "
-        f"{trace.time_in_words(4.0 * (trace.t[-1] - trace.t[0]))} more, or the velocity of the slider, would tell"
+        f"{trace.time_in_words(4.0 * (trace.t[-1] - trace.t[0]))} more{or_else} would tell"
     )
 
 
