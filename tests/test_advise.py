@@ -152,7 +152,11 @@ def test_a_rig_without_a_mechanism_is_not_judged_but_told_over_delays():
 
 
 def test_where_nothing_helps_the_direction_and_the_best_reached_are_told():
-    found = advise.predict(ss.example("pmma_slider"))
+    shares = []
+    found = advise.predict(ss.example("pmma_slider"), progress=shares.append)
+    assert shares == sorted(shares)
+    assert 0.0 <= shares[0] < 0.3
+    assert shares[-1] == 1.0
     assert not any(mitigation.stops for mitigation in found.mitigations)
     damping = next(attempt for attempt in found.attempts if attempt.parameter == "damping")
     assert damping.reached == pytest.approx(30 * damping.value)

@@ -453,6 +453,22 @@ def test_quick_ringing_is_sampled_where_it_turns():
     assert is_sustained(RINGING).reason.endswith("no longer changes")
 
 
+def test_a_stretch_too_short_for_a_cycle_is_doubled_unless_nothing_oscillates():
+    ride = Ride.begin(RINGING, FromRest(), cycles.METHOD)
+    short = replace(ride, cycle=0.1 * ride.cycle)
+    later, look = short.look()
+    assert math.isnan(look.period)
+    assert look.amplitude > 0.1
+    assert later.cycle == 2.0 * short.cycle
+    stiff = replace(RINGING, slider=Slider(stiffness=50.0, mass=1.0, damping=10.0))
+    smooth = Ride.begin(stiff, FromSliding(), cycles.METHOD)
+    short = replace(smooth, cycle=0.03 * smooth.cycle)
+    later, look = short.look()
+    assert math.isnan(look.period)
+    assert 0.0 < look.amplitude < 1e-5
+    assert later.cycle == short.cycle
+
+
 def test_cycles_of_several_slips_have_no_held_fold():
     _, ride, look = settle(Ride.begin(RINGING, FromRest(), cycles.METHOD))
     assert held_fold(VELOCITY, ride, 0.0388, look.period, 0.03, 0.02) is None
