@@ -29,6 +29,7 @@ from stickslip.model.distributions import (
     Weibull,
     excess,
 )
+from stickslip.model.quadrature import table_of
 
 # A test may register one of its own.
 SHIPPED = {kind for kind in thresholds.DISTRIBUTIONS.values() if kind.__module__.startswith("stickslip.")}
@@ -601,6 +602,28 @@ class Told(Distribution):
 )
 def test_where_a_transform_ends_is_told_from_the_density(other, leftmost):
     assert Told(other).leftmost == pytest.approx(leftmost, rel=1e-3)
+
+
+@dataclass(frozen=True)
+class Step:
+    """A density that jumps where no knot tells."""
+
+    unit: float
+    knots = ()
+
+    def density(self, x):
+        x = np.asarray(x) / self.unit
+        return np.where((x >= 1.1) & (x <= 1.3), 5.0, 0.0) / self.unit
+
+
+@pytest.mark.parametrize("unit", [2.0**30, 2.0**-30])
+def test_panels_close_in_on_a_jump_in_every_unit(unit):
+    table, other = table_of(Step(1.0)), table_of(Step(unit))
+    assert table.total == pytest.approx(1.0, abs=1e-14)
+    ends = table.edges[[0, -1]]
+    np.testing.assert_allclose(ends, [1.1, 1.3], rtol=3e-15)
+    np.testing.assert_array_equal(other.edges / unit, table.edges)
+    np.testing.assert_array_equal(other.survival, table.survival)
 
 
 @dataclass(frozen=True)
