@@ -243,10 +243,11 @@ def learn() -> None:
     asked = ["-n", str(os.cpu_count()), "--dist", "loadfile", "--cov", "--cov-context=test", "--cov-report="]
     asked += ["-rfE", "-vv", "--durations=0", "--durations-min=0"]  # the quickest, too
     _, told = _run([*asked, *rooms], None, {"COVERAGE_FILE": str(traced)})
-    failed = {line.split()[1] for line in told.splitlines() if line.startswith(("FAILED", "ERROR"))}
     seconds: dict[str, float] = defaultdict(float)
     for took, test in re.findall(r"^([\d.]+)s (?:setup|call) +(.+)$", told, re.MULTILINE):
         seconds[test] += float(took)
+    wrong = re.findall(r"^(?:FAILED|ERROR) (.+)$", told, re.MULTILINE)  # a name may hold spaces; what is wrong follows
+    failed = {test for test in seconds if any(f"{line} - ".startswith(f"{test} - ") for line in wrong)}
     data = CoverageData(basename=str(traced))
     data.read()
     tests = sorted(seconds.keys() - failed)  # those, too, that call kernels alone
