@@ -14,6 +14,7 @@ import stickslip as ss
 from stickslip import advise
 from stickslip.advise import prediction
 from stickslip.advise.judging import Budget, judge, slides_smoothly
+from stickslip.advise.mitigations import RANGE, Search
 from stickslip.advise.speeds import Band, Survey, bands_by_theory
 from stickslip.io import rig_files as rigs
 from stickslip.model.parameters import parameter_named
@@ -393,6 +394,20 @@ def test_mitigations_stay_within_what_could_be_built():
     assert ("mass",) not in bound
     assert ("load",) not in bound
     assert bound["stiffness",] == free["stiffness",]
+
+
+def test_changes_go_as_far_as_could_be_built():
+    document = tomllib.loads(rigs.example_file("precision_stage").read_text(encoding="utf-8"))
+    document["feasible"] = {"mass": ["1 kg", "5 kg"]}
+    natural = ss.read_rig(document).natural
+    mass = parameter_named("mass")
+    (low, high), value = natural.operation.range_of("mass"), mass.get(natural)
+    assert high == pytest.approx(5 * low)
+    assert low < value < high
+    search = Search(natural, True, Budget(1.0), in_si=True)
+    assert search._furthest(((mass, 1),)) == pytest.approx(high / value)
+    assert search._furthest(((mass, -1),)) == pytest.approx(value / low)
+    assert search._furthest(((parameter_named("stiffness"), 1),)) == RANGE
 
 
 def test_without_an_answer_the_search_goes_on_beyond_its_time(monkeypatch):

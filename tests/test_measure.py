@@ -697,6 +697,12 @@ def test_the_strokes_of_a_test_to_and_fro_are_judged_apart(displacement):
     assert found.attrs["count"] == found.sizes["event"]
 
 
+@pytest.mark.parametrize("unit", [1e-3, 1e3])
+def test_strokes_are_strokes_in_every_unit_of_displacement(unit):
+    data = to_and_fro(np.ones_like, displacement=True)
+    assert "6 strokes" in regime(data.assign(measured_displacement=unit * data["measured_displacement"])).reason
+
+
 def test_a_soft_spring_that_swings_through_zero_is_no_test_to_and_fro():
     t, force = even_sawtooth(cycles=40, drop=2.0, low=-1.1)
     assert "strokes" not in regime(trace(t, force)).reason

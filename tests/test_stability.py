@@ -44,6 +44,7 @@ from stickslip.stability.impedances import impedance, natural_frequencies, poles
 from stickslip.stability.modes import respond
 from stickslip.stability.neutral import _vertex, neutral_frequencies
 from stickslip.stability.transforms import transforms
+from stickslip.stability.unaged import _starts_on_real_axis
 from stickslip.theory import kinetic_friction
 
 INTERFACE, SLIDER = FIG7.interface, FIG7.slider
@@ -733,3 +734,15 @@ def test_a_parabola_through_three_points_has_its_lowest_value():
     place, lowest, bend = np.array([0.0, 0.3, -0.45]), np.array([0.2, -0.1, 1.5]), np.array([1.0, 0.2, 7.0])
     before, here, after = (lowest + bend * (x - place) ** 2 for x in (-1.0, 0.0, 1.0))
     np.testing.assert_allclose(_vertex(before, here, after), lowest, rtol=1e-13)
+
+
+@pytest.mark.parametrize(("stiffness", "mass", "count"), [(0.001, 1e-3, 2), (0.01, 0.0, 2), (0.1, 1e-3, 0)])
+def test_roots_on_the_real_axis_are_looked_for_where_the_sum_changes_sign(stiffness, mass, count):
+    response, body = (
+        respond(replace(INTERFACE, delay=Delay(0.1))),
+        impedance(Slider(stiffness=stiffness, mass=mass, damping=1.0)),
+    )
+    starts = _starts_on_real_axis(response, body, 1.0, 0.0)
+    assert starts.shape == (count,)
+    before, after = ((body(s) + response.stiffness(1.0, s)).real for s in (0.95 * starts, 1.05 * starts))
+    assert np.all(before * after < 0)
