@@ -13,7 +13,7 @@ import pytest
 import stickslip as ss
 from stickslip import advise
 from stickslip.advise import prediction
-from stickslip.advise.judging import Budget, judge, slides_smoothly
+from stickslip.advise.judging import Budget, judge, length_of, slides_smoothly
 from stickslip.advise.mitigations import RANGE, Search
 from stickslip.advise.speeds import Band, Survey, bands_by_theory
 from stickslip.io import rig_files as rigs
@@ -408,6 +408,19 @@ def test_changes_go_as_far_as_could_be_built():
     assert search._furthest(((mass, 1),)) == pytest.approx(high / value)
     assert search._furthest(((mass, -1),)) == pytest.approx(value / low)
     assert search._furthest(((parameter_named("stiffness"), 1),)) == RANGE
+
+
+def test_a_run_is_as_long_as_cycles_and_ringing_take():
+    def length(damping, mass=1e-4, stiffness=1.0):
+        slider = ss.Slider(stiffness=stiffness, mass=mass, damping=damping)
+        return length_of(replace(make(stiffness=1.0).natural, slider=slider))
+
+    cycle = 1.0 * (1.0 + 1.0) + 0.1  # a life and the loading, and the delay
+    assert length(0.0) == pytest.approx(60.0)  # no shorter than 60 lives
+    assert length(0.1) == pytest.approx(100.0)  # ringing lasts ten times one over the damping
+    assert length(0.01) == pytest.approx(5 * 12 * cycle)  # but is not waited for longer
+    assert length(0.1, stiffness=0.1) == pytest.approx(12 * 11.1)
+    assert length(0.1, mass=100.0) == pytest.approx(12 * 2 * math.pi * 10.0)
 
 
 def test_without_an_answer_the_search_goes_on_beyond_its_time(monkeypatch):

@@ -32,6 +32,11 @@ def test_hold_and_ramp():
     np.testing.assert_array_equal(drive.velocity([0.0, 1.0, 2.0]), [1.0, 2.5, 4.0])
 
 
+@pytest.mark.parametrize(("velocity", "duration"), [(3.0, 40.0), (-0.5, 240.0)])
+def test_a_constant_velocity_goes_far_enough_unless_told(velocity, duration):
+    assert constant(velocity).duration == duration
+
+
 def test_velocity_is_constant_beyond_both_ends():
     np.testing.assert_array_equal(ramp(1.0, 4.0, duration=2.0).velocity([-1.0, 3.0]), [1.0, 4.0])
 

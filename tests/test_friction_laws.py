@@ -622,6 +622,15 @@ def test_the_verdict_is_in_units_of_the_thresholds():
     assert found[1] == pytest.approx([4 * value for value in found[0]], rel=0.06)  # two digits are said
 
 
+def test_the_direct_effect_that_is_missing_is_told():
+    interface = contacts(0.1, width=None, delay=1.0)  # half of the contacts are attached
+    stiffness, s = contact_stiffness(interface, 1.0), 200j
+    kappa = dynamic_stiffness(interface, 1.0, np.array([s]))[0]
+    direct = (1.0 / (1.0 / kappa - 1.0 / stiffness) / s).real  # a dashpot in series with the attached contacts
+    assert stiffness == pytest.approx(0.5)
+    assert ss.rate_and_state(interface).reason.startswith(f"no direct effect: a = {direct:.2g} at high frequency")
+
+
 ROWS = [
     (contacts(0.1, width=None, delay=0.1), False, "no direct effect"),
     (contacts(0.3, width=None, delay=0.1), False, "no direct effect"),

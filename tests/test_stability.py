@@ -44,7 +44,7 @@ from stickslip.stability.impedances import impedance, natural_frequencies, poles
 from stickslip.stability.modes import respond
 from stickslip.stability.neutral import _vertex, neutral_frequencies
 from stickslip.stability.transforms import transforms
-from stickslip.stability.unaged import _starts_on_real_axis
+from stickslip.stability.unaged import _clear_beyond, _starts_on_real_axis, _Tail
 from stickslip.theory import kinetic_friction
 
 INTERFACE, SLIDER = FIG7.interface, FIG7.slider
@@ -746,3 +746,9 @@ def test_roots_on_the_real_axis_are_looked_for_where_the_sum_changes_sign(stiffn
     assert starts.shape == (count,)
     before, after = ((body(s) + response.stiffness(1.0, s)).real for s in (0.95 * starts, 1.05 * starts))
     assert np.all(before * after < 0)
+
+
+@pytest.mark.parametrize(("size", "clear"), [(5.9, False), (6.1, True)])
+def test_beyond_the_table_a_rig_is_clear_of_discs_as_large_as_any(size, clear):
+    tail = _Tail(worst=3.0, deficit=0.1)  # a rig can be neutral with kappa in a disc up to its diameter
+    assert _clear_beyond(lambda s: np.full(s.shape, size + 0j), 1.0, 10.0, np.empty(0), tail, 1.0, None) is clear
