@@ -847,11 +847,12 @@ def test_command_on_a_measured_step(pytestconfig, tmp_path, capsys):
     from stickslip.cli import main
 
     path = str(pytestconfig.rootpath / "tests" / "data" / "giacomel_basalt_step.txt")
-    assert main(["rsf", path]) == 2
-    assert "--step-at" in capsys.readouterr().err
+    step = ["--step-at", "11676.28 s", "--from", "3 um/s", "--to", "10 um/s"]
+    for given in ([], step[2:], step[:2] + step[4:], step[:4]):
+        assert main(["rsf", path, *given]) == 2
+        assert f"{path}: of a measured trace say --step-at" in capsys.readouterr().err
     picture = tmp_path / "step.png"
-    asked = ["--step-at", "11676.28 s", "--from", "3 um/s", "--to", "10 um/s", "--law", "slip", "--plot", str(picture)]
-    assert main(["rsf", path, *asked]) == 0
+    assert main(["rsf", path, *step, "--law", "slip", "--plot", str(picture)]) == 0
     assert "slip law: a = 0.009" in capsys.readouterr().out
     assert picture.stat().st_size > 10_000
 
