@@ -557,3 +557,19 @@ def test_a_slider_that_flies_far_from_all_its_contacts_comes_down_again(velocity
     kept = run.kinetic_energy + run.spring_energy + run.contact_energy + run.damped_energy + run.broken_energy
     assert float(np.abs(kept - kept[0] - run.work).max()) < 1e-6 * float(np.abs(run.work).max())
     assert ss.drops(run).sizes["event"] >= 1
+
+
+def test_what_breaks_by_heat_at_rest_pulls_neither_way():
+    """Detached contacts slide with a force only once the slider does; at rest as many pull back as forth."""
+    interface = ss.Interface(
+        thresholds=NARROW,
+        initial=ss.Uniform(low=-0.5, high=0.5),
+        delay=ss.Delay(1.0),
+        sliding_force=0.3,
+        temperature=ss.Bell(width=0.1, attempts=1e4),
+    )
+    rig = ss.Rig(interface, ss.Slider(stiffness=50.0, mass=1.0, damping=5.0), ss.constant(0.0, 2.0))
+    run = ss.simulate(rig, method=ss.Contacts(4_000, seed=1), start=ss.FromRest(), output=ss.Output(interval=0.05))
+    assert float(run["attached"].min()) < 0.2
+    # Stretchings scatter by less than .5, over the root of the number.
+    assert np.abs(run["friction_force"].to_numpy()).max() < 4 * 0.5 / np.sqrt(4_000)
