@@ -752,3 +752,16 @@ def test_roots_on_the_real_axis_are_looked_for_where_the_sum_changes_sign(stiffn
 def test_beyond_the_table_a_rig_is_clear_of_discs_as_large_as_any(size, clear):
     tail = _Tail(worst=3.0, deficit=0.1)  # a rig can be neutral with kappa in a disc up to its diameter
     assert _clear_beyond(lambda s: np.full(s.shape, size + 0j), 1.0, 10.0, np.empty(0), tail, 1.0, None) is clear
+
+
+@pytest.mark.parametrize(("mass", "highest"), [(1e6, 1e-5), (1e-6, 1e2)])
+def test_frequencies_go_beyond_those_of_a_light_slider(mass, highest):
+    response = respond(replace(INTERFACE, temperature=Bell(width=0.01, attempts=1e6)))
+    body, omega = impedance(Slider(stiffness=1.0, mass=mass, damping=0.0)), highest * np.geomspace(0.1, 1.0, 10)
+    more = response.beyond(body, omega)
+    assert more.min() > omega[-1]
+    assert more.max() == pytest.approx(10.0 / math.sqrt(mass), rel=0.02)
+    ratio = more[1:] / more[:-1]
+    assert ratio.max() < 1.2
+    heavy = impedance(Slider(stiffness=1.0, mass=mass * 1e6, damping=0.0))
+    assert response.beyond(heavy, omega).size == 0
