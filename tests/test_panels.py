@@ -10,6 +10,7 @@ import reference
 from scipy.linalg import expm
 
 from stickslip.kernels import panel_state, panels, renewal, survival
+from stickslip.kernels.births import forget
 from stickslip.kernels.drive import FORCE_ABOVE, FORCE_BELOW, TRAVEL, Quadratic, Stop
 from stickslip.kernels.groups import spread_out
 from stickslip.kernels.oscillator import RIGID, Slider, is_rigid, response
@@ -466,3 +467,18 @@ def test_stretchings_are_the_distribution_of_the_attached():
     assert mass.sum() == pytest.approx(scalar[MASS_IN], abs=1e-5)
     assert mass @ x == pytest.approx(scalar[CONTACT_FORCE], abs=1e-5)
     assert 0.5 * mass @ x**2 == pytest.approx(scalar[STORED], abs=1e-5)
+
+
+@pytest.mark.parametrize("delays", [after(0.2, 0.05), spread(RandomDelay(mean=0.2, std=0.02))])
+def test_steps_of_which_something_has_still_to_attach_again_are_kept(delays):
+    state = initial_state(tables(GAUSSIAN), delays, *narrow())
+    longest = max([*delays.time, delays.continuous.top if delays.fraction > 0.0 else 0.0])
+    n, step = state.panels.shape[0], longest / 10.5
+    state.panels[:, 0], state.panels[:, 1] = step * np.arange(n), step
+    state.used[panel_state.PANELS], state.scalar[TIME], state.cursor[:] = n, n * step, n - 1
+    waiting = n * step - longest  # what broke earlier has attached again
+    assert forget(state, delays, 0)
+    left = state.panels[: state.used[panel_state.PANELS]]
+    assert left[-1, 0] == (n - 1) * step
+    assert left[0, 0] <= waiting < left[0, 0] + 3 * step
+    np.testing.assert_allclose(np.diff(left[:, 0]), step)
