@@ -16,21 +16,31 @@ from stickslip.kernels.groups import spread_out
 from stickslip.kernels.oscillator import RIGID, Slider, is_rigid, response
 from stickslip.kernels.panel_state import (
     ATTACHED,
+    BIRTH,
     CONTACT_FORCE,
     DAMPED,
+    DIRECTION,
     DRIVE_FORCE,
+    ELEMENT,
+    GROUPS,
     LOST,
+    MASS,
     MASS_IN,
     MASS_OUT,
     POSITION,
+    REACH,
     STORED,
     TIME,
+    UNCOUNTED,
     VELOCITY,
     WORK,
     Accuracy,
+    Case,
     Delays,
+    Newborn,
     initial_state,
 )
+from stickslip.kernels.panels import _arrest
 from stickslip.kernels.rules import GAUSS, WEIGHT
 from stickslip.model import MasterEquation, RandomDelay
 from stickslip.model.distributions import Empirical, Exponential, Gamma, Gaussian, LogNormal, Uniform, Weibull, excess
@@ -482,3 +492,25 @@ def test_steps_of_which_something_has_still_to_attach_again_are_kept(delays):
     assert left[-1, 0] == (n - 1) * step
     assert left[0, 0] <= waiting < left[0, 0] + 3 * step
     np.testing.assert_allclose(np.diff(left[:, 0]), step)
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_what_attaches_as_the_slider_stops_keeps_mass_and_energy(direction):
+    state = initial_state(tables(GAUSSIAN), NEVER_BACK, *narrow())
+    out, element, stretching, fraction = 0.3, 0.2, np.array([0.1, 0.3]), np.array([0.4, 0.6])
+    newborn = Newborn(stretching, fraction, fraction)  # far below all thresholds
+    still, accurate = Quadratic(0.0, 0.0, 0.0, 0.0), Accuracy(1e-5, 0.1)
+    case = Case(tables(GAUSSIAN), NEVER_BACK, SLIDER, still, accurate, newborn, element, UNCOUNTED)
+    state.scalar[[MASS_OUT, MASS_IN, ELEMENT, DIRECTION]] = out, 1.0 - out, element, direction
+    state.scalar[[CONTACT_FORCE, STORED, LOST]] = out * element, out * 0.5 * element**2, 0.0
+    groups, used = state.groups.copy(), state.used[GROUPS]
+    _arrest(state, case)
+    assert state.scalar[[MASS_IN, MASS_OUT, ATTACHED]] == pytest.approx([1.0, 0.0, 1.0])
+    assert state.scalar[CONTACT_FORCE] == pytest.approx(out * direction * (fraction @ stretching))
+    assert state.scalar[STORED] == pytest.approx(out * 0.5 * (fraction @ stretching**2))
+    assert state.scalar[STORED] + state.scalar[LOST] == pytest.approx(out * 0.5 * element**2)
+    new = slice(used, state.used[GROUPS])
+    assert state.groups[MASS, new].sum() == pytest.approx(out)
+    assert state.groups[BIRTH, new, 0] == pytest.approx(state.scalar[POSITION] - direction * stretching)
+    assert state.groups[REACH, new, 0] == pytest.approx(stretching)
+    np.testing.assert_array_equal(state.groups[:, :used], groups[:, :used])
