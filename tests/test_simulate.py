@@ -23,6 +23,7 @@ from stickslip.model import (
     LogarithmicGrowth,
     MasterEquation,
     Output,
+    Parabolic,
     Population,
     RandomDelay,
     Rig,
@@ -431,6 +432,23 @@ def test_snapshots_of_every_solver_hold_the_contacts_and_their_force(interface, 
     held, force = (seen[name].mean(of_all) for name in ("attached", "friction_force"))
     np.testing.assert_allclose(run["stretching_density"].sum("x") * width, held, atol=5e-3)
     np.testing.assert_allclose((run["stretching_density"] * run["x"]).sum("x") * width, force, atol=width)
+
+
+@pytest.mark.parametrize(
+    "temperature", [None, Bell(width=0.01, attempts=1e6), Parabolic(temperature=0.01, attempts=1e6)], ids=str
+)
+def test_snapshots_of_few_contacts_are_of_their_moment(temperature):
+    """Of six contacts, each that breaks or attaches between the moment and the look would show."""
+    interface = Interface(thresholds=Gaussian(mean=1.0, std=0.3), temperature=temperature, delay=Delay(0.3))
+    times = tuple((0.1 * np.arange(3, 40)).tolist())
+    output = Output(interval=0.1, snapshots=times, bins=400)
+    run = simulate(Rig(interface, FIG4.slider, constant(1.0, 4.0)), method=Contacts(6, seed=2), output=output)
+    width, seen = float(run["x"][1] - run["x"][0]), run.sel(time=run["snapshot"], method="nearest")
+    assert len(np.unique(seen["attached"])) > 3
+    np.testing.assert_allclose(run["stretching_density"].sum("x") * width, seen["attached"])
+    np.testing.assert_allclose(
+        (run["stretching_density"] * run["x"]).sum("x") * width, seen["friction_force"], atol=width
+    )
 
 
 @pytest.mark.parametrize("method", [Contacts(100), MasterEquation(rtol=1e-3)], ids=["contacts", "cohorts"])
