@@ -80,6 +80,13 @@ def changed(rig, mitigation, targets):
     return rig
 
 
+def test_only_what_oscillates_with_a_period_has_a_frequency(quickly):
+    seen = quickly.regime
+    assert quickly.frequency == 1.0 / seen.period
+    for other in (replace(seen, period=math.nan), replace(seen, period=0.0), replace(seen, kind="smooth sliding")):
+        assert replace(quickly, regime=other).frequency is None
+
+
 def test_a_mitigation_leaves_the_bistable_band():
     rig = make(stiffness=2.0)
     found = advise.predict(rig)
