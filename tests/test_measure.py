@@ -583,6 +583,22 @@ def test_what_is_neither_slips_nor_small_says_what_would_tell(record, how, wante
     assert result.reason.endswith(f"about {longer:.2g} time units {wanted}")
 
 
+@pytest.mark.parametrize(
+    ("factor", "about", "rms", "change"), [(5.0, 80.0, 0.01, "4.2"), (0.2, 70.0, 0.1, "0.26"), (0.2, 70.0, 0.03, None)]
+)
+def test_noise_that_changes_is_undecided_unless_little_is_left(factor, about, rms, change):
+    t = np.arange(0.0, 100.0, 0.01)
+    size = np.where(t < 55.0, 0.01, rms * factor ** ((t - about) / 20.0))  # the window is from 60 to 100
+    data = with_motion(t, 0.45 + size * contact_noise(np.random.default_rng(5), t.size), velocity=10.0)
+    result = regime(data)
+    if change is None:
+        assert result.kind == "smooth sliding"
+        assert result.reason.endswith("without a period: noise of the contacts")
+    else:
+        assert result.kind == "undecided"
+        assert f"and changes by a factor {change} between the halves of the window; about 80 more" in result.reason
+
+
 # ----------------------------------------------------------------------------------------------- benches
 
 
@@ -963,6 +979,13 @@ def test_the_period_is_one_in_time_and_not_in_samples(unit):
     found = find_cycles(t, np.sin(2.0 * np.pi * t / (20.0 * unit)))
     assert found.periodic
     assert found.period == pytest.approx(20.0 * unit, rel=0.01)
+
+
+def test_few_cycles_of_many_samples_are_all_seen():
+    t = np.linspace(0.0, 1.0, 2_000_000)
+    lag, height = _autocorrelation_peak(t, np.sin(2.0 * np.pi * 6.0 * t))
+    assert lag == pytest.approx(1.0 / 6.0, rel=0.01)  # a line is taken off, which leaves less of few cycles
+    assert height > 0.9
 
 
 @pytest.mark.parametrize("period", [20.0, 0.01])

@@ -280,9 +280,13 @@ def test_a_wrong_number_fails_its_claim(quick):
     assert claims[18].ok
 
 
-def test_a_wrong_regime_fails_its_claim(quick):
+@pytest.mark.parametrize(
+    ("stiffness", "delay", "kind"),
+    [(5.0, 0.1, "stick-slip"), (2.0, 0.085, "stick-slip"), (2.0, 0.1, "smooth sliding"), (2.0, 0.2, "undecided")],
+)
+def test_a_wrong_regime_fails_its_claim(quick, stiffness, delay, kind):
     data = quick("fig4").copy(deep=True)
-    data["kind"].loc[{"solver": "contacts", "stiffness": 5.0, "delay": 0.1}] = "stick-slip"
+    data["kind"].loc[{"solver": "contacts", "stiffness": stiffness, "delay": delay}] = kind
     claims = {claim.number: claim for claim in FIGURES["fig4"].check(data)}
     assert claims[7].verdict == "not reproduced"
     assert not claims[7].ok

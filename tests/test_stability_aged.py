@@ -19,12 +19,20 @@ from stickslip.stability import (
     onset,
     stability_map,
 )
+from stickslip.stability.aged import _place
 from stickslip.stability.modes import respond
 from stickslip.theory import kinetic_friction
 
 
 def aged(rate):
     return replace(FIG8.interface, ageing=Langevin(rate=rate))
+
+
+@pytest.mark.parametrize("delta", [0.3, 0.05, 0.01])
+def test_the_table_is_closest_where_newborns_come_to_leave_their_boundary(delta):
+    near, far = (_place(u + delta, delta) - _place(u - delta, delta) for u in (1.0, 2.0))
+    assert near > 4.0  # steps of the table over the change that it takes
+    assert far < 0.6 * near
 
 
 def test_slow_shaking_feels_the_slope_of_the_friction_law():

@@ -882,6 +882,41 @@ def test_batches_that_an_executor_loses_are_handed_in_again(monkeypatch):
     xr.testing.assert_identical(run_cases(case, AXES, executor=ForgetfulExecutor()), expected)
 
 
+MANY = AXES | {"velocity": np.linspace(0.1, 1.0, 61)}
+DEADLY = {"stiffness": 2.0, "velocity": float(MANY["velocity"][25]), "start": "sliding"}
+
+
+class KilledWorker(Exception):  # noqa: N818
+    """What Dask says of a batch of which several workers died."""
+
+
+class DeadlyExecutor(ElsewhereExecutor):
+    """One case kills every worker that runs it, and all that were in its batch with it."""
+
+    def __init__(self):
+        self.sizes = []
+
+    def submit(self, fn, /, *args, **kwargs):
+        (batch,) = (given for given in args if isinstance(given, list))
+        if DEADLY not in batch:
+            return super().submit(fn, *args, **kwargs)
+        self.sizes.append(len(batch))
+        future = Future()
+        future.set_exception(KilledWorker("4 workers died"))
+        return future
+
+
+def test_of_a_batch_that_kills_workers_only_the_deadly_case_fails():
+    executor = DeadlyExecutor()
+    result = run_cases(case, MANY, executor=executor)
+    assert str(summary(result)) == "365 of 366 cases done, 1 failed"
+    (failure,) = failures(result)
+    assert failure.parameters == DEADLY
+    assert failure.error.startswith("WorkerDied: ")
+    assert executor.sizes[0] > 1
+    assert executor.sizes[-1] == 1
+
+
 def test_an_executor_that_drops_every_batch_is_told():
     class Broken(ElsewhereExecutor):
         def submit(self, fn, /, *args, **kwargs):  # noqa: ARG002
@@ -1054,6 +1089,8 @@ def test_refinement_is_the_same_for_any_number_of_workers():
     )
     xr.testing.assert_identical(one, more)
     assert set(one["from_side"].values) | set(one["to_side"].values) == {0, 1}
+    sides = [one[name].attrs["long_name"] for name in ("from_side", "to_side")]
+    assert [words.partition(", ")[2] for words in sides] == ["on one side", "on the other"]
     assert one["from_side"].attrs["flag_meanings"] == one["side"].attrs["flag_meanings"] == "no_result below above"
 
 

@@ -485,23 +485,11 @@ def _without_drops(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]
             f"the force still {way}, by {trace.force_in_words(abs(drift))} in the window, and shows no complete slip; "
             f"about {trace.time_in_words(4.0 * span)} more would tell"
         )
-    excess = contact_noise(trace)
     if found.dismissed:
         relative = f"the force fluctuates by {part}, without a period"
         second = float(np.ptp(trace.force[trace.force.size // 2 :]))
-        if excess < MORE_THAN_NOISE:
-            if seen.trend > 3 or (seen.trend < 1 / 3 and second > SMALL * friction):
-                return "undecided", (
-                    f"{relative}, and changes by a factor {seen.trend:.2g} between the halves of the window; about "
-                    f"{trace.time_in_words(2.0 * span)} more would tell"
-                )
-            if oscillation > MOST_NOISE * friction:
-                return "sustained oscillation", (
-                    f"irregular, {part}, peak to peak, which so few contacts ({trace.contacts}) make as noise; "
-                    f"{_whether_it_sticks(seen)}"
-                )
-            return "smooth sliding", f"{relative}, as the noise of {trace.contacts} contacts does"
-        if oscillation > MOST_NOISE * friction or not is_normal(trace.force):
+        of_contacts = contact_noise(trace) < MORE_THAN_NOISE
+        if not of_contacts and (oscillation > MOST_NOISE * friction or not is_normal(trace.force)):
             return "undecided", (
                 f"{relative}: too much for noise, and no slips that stand out; "
                 f"about {trace.time_in_words(4.0 * span)} more would tell"
@@ -511,17 +499,22 @@ def _without_drops(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]
                 f"{relative}, and changes by a factor {seen.trend:.2g} between the halves of the window; about "
                 f"{trace.time_in_words(2.0 * span)} more would tell"
             )
-        return "smooth sliding", f"{relative}: noise of the contacts"
+        if not of_contacts:
+            return "smooth sliding", f"{relative}: noise of the contacts"
+        if oscillation > MOST_NOISE * friction:
+            return "sustained oscillation", (
+                f"irregular, {part}, peak to peak, which so few contacts ({trace.contacts}) make as noise; "
+                f"{_whether_it_sticks(seen)}"
+            )
+        return "smooth sliding", f"{relative}, as the noise of {trace.contacts} contacts does"
     if oscillation > max(2.0 * found.smallest, SMALL * friction) and not is_white(trace, found.noise, found.cycles):
         return "undecided", (
             "too short: the force oscillates, but shows no complete drop in the window; about "
             f"{trace.time_in_words(4.0 * span)} more would tell"
         )
     if oscillation > MOST_NOISE * friction:
-        return (
-            "undecided",
+        return "undecided", (
             f"noise of {oscillation:.3g} about a mean force of {abs(seen.mean_force):.3g} hides what there is: record "
-            "more "
-            "often",
+            "more often"
         )
     return "smooth sliding", f"the force shows noise only, {part}"
