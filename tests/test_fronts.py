@@ -17,7 +17,8 @@ import stickslip as ss
 from stickslip import cli
 from stickslip.io import rig_files
 from stickslip.measure.front_map import front_summary
-from stickslip.measure.fronts import _half_times
+from stickslip.measure.fronts import _half_times, _pieces
+from stickslip.model.units import Scales
 
 NEVER = ss.Delay(math.inf)
 STILL = ss.constant(velocity=0.0, duration=1.0)
@@ -440,6 +441,9 @@ def test_stiff_leaf_springs_keep_every_wave_stable():
     found = ss.critical_length(sliding(blocks=8, coupling=20.0, leaf=3.0))
     assert math.isinf(found.wavelength)
     assert "stable at every wavelength" in str(found)
+    in_si = replace(sliding(blocks=8, coupling=20.0, leaf=3.0), scales=Scales(force=120.0, stretching=1e-6))
+    assert ss.critical_length(in_si).stiffness == pytest.approx(found.stiffness * in_si.unit("k"))
+    assert in_si.unit("k") != 1.0
 
 
 def test_modes_in_si_units():
@@ -893,3 +897,12 @@ def test_a_mirrored_bar_runs_mirrored(method, tolerance):
         total = sum(run[f"{name}_energy"] for name in energies)
         defect = total - total[0] - run["work"]
         assert float(np.abs(defect).max()) < tolerance * float(run["broken_energy"].max())
+
+
+def test_a_front_that_waits_is_told_in_pieces():
+    time = np.concatenate([0.1 * np.arange(12), 50.0 + 0.2 * np.arange(8)])
+    one, other = _pieces(time, 0, 1)
+    assert one[:3] == (0, 11, 12)
+    assert other[:3] == (12, 19, 8)
+    assert one[3:] == pytest.approx((0.0, 1.1, 10.0))
+    assert other[3:] == pytest.approx((50.0, 51.4, 5.0))

@@ -765,3 +765,9 @@ def test_frequencies_go_beyond_those_of_a_light_slider(mass, highest):
     assert ratio.max() < 1.2
     heavy = impedance(Slider(stiffness=1.0, mass=mass * 1e6, damping=0.0))
     assert response.beyond(heavy, omega).size == 0
+
+
+def test_an_overdamped_mode_far_slower_than_the_other_keeps_its_digits():
+    quick, slow = natural_frequencies(impedance(Slider(stiffness=1.0, mass=1e-14, damping=1e14)))
+    assert quick == pytest.approx(-1e14, rel=1e-12)
+    assert slow == pytest.approx(-1.0, rel=1e-12)
