@@ -4,6 +4,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from stickslip.cli import main
 from stickslip.errors import InputError
 from stickslip.fitting.arrest import KEYS, Prior, simulate
 from stickslip.fitting.inference import infer
+from stickslip.fitting.known import quantity_of
 from stickslip.fitting.observation import Observation
 from stickslip.fitting.rates import Strengthening, half_speed_of, strengthening_of
 from stickslip.fitting.rigs import _draws
@@ -602,3 +604,20 @@ def test_statistics_are_what_their_names_say():
     for name, value in found.items():  # samples of the series scatter about it
         column = again[:, NAMES.index(name)]
         assert abs(np.median(column) - value) < 5.0 * column.std() + 1e-12
+
+
+@pytest.mark.parametrize(("unit", "size"), [("kN", 1000.0), ("mN", 1e-3), ("1", 50.0)])
+def test_quantities_are_in_newtons_whatever_the_trace_is_in(unit, size):
+    events = SimpleNamespace(force_unit=unit, time_unit="s", mean_peak=0.6)
+    known = SimpleNamespace(load=(50.0, 1.0), stiffness=(2e5, 1e3), speed=(1e-3, 1e-5), has=lambda _: True)
+    values, strength = np.array([[0.1, 0.2, 0.7, 4.0], [0.1, 0.2, 0.5, 8.0]]), np.array([2.0, 3.0])
+
+    def found(name):
+        return quantity_of(name, values, strength, events, known)
+
+    np.testing.assert_allclose(found("contact_strength"), size * strength)
+    np.testing.assert_allclose(found("static_friction"), size * 0.6)
+    np.testing.assert_allclose(found("sliding_friction"), size * strength * values[:, 2])
+    np.testing.assert_allclose(found("friction_coefficient"), size * 0.6 / 50.0)
+    np.testing.assert_allclose(found("interface_stiffness"), [5e4, 2.5e4])
+    np.testing.assert_allclose(found("breaking_displacement"), size * strength * values[:, 3] / 2e5)

@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from stickslip.measure import counted, drops, read_trace, regime, statistics, tr
 from stickslip.measure.arrays import turns
 from stickslip.measure.bench import about_the_sensor
 from stickslip.measure.periods import _autocorrelation_peak, find_cycles
-from stickslip.measure.verdict import _whether_it_sticks
+from stickslip.measure.verdict import _constant_drive, _whether_it_sticks
 
 TRACE = Path(__file__).parent / "data" / "guldstrand_force7.txt"
 
@@ -597,6 +598,13 @@ def test_noise_that_changes_is_undecided_unless_little_is_left(factor, about, rm
     else:
         assert result.kind == "undecided"
         assert f"and changes by a factor {change} between the halves of the window; about 80 more" in result.reason
+
+
+@pytest.mark.parametrize(("before", "first"), [([2.0] * 50, 50), ([], 0), ([1.0, 2.0] * 20, 40)])
+def test_the_last_stretch_of_constant_driving(before, first):
+    drive = np.array([*before, *[1.0] * 150])
+    assert _constant_drive(SimpleNamespace(drive=drive, t=np.arange(drive.size))) == first
+    assert _constant_drive(SimpleNamespace(drive=np.arange(200.0), t=np.arange(200))) is None
 
 
 # ----------------------------------------------------------------------------------------------- benches

@@ -229,6 +229,21 @@ def test_progress_rises_to_one(quick, name):
     assert 0.0 <= seen[0] <= 0.5
 
 
+@pytest.mark.parametrize("rate", [0.5, 2.0])
+def test_the_ramps_of_figure_10_go_with_the_square_of_the_rate(monkeypatch, rate):
+    runs = []
+    monkeypatch.setattr(fig10, "simulate", lambda rig, **options: runs.append((rig, options)))
+    monkeypatch.setattr(fig10, "transitions", lambda *_, **__: {"v1": 0.4 * rate**2, "v2": 1.1 * rate**2})
+    assert fig10._ramped(rate, 3, None, quick=False) == pytest.approx((0.4, 1.1))
+    ((rig, options),) = runs
+    told = [(piece.start, piece.end, piece.duration) for piece in rig.drive.pieces]
+    expected = [(0.25, 0.6, 500.0), (0.6, 1.7, 250.0)]
+    for one, (start, end, duration) in zip(told, expected, strict=True):
+        assert one == pytest.approx((start * rate**2, end * rate**2, duration / rate**2))
+    assert options["method"].seed == 3
+    assert options["output"].interval == pytest.approx(0.02 / rate**2)
+
+
 def test_figure_10_runs_two_ramps_at_each_rate(monkeypatch):
     def ramped(rate, seed, progress, *, quick):
         assert not quick
@@ -278,6 +293,19 @@ def test_a_wrong_number_fails_its_claim(quick):
     assert "expected: not reproduced" in str(claims[6])
     assert "NOT MET" in str(claims[6])
     assert claims[18].ok
+
+
+@pytest.mark.parametrize("wrong", ["K* rises", "steeper"])
+def test_a_critical_stiffness_that_goes_another_way_fails_its_claim(quick, wrong):
+    data = quick("fig3").copy(deep=True)
+    at_once = {"reattachment": "at once", "initial_std": 0.0}
+    if wrong == "K* rises":
+        data["critical_stiffness"].loc[at_once | {"threshold_std": data["threshold_std"][-1]}] = 99.0
+    else:
+        data["critical_stiffness"].loc[at_once | {"threshold_std": data["threshold_std"][0]}] *= 3.0
+    (claim,) = (claim for claim in FIGURES["fig3"].check(data) if claim.number == 5)
+    assert claim.verdict != "reproduced under the stated reading"
+    assert not claim.ok
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,8 @@ from stickslip.stability import (
     onset,
     stability_map,
 )
-from stickslip.stability.aged import _place
+from stickslip.stability import aged as aged_table
+from stickslip.stability.aged import _at, _phases, _place
 from stickslip.stability.modes import respond
 from stickslip.theory import kinetic_friction
 
@@ -149,3 +150,20 @@ def test_a_boundary_is_neutral_along_its_points():
         slider, omega = replace(FIG8.slider, stiffness=float(point["stiffness"])), float(point["frequency"])
         total = impedance_at(slider, omega) + dynamic_stiffness(aged(1.5), float(point["velocity"]), 1j * omega)
         assert abs(complex(total)) < 1e-3
+
+
+@pytest.mark.parametrize("u", [0.2371, 1.0413, 3.77])
+def test_the_rows_that_are_used_lie_about_the_place(monkeypatch, u):
+    used = []
+
+    def row(delta, newborn, number):  # noqa: ARG001
+        used.append(number)
+        return np.full((4, _phases(delta).size), number + 0j), 2.0 * number
+
+    monkeypatch.setattr(aged_table, "_row", row)
+    parts, rest = _at.__wrapped__(u, 0.1, 0.0)
+    place = _place(u, 0.1)
+    assert abs(np.mean(used) - place) <= 0.5
+    assert used == list(range(used[0], used[-1] + 1))
+    assert rest == pytest.approx(2.0 * place)  # what goes in proportion is met exactly
+    np.testing.assert_allclose(parts(-1.0), place)
