@@ -29,7 +29,7 @@ from stickslip.model.distributions import (
     Weibull,
     excess,
 )
-from stickslip.model.quadrature import table_of
+from stickslip.model.quadrature import _fine_nodes, table_of
 
 # A test may register one of its own.
 SHIPPED = {kind for kind in thresholds.DISTRIBUTIONS.values() if kind.__module__.startswith("stickslip.")}
@@ -624,6 +624,23 @@ def test_panels_close_in_on_a_jump_in_every_unit(unit):
     np.testing.assert_allclose(ends, [1.1, 1.3], rtol=3e-15)
     np.testing.assert_array_equal(other.edges / unit, table.edges)
     np.testing.assert_array_equal(other.survival, table.survival)
+
+
+@pytest.mark.parametrize("least", [50.0, 200.0])
+def test_what_has_decayed_takes_no_nodes(least):
+    below_zero = Uniform(low=-2.0, high=2.0)
+    x, _ = _fine_nodes(below_zero, 1.0, least)
+    assert x.min() < -1.99
+    widest = np.diff(table_of(below_zero).edges).max()
+    assert 40.0 / least < x.max() + 2.0 < 100.0 / least + widest  # exp(-40) of what there is at the lower end
+
+
+@pytest.mark.parametrize("q", [5j, 20j, 3.0 + 10j])
+def test_the_transform_of_a_wide_log_normal(q):
+    wide = LogNormal(mean=1.0, std=1.0)
+    z = np.linspace(-9.0, 9.0, 2_000_001)  # trapezia meet an integrand that vanishes at both ends to all orders
+    bell = np.exp(-0.5 * z * z - q * np.exp(wide.log_mean + wide.log_std * z)) / math.sqrt(2.0 * math.pi)
+    assert complex(wide.laplace(q)) == pytest.approx(complex(bell.sum() * (z[1] - z[0])), rel=1e-10)
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ from stickslip.model.distributions import Uniform
 from stickslip.model.drive import ForceAbove, Travel, constant, ramp
 from stickslip.paper.cases import FIG4, FIG8
 from stickslip.simulation import Beginning, rerun, simulate
-from stickslip.simulation.engines.langevin import Closure
+from stickslip.simulation.engines.langevin import Closure, _settling_time
 from stickslip.simulation.follow import follow
 from stickslip.theory import closure_friction, growth_model, kinetic_friction, lives
 
@@ -284,3 +284,12 @@ def test_contacts_that_break_as_soon_as_they_are_born_hold_nothing():
 def test_what_has_no_solver_is_refused(interface, method, message):
     with pytest.raises(InputError, match=message):
         simulate(Rig(interface, FIG8.slider, constant(1.0, 1.0)), method=method)
+
+
+@pytest.mark.parametrize(("velocity", "delay", "rate"), [(0.01, 0.0, 2.0), (1.0, 50.0, 2.0), (1.0, 0.0, 0.1)])
+def test_a_sliding_start_is_waited_for_through_lives_delays_and_ageing(velocity, delay, rate):
+    beginning = Beginning(aged(rate, 0.3, delay=Delay(delay)), None, velocity, FromSliding())
+    mean = FIG8.interface.threshold_distribution.moment(1)
+    time = _settling_time(beginning, rate)
+    assert time >= 5.0 * max(mean / velocity, delay, 1.0 / rate**2)
+    assert time <= 6.0 * (mean / velocity + delay + 1.0 / rate**2)

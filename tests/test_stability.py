@@ -42,7 +42,7 @@ from stickslip.stability import (
 )
 from stickslip.stability.impedances import impedance, natural_frequencies, poles
 from stickslip.stability.modes import respond
-from stickslip.stability.neutral import _vertex, neutral_frequencies
+from stickslip.stability.neutral import _bracketed_zeros, _vertex, neutral_frequencies
 from stickslip.stability.transforms import transforms
 from stickslip.stability.unaged import _clear_beyond, _starts_on_real_axis, _Tail
 from stickslip.theory import kinetic_friction
@@ -771,3 +771,23 @@ def test_an_overdamped_mode_far_slower_than_the_other_keeps_its_digits():
     quick, slow = natural_frequencies(impedance(Slider(stiffness=1.0, mass=1e-14, damping=1e14)))
     assert quick == pytest.approx(-1e14, rel=1e-12)
     assert slow == pytest.approx(-1.0, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("function", "right", "zero"),
+    [
+        (lambda x: x**3 - 2.0, 3.0, 2.0 ** (1 / 3)),
+        (lambda x: np.exp(x) - 3.0, 3.0, math.log(3.0)),
+        (lambda x: np.tanh(5.0 * (x - 1.234)), 3.0, 1.234),
+        (lambda x: np.exp(100.0 - x) - 0.3, 103.0, 100.0 - math.log(0.3)),
+    ],
+)
+def test_zeros_of_smooth_functions_take_few_evaluations(function, right, zero):
+    asked = []
+
+    def counted(x):
+        asked.append(x)
+        return function(x)
+
+    assert _bracketed_zeros(counted, np.array([right - 3.0]), np.array([right])) == pytest.approx([zero], rel=1e-14)
+    assert len(asked) <= 20  # bisection takes 50
