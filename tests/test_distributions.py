@@ -638,9 +638,9 @@ def test_what_has_decayed_takes_no_nodes(least):
 @pytest.mark.parametrize("q", [5j, 20j, 3.0 + 10j])
 def test_the_transform_of_a_wide_log_normal(q):
     wide = LogNormal(mean=1.0, std=1.0)
-    z = np.linspace(-9.0, 9.0, 2_000_001)  # trapezia meet an integrand that vanishes at both ends to all orders
+    z, step = np.linspace(-9.0, 9.0, 2_000_001), 9e-6  # trapezia: the integrand vanishes at both ends
     bell = np.exp(-0.5 * z * z - q * np.exp(wide.log_mean + wide.log_std * z)) / math.sqrt(2.0 * math.pi)
-    assert complex(wide.laplace(q)) == pytest.approx(complex(bell.sum() * (z[1] - z[0])), rel=1e-10)
+    assert complex(wide.laplace(q)) == pytest.approx(complex(bell.sum() * step), rel=1e-12)
 
 
 @dataclass(frozen=True)
