@@ -457,6 +457,17 @@ def test_a_finite_step_with_a_delay():
     assert force[-1] == pytest.approx(change, abs=2e-4)
 
 
+def test_a_step_on_a_stiff_spring_is_nearly_that_of_a_rigid_slider():
+    """It lags behind by the force over the stiffness, however stiff: steps that can no longer improve end."""
+    rigid, force = finite_step(AGEING, 1.0, 10.0, 2.0)
+    away = []
+    for stiffness in (1e4, 1e8, 1e12):
+        lead, soft = finite_step(AGEING, 1.0, 10.0, 2.0, stiffness=stiffness)
+        away.append(stiffness * np.abs(np.interp(rigid, lead, soft) - force).max())
+    assert away == pytest.approx([away[0]] * 3, rel=0.02)
+    assert 0.0 < away[0] < 0.1
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["parabolic", "power 3/2", "delay"])
 def test_finite_steps_that_are_small_are_the_linear_one(name):

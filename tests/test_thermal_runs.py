@@ -7,6 +7,7 @@ import pytest
 from scipy import integrate, optimize
 
 import stickslip as ss
+from stickslip.kernels import event_queue, thermal_clock
 from stickslip.simulation import estimate
 from stickslip.simulation.engines import Beginning, engine_of
 from stickslip.simulation.follow import follow
@@ -585,3 +586,13 @@ def test_a_sliding_start_has_the_force_of_the_detached_contacts(temperature):
         ss.kinetic_friction(interface, 1.0), abs=4 * 0.4 / 4_000**0.5
     )
     assert float(run["attached"][0]) < 0.5
+
+
+def test_thresholds_are_looked_for_from_the_slider_on():
+    birth, threshold = np.array([4.0, 4.5, 4.9]), np.array([1.2, 0.9, 1.1])
+    state = thermal_clock.make_state(birth, threshold, np.empty(0), 0.1, 1.0)
+    state.motion[thermal_clock.POSITION] = 5.0
+    state = thermal_clock.with_caps(state)
+    for side, queue in ((1.0, state.cap), (-1.0, state.cap_back)):
+        assert queue.counts[event_queue.BIN] == math.floor(side * 5.0 * queue.per_bin)
+        assert event_queue.peek(queue) == pytest.approx((threshold + side * birth).min())

@@ -172,7 +172,7 @@ class Closure(Steps):
         edges = threshold_edges(self._constants, max(method.cells / 50.0, 2.0))
         x, fraction = settled_nodes(beginning)
         beyond = beginning.interface.threshold_distribution.survival(edges)
-        self._thresholds = Thresholds(edges, (beyond[:-1] - beyond[1:]) / (beyond[0] - beyond[-1]))
+        self._thresholds = Thresholds(edges, beyond[:-1] - beyond[1:])
         room = np.zeros(math.ceil(3.0 / step) + 20)
         self._cohorts = Cohorts(np.append(-x, room), np.append(fraction, room))
         self.state = np.array([0.0, 0.0, 0.0, 0.0, x.size])
