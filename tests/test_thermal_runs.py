@@ -589,7 +589,7 @@ def test_a_sliding_start_has_the_force_of_the_detached_contacts(temperature):
 
 
 def test_thresholds_are_looked_for_from_the_slider_on():
-    birth, threshold = np.array([4.0, 4.5, 4.9]), np.array([1.2, 0.9, 1.1])
+    birth, threshold = np.linspace(4.6, 5.0, 1_000), np.linspace(1.2, 0.9, 1_000)
     state = thermal_clock.make_state(birth, threshold, np.empty(0), 0.1, 1.0)
     state.motion[thermal_clock.POSITION] = 5.0
     state = thermal_clock.with_caps(state)
