@@ -587,11 +587,12 @@ def test_what_is_neither_slips_nor_small_says_what_would_tell(record, how, wante
 @pytest.mark.parametrize(
     ("factor", "about", "rms", "change"), [(5.0, 80.0, 0.01, "4.2"), (0.2, 70.0, 0.1, "0.26"), (0.2, 70.0, 0.03, None)]
 )
-def test_noise_that_changes_is_undecided_unless_little_is_left(factor, about, rms, change):
+@pytest.mark.parametrize("unit", [1.0, 100.0])
+def test_noise_that_changes_is_undecided_unless_little_is_left(factor, about, rms, change, unit):
     t = np.arange(0.0, 100.0, 0.01)
     size = np.where(t < 55.0, 0.01, rms * factor ** ((t - about) / 20.0))  # the window is from 60 to 100
-    data = with_motion(t, 0.45 + size * contact_noise(np.random.default_rng(5), t.size), velocity=10.0)
-    result = regime(data)
+    force = 0.45 + size * contact_noise(np.random.default_rng(5), t.size)
+    result = regime(with_motion(t, unit * force, stiffness=2.0 * unit, velocity=10.0))
     if change is None:
         assert result.kind == "smooth sliding"
         assert result.reason.endswith("without a period: noise of the contacts")
