@@ -152,6 +152,11 @@ TWO = "t,F_d\n" + rows(lambda t, f: f"{t},{f}")
         (NUMBERS + "x\n1\ny\n2\nz\n3\nu\n4\n", {"step": 1.0}, "4 of 68 rows cannot be read, first line 61"),
         ("t,F_d\n" + rows(lambda t, f: f"{-t},{f}"), {}, "line 3: time -0.25 does not come after -0;"),
         ("t,F_d\n" + rows(lambda _, f: f"1,{f}"), {}, "times must rise"),
+        (
+            "t,F_d\n" + "".join(f"{ {3: 'x', 10: 1.0}.get(i, 0.25 * i) },{i % 7}\n" for i in range(60)),
+            {},
+            "line 12: time 1 does not come after 2.25;",
+        ),
         ("1.0\n\x00\x01\x02\n" + NUMBERS, {"step": 1.0}, "binary"),
         ("a,F_d\n" + rows(lambda _, f: f"x,{f}"), {"force": "a", "step": 1.0}, "holds no number in column 1"),
     ],
