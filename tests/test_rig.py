@@ -296,6 +296,9 @@ def test_of_many_mistakes_some_are_told_and_the_rest_counted(document):
     assert 0 < told < 9
     assert message.endswith(f"; and {9 - told} more")
     assert [mistake.place for mistake in caught.value.mistakes] == [f"{'mistaken_' * 6}{i}" for i in range(9)]
+    with pytest.raises(ss.InputError) as caught:  # a file of hundreds is no rig file
+        rigs.from_document(document | {f"mistaken_{i}": 1 for i in range(41)}, "rig.toml")
+    assert caught.value.mistakes == (caught.value,)
 
 
 @pytest.mark.parametrize(("mu_s", "mu_k"), [(0.45, 0.35), (0.6, 0.35), (0.36, 0.34)])

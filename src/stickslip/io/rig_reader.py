@@ -52,6 +52,10 @@ class _MissingError(InputError):
         self.example = toml(example)
 
 
+_MOST_EACH = 40
+"""Mistakes that are told each at its key, too: a form has no more; a file of thousands is no rig file."""
+
+
 def in_one_line(mistakes: list[InputError], place: str) -> InputError:
     """One error for every mistake in a file, as far as a line reaches."""
     missing = [mistake for mistake in mistakes if isinstance(mistake, _MissingError)]
@@ -62,7 +66,7 @@ def in_one_line(mistakes: list[InputError], place: str) -> InputError:
         examples = ", ".join(f"{mistake.place} = {mistake.example}" for mistake in missing)
         lines.append(f"missing, here with example values: {examples}")
     key = mistakes[0].place if len(mistakes) == 1 else ""
-    return InputError(f"{place}: {together(lines)}", key, tuple(mistakes))
+    return InputError(f"{place}: {together(lines)}", key, tuple(mistakes) if len(mistakes) <= _MOST_EACH else ())
 
 
 class Reader:
