@@ -446,9 +446,8 @@ def test_snapshots_of_few_contacts_are_of_their_moment(temperature):
     width, seen = float(run["x"][1] - run["x"][0]), run.sel(time=run["snapshot"], method="nearest")
     assert len(np.unique(seen["attached"])) > 3
     np.testing.assert_allclose(run["stretching_density"].sum("x") * width, seen["attached"])
-    np.testing.assert_allclose(
-        (run["stretching_density"] * run["x"]).sum("x") * width, seen["friction_force"], atol=width
-    )
+    mean = (run["stretching_density"] * run["x"]).sum("x") * width
+    np.testing.assert_allclose(mean, seen["friction_force"], atol=0.5001 * width)  # each in the middle of its bin
 
 
 @pytest.mark.parametrize("method", [Contacts(100), MasterEquation(rtol=1e-3)], ids=["contacts", "cohorts"])

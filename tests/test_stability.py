@@ -738,10 +738,8 @@ def test_a_parabola_through_three_points_has_its_lowest_value():
 
 @pytest.mark.parametrize(("stiffness", "mass", "count"), [(0.001, 1e-3, 2), (0.01, 0.0, 2), (0.1, 1e-3, 0)])
 def test_roots_on_the_real_axis_are_looked_for_where_the_sum_changes_sign(stiffness, mass, count):
-    response, body = (
-        respond(replace(INTERFACE, delay=Delay(0.1))),
-        impedance(Slider(stiffness=stiffness, mass=mass, damping=1.0)),
-    )
+    response = respond(replace(INTERFACE, delay=Delay(0.1)))
+    body = impedance(Slider(stiffness=stiffness, mass=mass, damping=1.0))
     starts = _starts_on_real_axis(response, body, 1.0, 0.0)
     assert starts.shape == (count,)
     before, after = ((body(s) + response.stiffness(1.0, s)).real for s in (0.95 * starts, 1.05 * starts))

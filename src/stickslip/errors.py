@@ -66,8 +66,8 @@ _MOST_TOLD = 320
 
 
 def together(mistakes: Iterable[str]) -> str:
-    """Return mistakes in one line, each once, as far as a message reaches; the others are counted."""
-    each = list(dict.fromkeys(mistakes))
+    """Return mistakes in one line, as far as a message reaches; the others are counted."""
+    each = list(mistakes)
     told = 1 + sum(so_far <= _MOST_TOLD for so_far in accumulate(map(len, each)))
     more = len(each) - told
     return "; ".join(each[:told]) + (f"; and {more} more" if more > 0 else "")

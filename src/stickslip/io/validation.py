@@ -96,7 +96,7 @@ def validate(kind: type[Document], content: Mapping[str, Any], place: str, *, na
     try:
         return kind.model_validate(content, context={"natural": natural})
     except ValidationError as error:
-        mistakes = (_one_mistake(item, kind) for item in error.errors(include_url=False))
+        mistakes = dict.fromkeys(_one_mistake(item, kind) for item in error.errors(include_url=False))
         raise InputError(f"{place}: {together(mistakes)}") from None
 
 
