@@ -177,6 +177,21 @@ def test_contacts_are_counted(name):
         np.testing.assert_allclose(whole, np.round(whole), atol=1e-9)
 
 
+@every_pair
+def test_snapshots_hold_the_attached_contacts_and_their_force(name):
+    run = simulate(PAIRS[name], output=ss.Output(interval=0.1, snapshots=(0.5, 1.2), bins=400))
+    width, seen = float(run["x"][1] - run["x"][0]), run.sel(time=run["snapshot"], method="nearest")
+    blocks = [dim for dim in seen["attached"].dims if dim != "snapshot"]
+    held = width * run["stretching_density"].sum("x")
+    pulled = width * (run["stretching_density"] * run["x"]).sum("x")
+    detached = PAIRS[name].interface.sliding_force * (1 - seen["attached"])
+    # A copy that looks ahead in other steps sees other numbers.
+    noise = 6 * NOISE / math.sqrt(contacts_of(PAIRS[name])) if PAIRS[name].draws_in_each_step else 0.0
+    np.testing.assert_allclose(held, seen["attached"].mean(blocks), atol=5e-3 + noise)
+    if PAIRS[name].interface.areas is None:  # contacts of different areas are of different stiffness
+        np.testing.assert_allclose(pulled, (seen["friction_force"] - detached).mean(blocks), atol=width + noise)
+
+
 # ---------------------------------------------------------------- the same run
 
 
@@ -192,6 +207,14 @@ def test_a_run_is_made_again_from_its_file(name, tmp_path):
     loaded = ss.load(ss.save(run, tmp_path / "run.nc"))
     xr.testing.assert_identical(loaded, run)
     xr.testing.assert_identical(ss.rerun(loaded), run)
+
+
+@every_pair
+def test_progress_rises_to_one(name):
+    pair, seen = PAIRS[name], []
+    ss.simulate(ss.Rig(pair.interface, pair.body, DRIVE, method=pair.method), progress=seen.append)
+    assert seen == sorted(seen)
+    assert 0 <= seen[0] <= seen[-1] == 1
 
 
 @every_pair

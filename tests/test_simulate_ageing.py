@@ -9,8 +9,6 @@ import xarray as xr
 from stickslip.errors import InputError
 from stickslip.io import datasets as store
 from stickslip.kernels.closure import Cohorts
-from stickslip.kernels.langevin import Langevin as Constants
-from stickslip.kernels.langevin_steady import steady_friction
 from stickslip.model import (
     Contacts,
     Delay,
@@ -89,19 +87,6 @@ def test_upper_range_of_figure_8_depends_on_the_start():
 
 # The standard deviation of a contact's stretching is below .3: .3/sqrt(N) at the start, less in the mean over time. The
 # kinetic equation is good to .3 % of the force.
-@pytest.mark.parametrize(
-    ("method", "tolerance"), [(Contacts(8_000, seed=3), 0.008), (MasterEquation(rtol=1e-4), 0.0012)]
-)
-def test_a_sliding_start_is_in_balance_and_stays(method, tolerance):
-    velocity = 0.5
-    expected = steady_friction(np.array([velocity]), Constants(1.0, 1.0, 0.1))[0]
-    heavy = Slider(stiffness=20.0, mass=1.0, damping=5.0)  # stiff and damped: smooth
-    run = simulate(Rig(aged(1.0), heavy, constant(velocity, 3.0)), method=method, start=FromSliding())
-    assert float(run["friction_force"][0]) == pytest.approx(expected, abs=2 * tolerance)
-    assert float(run["friction_force"].mean()) == pytest.approx(expected, abs=tolerance)
-    assert float(run["velocity"][0]) == velocity
-    drag = heavy.mass * heavy.damping * velocity
-    assert float(run["spring_force"][0]) == pytest.approx(float(run["friction_force"][0]) + drag, abs=1e-9)
 
 
 def test_variables_are_those_of_other_runs_less_the_unknown_energies(slips):
@@ -118,19 +103,6 @@ def test_variables_are_those_of_other_runs_less_the_unknown_energies(slips):
     }
     assert all(np.isfinite(v).all() for v in run.data_vars.values())
     assert float(slips["density"]["attached"].min()) == pytest.approx(1.0, abs=1e-9)
-
-
-@pytest.mark.parametrize("method", [Contacts(300, seed=4), MasterEquation(rtol=4e-3)])
-def test_a_run_repeats_from_its_file(method, tmp_path):
-    drive = ramp(0.5, 1.0, 0.5).then(constant(1.0, 0.5))
-    output = Output(interval=0.01, snapshots=(0.3, 0.8))
-    run = simulate(Rig(aged(1.5), SOFT, drive), method=method, output=output, start=FromSliding(perturbation=0.01))
-    xr.testing.assert_identical(rerun(store.load(store.save(run, tmp_path / "run.nc"))), run)
-    np.testing.assert_allclose((run["stretching_density"] * (run["x"][1] - run["x"][0])).sum("x"), 1.0, atol=2e-2)
-    other = simulate(
-        Rig(aged(1.5), SOFT, drive), method=method, output=Output(interval=0.01), start=FromSliding(perturbation=0.01)
-    )
-    np.testing.assert_array_equal(other["displacement"], run["displacement"])  # snapshots do not change the motion
 
 
 @pytest.mark.parametrize("method", [Contacts(300, seed=4), MasterEquation(rtol=4e-3)])
