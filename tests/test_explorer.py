@@ -12,8 +12,10 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from copy import deepcopy
+from dataclasses import replace
 from pathlib import Path
 
+import headless
 import numpy as np
 import pytest
 
@@ -32,7 +34,8 @@ from stickslip.theory import kinetic_friction
 for needed in ("starlette", "uvicorn", "plotly"):
     pytest.importorskip(needed)
 client = pytest.importorskip("websockets.sync.client")
-headless = pytest.importorskip("headless", reason="playwright is not installed")
+server_of_the_app = pytest.importorskip("stickslip.explorer.server")
+Request = pytest.importorskip("starlette.requests").Request
 
 needs_browser = pytest.mark.skipif(headless.CHROMIUM is None, reason=headless.WHY_NOT)
 PMMA = rigs.example_file("pmma_slider")
@@ -631,6 +634,68 @@ def test_the_step_of_a_trace_may_have_a_unit(server):
         for step in ("0.5%20ms", "5e-4")
     }
     assert spans["0.5%20ms"] == spans["5e-4"]
+
+
+def uploads(application, path, count):
+    """What so many uploads of one address are answered that stop after three bytes, and after how many seconds."""
+
+    async def upload():
+        sent = [{"type": "http.request", "body": b"1,2", "more_body": True}]
+        told = []
+
+        async def receive():
+            return sent.pop() if sent else await asyncio.Event().wait()
+
+        async def send(message):
+            told.append(message)
+
+        scope = {
+            "type": "http",
+            "method": "POST",
+            "path": path,
+            "query_string": b"",
+            "headers": [(b"host", b"localhost:80"), (b"content-length", b"1000")],
+            "client": ("127.0.0.1", 1),
+        }
+        begun = time.monotonic()
+        await application(scope, receive, send)
+        (error,) = json.loads(b"".join(message.get("body", b"") for message in told))["errors"]
+        return told[0]["status"], error["message"], time.monotonic() - begun
+
+    async def all_of_them():
+        return await asyncio.gather(*(upload() for _ in range(count)))
+
+    return asyncio.run(asyncio.wait_for(all_of_them(), 20))
+
+
+@pytest.mark.parametrize("path", ["/trace", "/fit", "/download/toml"])
+def test_uploads_that_stall_are_counted_and_given_up(monkeypatch, path):
+    monkeypatch.setattr(server_of_the_app, "ALONE", replace(server_of_the_app.ALONE, quick=0.5))
+    application = server_of_the_app.application(documents.first(), 80)
+    for _ in range(2):  # those that were given up hold no place
+        told = uploads(application, path, server_of_the_app.ALONE.files + 2)
+        refused = [took for status, _, took in told if status == 429]
+        assert len(refused) == 2
+        assert max(refused) < 0.4  # before anything was read
+        assert sum("within 0.5 s" in words for _, words, _ in told) == server_of_the_app.ALONE.files
+
+
+def test_a_fit_ends_with_a_line_when_the_explorer_closes():
+    """Its crew takes no more work then, and never answers."""
+    house = server_of_the_app._House(documents.first(), server_of_the_app.ALONE)
+    house.quick.close()
+    house.slow.close()
+
+    async def lines():
+        answer = await server_of_the_app._fit(house, request)
+        return [json.loads(line) async for line in answer.body_iterator]
+
+    async def receive():
+        return {"type": "http.request", "body": b"1,2", "more_body": False}
+
+    request = Request({"type": "http", "method": "POST", "headers": [], "query_string": b"intervals=yes"}, receive)
+    (line,) = asyncio.run(asyncio.wait_for(lines(), 20))
+    assert "closing" in line["errors"][0]["message"]
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -1788,14 +1853,31 @@ def test_a_rig_file_with_a_bar_opens_on_fronts(browser, tmp_path):
 
 
 def test_the_law_of_friction_turns_where_theory_says():
-    (told,) = answers.law({"document": documents.warm()}, silent)
-    rig = documents.rig_of(documents.warm())
-    v = numbers(told["speed"]["values"]) / rig.unit("velocity")
-    expected = kinetic_friction(rig.interface, v[::10].astype(float)) * rig.unit("force")
+    document = documents.warm()
+    (told,) = answers.law({"document": document}, silent)
+    x_s, (strength, unit) = 5e-4, document["interface"]["contact_strength"].split()
+    assert document["interface"]["breaking_displacement"] == "500 um"
+    assert unit == "N"
+    rig = documents.rig_of(document)
+    v = numbers(told["speed"]["values"])[::10].astype(float)
+    expected = kinetic_friction(rig.interface, v / x_s * rig.scales.time) * float(strength)
     assert numbers(told["values"])[::10] == pytest.approx(expected, rel=1e-5)
     (turning,) = told["turning"]
     assert turning["words"].startswith("maximum at ")
     assert turning["at"][1] >= numbers(told["values"]).max() * (1 - 1e-6)
+
+
+def test_the_law_of_friction_of_a_rig_in_si_units_is_in_si_units():
+    """By hand: contacts carry (1 + .2^2)/2 of 2400 N, and hold half of the time: 1 ms of every 2 ms."""
+    document = documents.of(rigs.example("brake_pad"))
+    (told,) = answers.law({"document": document}, silent)
+    v, force = told["here"]
+    assert v == pytest.approx(0.02)
+    assert force == pytest.approx(2400.0 * 0.52 * 0.5, rel=1e-6)
+    assert told["speed"]["unit"] == "m/s"
+    assert told["force"]["unit"] == "N"
+    assert told["speed"]["ends"] == pytest.approx([0.02 / 300, 0.02 * 300])
+    assert numbers(told["values"]).max() < 2400.0
 
 
 def test_a_parameter_turned_keeps_the_kelvins():

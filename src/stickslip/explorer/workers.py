@@ -166,12 +166,12 @@ class _Worker:
                 elif dropped.is_set() or now > deadline:
                     late = not dropped.is_set()
                     if late:
-                        reply(_errors(f"given up after {job.seconds:g} s; take a shorter run, or fewer contacts"))
+                        reply(errors(f"given up after {job.seconds:g} s; take a shorter run, or fewer contacts"))
                     self._line.send(_STOP)
                     stopping = now + GRACE
         except (EOFError, OSError):  # killed from outside, for its memory as a rule
             if not dropped.is_set():
-                reply(_errors("the computation was ended by the system, for want of memory as a rule"))
+                reply(errors("the computation was ended by the system, for want of memory as a rule"))
             return False
         return True
 
@@ -253,10 +253,11 @@ def _answer(line: Connection, job: Job) -> None:
         raise
     except Exception as error:  # the page is to stay alive whatever happens; the terminal is told, too
         traceback.print_exc()
-        line.send(("reply", _errors(f"this failed: {type(error).__name__}: {error}")))
+        line.send(("reply", errors(f"this failed: {type(error).__name__}: {error}")))
 
 
-def _errors(message: str) -> Plain:
+def errors(message: str) -> Plain:
+    """An answer that says what is wrong."""
     return {"errors": [{"key": "", "message": message}]}
 
 
