@@ -12,6 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
+import headless
 import pytest
 
 import stickslip as ss
@@ -231,7 +232,6 @@ def test_every_public_name_can_be_linked_to(built):
 
 @pytest.mark.slow
 def test_maths_is_set_offline_and_nothing_is_wider_than_a_phone(built):
-    headless = pytest.importorskip("headless")
     if headless.CHROMIUM is None:
         pytest.skip(headless.WHY_NOT)
     asked = []
