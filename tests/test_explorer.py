@@ -873,10 +873,37 @@ def test_a_field_in_si_takes_a_number_or_a_number_with_a_unit(browser, server):
         assert state(page)["slider"]["stiffness"] == "8 MN/m"
         page.fill("#field-slider-stiffness", "9000 kN/m")
         page.press("#field-slider-stiffness", "Tab")
+        settled(page)
         assert page.input_value("#field-slider-stiffness") == "9000"
         assert state(page)["slider"]["stiffness"] == "9000 kN/m"
         page.fill("#field-slider-stiffness", "9 kg")
         page.wait_for_selector("#field-slider-stiffness-complaint:not([hidden])")
+
+
+@needs_browser
+def test_a_unit_is_taken_over_once_it_is_accepted(bench):
+    def enter(text, then):
+        bench.fill("#field-drive-velocity", text)
+        bench.press("#field-drive-velocity", "Enter")
+        bench.wait_for_selector(f"body[data-run-state='{then}']")
+
+    enter("300 rpm", "refused")
+    assert "rpm" in bench.text_content("#field-drive-velocity-complaint")
+    enter("4", "")
+    assert state(bench)["drive"]["velocity"] == "4 mm/s"
+    enter("1 cm/s", "")
+    assert bench.input_value("#field-drive-velocity") == "1"
+    enter("2", "")
+    assert state(bench)["drive"]["velocity"] == "2 cm/s"
+
+
+@needs_browser
+def test_whole_numbers_may_have_their_thousands_apart(bench):
+    for text, value in (("10 000", 10_000), ("1 2", "1 2")):
+        bench.fill("#field-simulation-contacts", text)
+        bench.press("#field-simulation-contacts", "Enter")
+        bench.wait_for_selector(f"body[data-run-state='{'' if text == '10 000' else 'refused'}']")
+        assert state(bench)["simulation"]["contacts"] == value
 
 
 @needs_browser

@@ -40,7 +40,7 @@ def force_trace(data: xr.Dataset, width: int) -> Plain:
             "kind": seen.kind if not words else "speed sweep",
             "reason": words or seen.reason,
             "evidence": str(seen).splitlines()[1:] if not words else [],
-            "period": seen.period if math.isfinite(seen.period) else None,
+            "period": seen.period if math.isfinite(seen.period) and not words else None,
         },
         "window": [edge / times["factor"] for edge in seen.window],
     }
