@@ -24,6 +24,7 @@ from stickslip.errors import InputError
 from stickslip.explorer import answers, bars, documents, measured, packing, workers
 from stickslip.fitting import Prior
 from stickslip.fitting.arrest import KEYS
+from stickslip.fitting.tables import draws_kept
 from stickslip.io import datasets as store
 from stickslip.io import rig_files as rigs
 from stickslip.model import Rig
@@ -1684,6 +1685,29 @@ def test_readings_that_make_no_rig_are_one_line(slips, given, words):
     with pytest.raises(InputError, match=words) as told:
         list(measured.fit(slips, "sample.csv", BENCH | given, 1.0, silent))
     assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "fields"),
+    [
+        (b"a b c\n" + b"".join(b"%d %d %d\n" % (i, i * i % 7, i % 5) for i in range(60)), ["force column"]),
+        (b"force\n" + b"".join(b"%d\n" % (i % 7) for i in range(60)), ["step"]),
+        (b"time,force\n" + b"".join(b"%d,%d\n" % (i % 20, i % 7) for i in range(60)), ["step"]),
+    ],
+)
+def test_a_trace_that_cannot_be_read_names_the_fields_of_the_page(content, fields):
+    with pytest.raises(InputError) as told:
+        list(measured.trace(content, "trace.csv", {}, 800, silent))
+    assert all(f"in the field {field}" in str(told.value) for field in fields)
+    assert "--" not in str(told.value)
+
+
+def test_what_a_table_still_takes_counts_the_draws_that_are_kept(monkeypatch, tmp_path):
+    monkeypatch.setenv("STICKSLIP_CACHE", str(tmp_path))
+    prior = Prior(contacts=(5, 20))
+    assert draws_kept(prior, 30) == 0
+    assert len(fitting.table(prior=prior, draws=300, slips=30)) == 300
+    assert draws_kept(prior, 30) >= 300
 
 
 def test_a_shared_explorer_makes_no_table(slips):
