@@ -105,7 +105,7 @@ class Crew:
     ) -> None:
         """Do a job; `reply` is called, in another thread, with each answer, at last with ``{"done": True}`` or errors.
 
-        After `dropped` is set there is no reply, and the worker is free again within `GRACE`. Visitors have turns.
+        After `dropped` is set there is no reply, and the worker is free again within `GRACE`. Visitors take turns.
         """
         loop, dropped = asyncio.get_running_loop(), dropped or threading.Event()
         async with self._turns.of(visitor or Visitor()):
@@ -171,7 +171,7 @@ class _Worker:
                     stopping = now + GRACE
         except (EOFError, OSError):  # killed from outside, for its memory as a rule
             if not dropped.is_set():
-                reply(errors("the computation was ended by the system, for want of memory as a rule"))
+                reply(errors("the computation was killed, most likely for lack of memory"))
             return False
         return True
 
@@ -265,5 +265,5 @@ def _complaints(error: Exception) -> list[dict[str, str]]:
     if isinstance(error, MemoryError):
         return [{"key": "", "message": "not enough memory for this case; take fewer contacts"}]
     if not isinstance(error, (InputError, UndecidedError)):
-        return [{"key": "", "message": f"cannot be computed, its numbers are too far apart ({type(error).__name__})"}]
+        return [{"key": "", "message": f"cannot be computed: its parameters span too many orders of magnitude ({type(error).__name__})"}]
     return documents.complaints(error)

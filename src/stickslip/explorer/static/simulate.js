@@ -188,7 +188,7 @@ setPlaying(playing);
 
 export function keep(run) {
   state.before = run;
-  $("keep").textContent = run ? "Let the kept trace go" : "Keep trace to compare";
+  $("keep").textContent = run ? "Remove comparison" : "Keep trace to compare";
   if (shown.run && state.page === "simulate") drawForce();
 }
 $("keep").onclick = () => keep(state.before ? null : shown.run);
