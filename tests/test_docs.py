@@ -5,6 +5,7 @@ Blocks of code in the pages are run by the root conftest.py; here is the rest.
 
 import json
 import re
+import shutil
 import subprocess
 import sys
 from html.parser import HTMLParser
@@ -156,6 +157,27 @@ def test_claims_become_a_table_for_each_group(house, tmp_path):
     assert "| ratio | **FAILED** |" in text
 
 
+def test_a_report_of_other_sources_is_stale(house, monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(str(ROOT))
+    sources = import_module("verification.sources")
+    report = tmp_path / "report.json"
+    content = {"stickslip": "1.0", "when": "today", "studies": [], "sources": sources.fingerprint()}
+    report.write_text(json.dumps(content))
+    assert house.stale_report(report) == ""
+    assert "verify" not in house.claims(report)
+
+    package = tmp_path / "src" / "stickslip"
+    shutil.copytree(ROOT / "src" / "stickslip", package, ignore=shutil.ignore_patterns("__pycache__", "static"))
+    monkeypatch.setattr(sources, "ROOT", tmp_path)
+    assert house.stale_report(report) == ""  # of the same sources, wherever they lie
+    for file, stale in (("plot/runs.py", False), ("kernels/panels.py", True)):
+        (package / file).write_text((package / file).read_text() + "# changed\n")
+        assert bool(house.stale_report(report)) == stale
+    assert "run `make verify`" in house.claims(report)
+    report.write_text(json.dumps({"stickslip": "1.0", "when": "today", "studies": []}))  # made before there was a mark
+    assert house.stale_report(report)
+
+
 # ---------------------------------------------------------------- the built pages
 
 
@@ -190,6 +212,7 @@ def built(tmp_path_factory):
     pytest.importorskip("sphinx")
     out = tmp_path_factory.mktemp("html")
     command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-b", "html", "-d", out / "doctrees"]
+    command += ["-D", "suppress_warnings=house.stale"]  # of the report, which takes `make verify`
     done = subprocess.run([*command, DOCS, out / "pages"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert not done.stderr, done.stderr

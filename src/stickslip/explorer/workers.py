@@ -265,5 +265,6 @@ def _complaints(error: Exception) -> list[dict[str, str]]:
     if isinstance(error, MemoryError):
         return [{"key": "", "message": "not enough memory for this case; take fewer contacts"}]
     if not isinstance(error, (InputError, UndecidedError)):
-        return [{"key": "", "message": f"cannot be computed: its parameters span too many orders of magnitude ({type(error).__name__})"}]
+        what = "cannot be computed: its parameters span too many orders of magnitude"
+        return [{"key": "", "message": f"{what} ({type(error).__name__})"}]
     return documents.complaints(error)
