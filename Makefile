@@ -19,7 +19,7 @@ help:
 	@echo 'make lint      the same without the tests'
 	@echo "make verify    the paper's claims, solver against solver, slow tests (half an hour); report in verification/"
 	@echo 'make coverage  lines that the tests go through, slow ones too; the kernels as plain Python'
-	@echo 'make bench     each fast path beside the plain loop it replaces'
+	@echo 'make bench     each fast path beside the plain loop it replaces; fails on a broken promise'
 	@echo 'make fuzz      new wrong input all the time, for MINUTES=10'
 	@echo 'make mutants   one operator turned at a time, COUNT=20 of them: do the tests notice?'
 	@echo 'make lowest    the tests with the lowest versions of all dependencies'

@@ -13,6 +13,7 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
+import bench_table
 import headless
 import pytest
 
@@ -155,6 +156,27 @@ def test_claims_become_a_table_for_each_group(house, tmp_path):
     assert row.startswith(r"| fig3 | not reproduced | Claim 6: K\* = 3.59 \| N")
     assert r"K\* = 2.98913 k (2.989 ± 0.003)" in row
     assert "| ratio | **FAILED** |" in text
+
+
+@pytest.mark.parametrize(("fast", "code"), [(0.1, 0), (0.5, 1)])
+def test_a_promise_that_is_not_kept_fails_the_benchmarks(tmp_path, fast, code):
+    def timed(role, least):
+        info = {"role": role, "what": "runs", "promised": 5}
+        return {"group": "Fig. 4c", "extra_info": info, "stats": {"min": least}}
+
+    machine = {"cpu": {}, "python_version": "3.11"}
+    record = {"benchmarks": [timed("plain", 1.0), timed("fast", fast)], "machine_info": machine}
+    (tmp_path / "record.json").write_text(json.dumps(record | {"datetime": "2026-01-01T00:00:00+00:00"}))
+    (tmp_path / "page.md").write_text(f"{bench_table.BEGIN}{bench_table.END}")
+    assert bench_table.main([str(tmp_path / "record.json"), str(tmp_path / "page.md")]) == code
+    assert ("not met" in (tmp_path / "page.md").read_text()) == bool(code)
+
+
+def test_no_row_of_the_readme_hides_a_promise_that_is_not_kept():
+    rows = (ROOT / "README.md").read_text().partition(bench_table.BEGIN)[2].partition(bench_table.END)[0].splitlines()
+    promised = [re.search(r"\| ([\d.]+) \| at least ([\d.]+)(.*)\|$", row) for row in rows[3:] if row.startswith("|")]
+    assert len(promised) > 5
+    assert all((float(row[1]) < float(row[2])) == ("not met" in row[3]) for row in promised)
 
 
 def test_a_report_of_other_sources_is_stale(house, monkeypatch, tmp_path):
