@@ -94,18 +94,8 @@ def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
         smallest, largest = (float(end(skipna=False)) for end in (scaled.min, scaled.max))
         slopes.append(_slope(rates, data[name].mean("seed").to_numpy()))
         measured += [
-            between(
-                f"{name}/beta^2, smallest, mean of {data.sizes['seed']} ramps",
-                float(scaled.min(skipna=False)),
-                low,
-                high,
-            ),
-            between(
-                f"{name}/beta^2, largest, mean of {data.sizes['seed']} ramps",
-                float(scaled.max(skipna=False)),
-                low,
-                high,
-            ),
+            between(f"{name}/beta^2, smallest, mean of {data.sizes['seed']} ramps", smallest, low, high),
+            between(f"{name}/beta^2, largest, mean of {data.sizes['seed']} ramps", largest, low, high),
             between(f"slope of log {name} against log beta", slopes[-1], 1.9, 2.15),
         ]
     linear = data["v1_linear"] / square
