@@ -377,7 +377,7 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
     found = advise.predict(rig, progress=watch)
     assert isinstance(found, advise.Prediction)  # elastic sliders have a page of their own
     mitigations = []
-    for mitigation, words in zip(found.mitigations, found.mitigation_lines(), strict=True):
+    for mitigation in found.mitigations:
         trouble = "stick-slip" if found.regime.kind == "stick-slip" else "the oscillation"
         outcomes = (
             (mitigation.stops, f"smooth: {trouble} decays even from a start at rest"),
@@ -387,14 +387,15 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
             {
                 "title": f"{_change(mitigation.parameters, mitigation.values, values)}: {outcome}",
                 "to": ", ".join(
-                    advise.amount(rig, name, value) for name, value in zip(mitigation.parameters, values, strict=True)
+                    f"{advise.amount(rig, name, before)} to {advise.amount(rig, name, value)}"
+                    for name, before, value in zip(mitigation.parameters, mitigation.values, values, strict=True)
                 ),
                 "values": dict(zip(mitigation.parameters, values, strict=True)),
             }
             for values, outcome in outcomes
             if values is not None
         ]
-        mitigations.append({"parameters": list(mitigation.parameters), "words": words, "steps": steps})
+        mitigations.append({"parameters": list(mitigation.parameters), "steps": steps})
     yield {
         "name": rig.name,
         "verdict": found.verdict,

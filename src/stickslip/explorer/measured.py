@@ -85,7 +85,7 @@ def _read(content: bytes, name: str, options: Options) -> xr.Dataset:
 
 def _field_of(option: re.Match[str]) -> str:
     """The field of the page that stands for an option of the command line."""
-    return f"(in the field {'step' if option[1] == 'step' else f'{option[1]} column'})"
+    return f"(in the field {'seconds per row' if option[1] == 'step' else f'{option[1]} column'})"
 
 
 def sample(watch: Watch) -> Iterator[bytes]:
