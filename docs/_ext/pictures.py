@@ -24,10 +24,11 @@ def make(folder: Path = MADE) -> None:
         for rig, name in ((ss.example("pmma_slider"), "start_predict"), (ss.read_rig("stage.toml"), "stage_predict")):
             ss.plot.save(ss.predict(rig).plot(), folder / f"{name}.png")
         known: dict[str, Any] = {}
-        for block in blocks("theory/elastic.md", "python"):
-            exec(block, known)
-            if "front_curve.png" in block:
-                break
+        with contextlib.redirect_stdout(None):
+            for block in blocks("theory/elastic.md", "python"):
+                exec(block, known)
+                if "front_curve.png" in block:
+                    break
         Path("front_curve.png").replace(folder / "front_curve.png")
 
 
