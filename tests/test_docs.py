@@ -186,7 +186,7 @@ def test_a_report_of_other_sources_is_stale(house, monkeypatch, tmp_path):
     content = {"stickslip": "1.0", "when": "today", "studies": [], "sources": sources.fingerprint()}
     report.write_text(json.dumps(content))
     assert house.stale_report(report) == ""
-    assert "verify" not in house.claims(report)
+    assert house.made_by(report) == "Made by version 1.0 on today."
 
     package = tmp_path / "src" / "stickslip"
     shutil.copytree(ROOT / "src" / "stickslip", package, ignore=shutil.ignore_patterns("__pycache__", "static"))
@@ -195,7 +195,7 @@ def test_a_report_of_other_sources_is_stale(house, monkeypatch, tmp_path):
     for file, stale in (("plot/runs.py", False), ("kernels/panels.py", True)):
         (package / file).write_text((package / file).read_text() + "# changed\n")
         assert bool(house.stale_report(report)) == stale
-    assert "run `make verify`" in house.claims(report)
+    assert "run `make verify`" in house.made_by(report)
     report.write_text(json.dumps({"stickslip": "1.0", "when": "today", "studies": []}))  # made before there was a mark
     assert house.stale_report(report)
 

@@ -147,9 +147,7 @@ def claims(report: Path = REPORT) -> str:
         )
     content: dict[str, Any] = json.loads(report.read_text(encoding="utf-8"))
     studies: list[dict[str, Any]] = content["studies"]
-    lines = [f"Made by version {_cell(content['stickslip'])} on {content['when']}.", ""]
-    if stale := stale_report(report):
-        lines = [f":::{{warning}}\n{stale}\n:::", "", *lines]
+    lines: list[str] = []
     for group in dict.fromkeys(study["group"] for study in studies):
         lines += [f"### {group}", "", "| study | verdict | what was found |", "|---|---|---|"]
         for study in studies:
@@ -157,6 +155,16 @@ def claims(report: Path = REPORT) -> str:
                 lines += [f"| {study['study']} | {_verdict(claim)} | {_found(claim)} |" for claim in study["findings"]]
         lines.append("")
     return "\n".join(lines)
+
+
+def made_by(report: Path = REPORT) -> str:
+    """Which version made the report, and whether it is stale; apart from `claims`, as its headings would go before."""
+    if not report.exists():
+        return ""
+    content = json.loads(report.read_text(encoding="utf-8"))
+    stale = stale_report(report)
+    note = f":::{{warning}}\n{stale}\n:::\n\n" if stale else ""
+    return f"{note}Made by version {_cell(content['stickslip'])} on {content['when']}."
 
 
 def stale_report(report: Path = REPORT) -> str:
@@ -196,15 +204,21 @@ def _cell(value: object) -> str:
     return re.sub(r"([|*_`<>\\$])", r"\\\1", " ".join(text.split()))
 
 
+class MadeBy(_Made):
+    """``{made-by}``"""
+
+    def text(self) -> str:
+        self.env.note_dependency(str(REPORT))
+        if stale := stale_report():  # make docs ends in an error
+            logger.warning("verification/report.json: %s", stale, type="house", subtype="stale")
+        return made_by()
+
+
 class Claims(_Made):
     """``{claims}``"""
 
     def text(self) -> str:
         self.env.note_dependency(str(REPORT))
-        if stale := stale_report():  # make docs ends in an error
-            logger.warning(
-                "verification/report.json: %s", stale, location=self.get_location(), type="house", subtype="stale"
-            )
         return claims()
 
 
@@ -288,6 +302,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("commands", Commands)
     app.add_directive("rig-keys", RigKeys)
     app.add_directive("claims", Claims)
+    app.add_directive("made-by", MadeBy)
     app.connect("builder-inited", _bring_mathjax)
     app.connect("autodoc-process-docstring", _one_name_each, priority=400)  # before napoleon
     app.connect("builder-inited", _show_kernels_plain, priority=900)
