@@ -74,6 +74,14 @@ def test_simulate_writes_a_run_that_can_be_made_again(rig, tmp_path, capsys):
     assert (tmp_path / "run.png").stat().st_size > 10_000
 
 
+def test_a_ramp_is_judged_along_its_speeds(capsys, tmp_path):
+    for command in (("simulate", "wiper", "-o", tmp_path / "run.nc"), ("measure", tmp_path / "run.nc")):
+        assert run(*command) == 0
+        said = capsys.readouterr().out
+        assert "speeding up, it is there from the start and ends at 9" in said
+        assert "transitions()" not in said
+
+
 def test_measure_tells_the_same_of_a_run(rig, tmp_path, capsys):
     file = tmp_path / "run.nc"
     run("simulate", rig, "-o", file, "--json")

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 import stickslip as ss
-from stickslip.measure import counted, drops, read_trace, regime, statistics, transitions
+from stickslip.measure import counted, drops, ramps, read_trace, regime, statistics, transitions
 from stickslip.measure.arrays import turns
 from stickslip.measure.bench import about_the_sensor
 from stickslip.measure.periods import _autocorrelation_peak, find_cycles
@@ -851,6 +851,9 @@ def test_ramps_that_cannot_be_read_are_refused():
     with pytest.raises(ss.InputError, match="give level"):
         transitions(si)
     assert transitions(si, level=0.4).v1 == pytest.approx(1.4, abs=0.04)
+    for window in (1e-9, 1e-30):  # in the unit of a run: would be 1e12 windows and more
+        with pytest.raises(ss.UndecidedError, match="record more often"):
+            transitions(data, window=window)
 
 
 def test_hysteresis_shows_both_ways():
@@ -871,6 +874,50 @@ def test_the_loop_of_fig_7a():
     found = transitions(ss.simulate(ss.Rig(interface, slider, drive), method=ss.Contacts(2000, seed=1)))
     assert 1.0 <= found.v1 <= 1.85
     assert 0.2 <= found.v1_down <= 0.72
+
+
+@pytest.fixture(scope="module")
+def wiper():
+    return ss.simulate(ss.example("wiper"))
+
+
+def test_a_window_holds_two_cycles_at_every_velocity(wiper):
+    """At .5 m/s the wiper's cycle of 28 ms takes the drive 14 mm, at .05 m/s 3 mm."""
+    found = transitions(wiper)
+    for v, period in ((0.3, 28e-3), (0.65, 28e-3)):
+        up = found.isel(travel=found.middle.to_numpy() < 0.5)
+        at = int(np.abs(up.drive_velocity.to_numpy() - v).argmin())
+        assert 2 * period <= float(up.end[at] - up.begin[at]) <= 5 * period
+    # By eye: swings of 5 to 11 N from the first slip on, of 3 N at .94 m/s, none while it slows down to .2 m/s.
+    assert np.isnan(found.v1)
+    assert float(found.v2) == pytest.approx(0.944, abs=0.02)
+    assert 0.1 <= float(found.v2_down) <= 0.2
+    assert np.isnan(found.v1_down)
+    assert found.attrs["level"] == pytest.approx(0.4 * 7.2)
+    assert ramps.in_words(wiper).endswith(
+        f"speeding up, it is there from the start and ends at {1e3 * float(found.v2):.3g} mm/s; "
+        f"slowing down, it sets in at {1e3 * float(found.v2_down):.3g} mm/s and persists to the end"
+    )
+
+
+def test_a_ramp_is_judged_alike_in_natural_units(wiper):
+    rig = ss.example("wiper")
+    natural = transitions(ss.simulate(rig.natural))
+    assert float(natural.v2) * rig.unit("x_s/time") == pytest.approx(float(transitions(wiper).v2), rel=1e-6)
+
+
+def test_a_ramp_in_si_units_of_an_unknown_rig_needs_a_level_and_a_window(wiper):
+    del (unknown := wiper.copy()).attrs["provenance"]
+    with pytest.raises(ss.InputError, match="spring_force is in N: give level"):
+        transitions(unknown)
+    with pytest.raises(ss.InputError, match="displacement is in m: give window"):
+        transitions(unknown, level=2.88)
+    assert float(transitions(unknown, level=2.88, window=0.05).v2) == pytest.approx(0.944, abs=0.01)
+
+
+def test_a_constant_drive_has_no_transitions_to_say():
+    assert ramps.in_words(with_motion(*even_sawtooth(cycles=20))) == ""
+    assert ramps.in_words(trace(*even_sawtooth())) == ""
 
 
 # ----------------------------------------------------------------------------------------------- a real bench

@@ -295,6 +295,30 @@ def test_a_wrong_number_fails_its_claim(quick):
     assert claims[18].ok
 
 
+def test_a_law_of_whichever_critical_delay_is_reproduced_as_printed(quick):
+    data = quick("fig6").copy(deep=True)
+    data["linear_by_mass"][:] = data["sustained_by_mass"].to_numpy()
+    (claim,) = FIGURES["fig6"].check(data)
+    assert claim.verdict == PRINTED
+    assert not claim.ok  # it was settled otherwise
+
+
+def test_stick_slip_that_ends_with_the_delays_of_the_paper_is_reproduced_as_printed(quick):
+    data = quick("fig7").copy(deep=True)
+    data["sustained"].loc[{"case": "0.12, clip"}] = [0.5, 2.0]
+    claims = {claim.number: claim for claim in FIGURES["fig7"].check(data)}
+    assert claims[12].verdict == PRINTED
+    assert not claims[12].ok
+
+
+def test_a_transition_that_was_not_seen_fails_its_claim():
+    data = _made_up("fig10")
+    data["v2"][0] = math.nan
+    (claim,) = FIGURES["fig10"].claims(data)
+    assert claim.verdict == NOT
+    assert not claim.ok
+
+
 @pytest.mark.parametrize("wrong", ["K* rises", "steeper"])
 def test_a_critical_stiffness_that_goes_another_way_fails_its_claim(quick, wrong):
     data = quick("fig3").copy(deep=True)

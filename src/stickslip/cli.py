@@ -228,7 +228,7 @@ def _keep_run(run: xr.Dataset, output: Path | None, plot: Path | None, *, json: 
     """Write a run and its picture, and say what it did."""
     from stickslip import measure
     from stickslip.io import datasets as store
-    from stickslip.measure import front_map
+    from stickslip.measure import front_map, ramps
 
     if output is not None:
         store.save(run, output)
@@ -240,7 +240,7 @@ def _keep_run(run: xr.Dataset, output: Path | None, plot: Path | None, *, json: 
     if json:
         console.print_json({"regime": plain(seen), "output": str(output) if output else None})
         return
-    print(seen, *front_map.in_words(run), sep="\n")
+    print(ramps.in_words(run) or seen, *front_map.in_words(run), sep="\n")
     for what, where in (("run", output), ("picture", plot)):
         if where is not None:
             print(f"{what}: {where}")
@@ -275,7 +275,7 @@ def measure(
     """
     from stickslip import measure as measures
     from stickslip.io import files
-    from stickslip.measure import front_map
+    from stickslip.measure import front_map, ramps
 
     _check_outputs(events, plot, read=data)
     trace = _read_data(data, force, time, step, displacement=displacement, load=load, flip=flip)
@@ -308,7 +308,7 @@ def measure(
             }
         )
         return
-    print(seen, *front_map.in_words(trace), sep="\n")
+    print(ramps.in_words(trace) or seen, *front_map.in_words(trace), sep="\n")
     print()
     statistics = measures.statistics(catalogue)
     print(measures.counted(catalogue) + ("; mean ± standard deviation:" if statistics else ""))

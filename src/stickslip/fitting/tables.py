@@ -77,6 +77,11 @@ def folder_of(prior: Prior, slips: int, seed: int) -> Path:
     return cache_folder() / f"fit-{hashlib.sha256(key.encode()).hexdigest()[:16]}"
 
 
+def draws_kept(prior: Prior, slips: int, seed: int = 0) -> int:
+    """How many draws of the table of a prior the cache holds."""
+    return _BLOCK * len(list(folder_of(prior, slips, seed).glob("*.npz")))
+
+
 def table(
     *,
     prior: Prior = Prior(),

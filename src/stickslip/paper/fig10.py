@@ -8,6 +8,7 @@ oscillation fades to nothing, and ``v2`` is where it falls below a level.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import matplotlib.figure
@@ -78,6 +79,8 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
 
 
 def _slope(rates: Array, velocity: Array) -> float:
+    if not np.all(np.isfinite(velocity)):  # of a rate at which it was not seen
+        return math.nan
     return float(np.polyfit(np.log(rates), np.log(velocity), 1)[0])
 
 
@@ -88,10 +91,11 @@ def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
     slopes = []
     for name, low, high in (("v1", 0.34, 0.50), ("v2", 1.05, 1.25)):
         scaled = (data[name] / square).mean("seed", skipna=False)
+        smallest, largest = (float(end(skipna=False)) for end in (scaled.min, scaled.max))
         slopes.append(_slope(rates, data[name].mean("seed").to_numpy()))
         measured += [
-            between(f"{name}/beta^2, smallest, mean of {data.sizes['seed']} ramps", float(scaled.min()), low, high),
-            between(f"{name}/beta^2, largest, mean of {data.sizes['seed']} ramps", float(scaled.max()), low, high),
+            between(f"{name}/beta^2, smallest, mean of {data.sizes['seed']} ramps", smallest, low, high),
+            between(f"{name}/beta^2, largest, mean of {data.sizes['seed']} ramps", largest, low, high),
             between(f"slope of log {name} against log beta", slopes[-1], 1.9, 2.15),
         ]
     linear = data["v1_linear"] / square

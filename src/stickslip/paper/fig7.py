@@ -195,7 +195,7 @@ def _hysteresis(data: xr.Dataset) -> Claim:
 
 def _smooth_again(data: xr.Dataset) -> Claim:
     measured: list[Measured] = []
-    lasts_within = True
+    lasts_within = printed = True
     for name in data["case"].to_numpy().tolist():
         std = float(name.split(",")[0])
         low, high = data["sustained"].sel(case=name).to_numpy().tolist()
@@ -214,7 +214,9 @@ def _smooth_again(data: xr.Dataset) -> Claim:
             )
         if std in _ON:
             lasts_within &= high < _TOP
-        elif name.endswith("redraw"):
+            continue
+        printed &= high < _TOP  # with the paper's own delays; nowhere is not smooth again
+        if name.endswith("redraw"):
             measured.append(
                 between(f"stick-slip persists from, standard deviation {name}", low, 0.65, 0.75, "x_s/time")
             )
@@ -227,7 +229,7 @@ def _smooth_again(data: xr.Dataset) -> Claim:
     return Claim(
         number=12,
         statement="with random delays the motion is smooth again at high velocity",
-        verdict=verdict(printed=False, read=lasts_within and all(m.ok for m in measured)),
+        verdict=verdict(printed=printed and lasts_within, read=lasts_within and all(m.ok for m in measured)),
         settled="reproduced under the stated reading",
         reading="at mean .2 and standard deviations of .06 and .08. At the paper's .12 stick-slip persists from a "
         "narrow start at no velocity if negative draws are clipped to 0 or folded, and only between about .7 and .85 "
