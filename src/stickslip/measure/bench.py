@@ -13,6 +13,7 @@ from stickslip.measure.slips import SLIP_PHASE_OF_SLIPS, Slips, find_slips
 LEAST_WAY = 0.5  # of the range of the displacement, or of the force: a stroke goes at least so far
 IN_BETWEEN = 0.08  # largest part of the time that a force between its two plateaus may take
 MIRRORED = 0.25  # largest part of the time that the jumps of a mirrored force take
+RESOLVED = 2  # samples of a jump: with fewer, which of two samples came first is chance
 FEWEST_FLAT, FLAT_RUN, FLAT_PEAKS = 10, 3, 3  # samples, consecutive samples and peaks that make a saturated sensor
 
 
@@ -98,4 +99,6 @@ def is_mirrored(trace: Trace, found: Slips) -> bool:
         return False
     other = replace(trace, force=-trace.force)
     turned = find_slips(other)
+    if turned.size and float(np.median(turned.trough - turned.peak)) < RESOLVED:
+        return False
     return turned.size > 3 and turned.slip_phase(other) <= MIRRORED
