@@ -243,7 +243,7 @@ def test_unusable_files(tmp_path, rig, sawtooth, capsys):
         (("--step", "4 kg"), "not in a unit of 's'"),
         (("--after", "1,5"), "write '1.5'"),
         (("--after", "inf"), "finite"),
-        (("--minimum-drop", "0x10"), "must be a number"),
+        (("--minimum-drop", "0x10"), "cannot be read as a quantity"),
     ],
     ids=lambda value: ascii(str(value)[:30]),
 )
@@ -405,3 +405,15 @@ def test_help_is_quick_and_loads_no_heavy_library():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "heavy []" in done.stdout
     assert "predict" in done.stdout
+
+
+def test_after_and_minimum_drop_are_quantities_in_si_units(tmp_path, capsys):
+    """A bare number is in s or N, whatever the unit of the file."""
+    file = tmp_path / "ms.csv"
+    file.write_text("time (ms),force (mN)\n" + "".join(f"{10 * i},{2 + i % 100 / 100:.2f}\n" for i in range(4000)))
+    for after in ("10", "10 s", "10000 ms"):
+        assert run("measure", file, "--after", after, "--minimum-drop", "0.5 mN", "--json") == 0
+        found = json.loads(capsys.readouterr().out)
+        assert found["regime"]["window"][0] == 1e4
+        assert found["statistics"]["count"] == 29
+    assert "is not in a unit of 's'" in refused(capsys, "measure", file, "--after", "10 N")

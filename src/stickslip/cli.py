@@ -257,11 +257,9 @@ def measure(
     load: Annotated[str | None, Parameter(help="Column of the normal load, or the load itself: '20 N'.")] = None,
     flip: Annotated[bool, Parameter(help="Change the sign of the force.", negative="")] = False,
     minimum_drop: Annotated[
-        float | None, Parameter(help="Smallest drop that counts as a slip.", converter=_number)
+        str | None, Parameter(help="Smallest drop that counts as a slip: '5 mN', or in N (of a coefficient, bare).")
     ] = None,
-    after: Annotated[
-        float | None, Parameter(help="Look at what comes after this time only.", converter=_number)
-    ] = None,
+    after: Annotated[str | None, Parameter(help="Look at what comes after this time only: '10 ms', or in s.")] = None,
     events: Annotated[Path | None, Parameter(help="Write the catalogue of slips as CSV.")] = None,
     json: Json = False,
     plot: Plot = None,
@@ -279,8 +277,10 @@ def measure(
 
     _check_outputs(events, plot, read=data)
     trace = _read_data(data, force, time, step, displacement=displacement, load=load, flip=flip)
-    catalogue = measures.drops(trace, minimum_drop=minimum_drop, after=after)
-    seen = measures.regime(trace, after=after)
+    since = _in_unit_of(trace["time"], "--after", after, "s", "10 s")
+    smallest = _in_unit_of(trace["spring_force"], "--minimum-drop", minimum_drop, "N", "5 mN")
+    catalogue = measures.drops(trace, minimum_drop=smallest, after=since)
+    seen = measures.regime(trace, after=since)
     if events is not None:
         from stickslip.io import datasets as store
 
@@ -319,6 +319,20 @@ def measure(
     for what, where in ((str(catalogue.attrs["drops_are"]), events), ("picture", plot)):
         if where is not None:
             print(f"{what}: {where}")
+
+
+def _in_unit_of(variable: xr.DataArray, option: str, text: str | None, si: str, example: str) -> float | None:
+    """Read a quantity, bare in SI units, in the unit of the data; a plain number where that is none of SI."""
+    from stickslip.measure.headings import ratio
+    from stickslip.model.quantities import read_number, read_quantity
+
+    if text is None:
+        return None
+    size = ratio(si, str(variable.attrs.get("units", "")))
+    try:
+        return read_number(text) if size is None else size * read_quantity(text, si, example, bare=True)
+    except InputError as error:
+        raise InputError(f"{option}: {shown(text)}: {error}") from None
 
 
 @app.command
