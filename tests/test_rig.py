@@ -10,7 +10,6 @@ import pytest
 import stickslip as ss
 from stickslip.io import rig_files as rigs
 from stickslip.io.validation import LARGEST_FILE
-from stickslip.model import units
 from stickslip.model.distributions import DISTRIBUTIONS
 from stickslip.rigid import static_friction
 from stickslip.theory import kinetic_friction
@@ -370,20 +369,6 @@ def test_no_file_and_a_directory(tmp_path):
         rigs.read_rig(tmp_path / "none.toml")
     with pytest.raises(ss.InputError, match="directory"):
         rigs.read_rig(tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("value", "unit", "words"),
-    [
-        (4e6, "N/m", "4 MN/m"),
-        (0.0756, "kg", "75.6 g"),
-        (4e-4, "m/s", "400 um/s"),
-        (1.5, "kg", "1.5 kg"),
-        (0.0, "N", "0 N"),
-    ],
-)
-def test_values_in_words(value, unit, words):
-    assert units.engineering(value, unit) == words
 
 
 # ---------------------------------------------------------------- how a rig is used
