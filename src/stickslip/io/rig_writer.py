@@ -23,6 +23,7 @@ from stickslip.model.activation import ACTIVATIONS
 from stickslip.model.ageing import AGEING_MODELS
 from stickslip.model.delays import DELAYS, OnArrest
 from stickslip.model.distributions import DISTRIBUTIONS, Distribution
+from stickslip.model.drive import USUAL_DISTANCE
 from stickslip.model.methods import METHODS
 from stickslip.model.parameters import parameter_named
 from stickslip.model.quantities import read_quantity
@@ -187,6 +188,8 @@ class RigWriter:
             }
         velocity, duration = pieces[0].start, pieces[0].duration
         found = {"velocity": self._speeds(velocity)}
+        if self.digits is None and velocity and duration == USUAL_DISTANCE / abs(velocity):
+            return found  # a default, too
         if velocity:
             size = 1.0 if self.scales is None else self.scales.unit("x_s")
             distance = self._quantity(
