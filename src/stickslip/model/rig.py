@@ -155,6 +155,7 @@ class Rig(Answer):
     source: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
+        instance("Rig.name", self.name, str, "a text")
         instance("Rig.interface", self.interface, Interface, "an Interface")
         known = hasattr(self.slider, "stiffness") or callable(self.slider) or isinstance(self.slider, Chain | Sheet)
         if isinstance(self.slider, type) or not known:
