@@ -160,7 +160,7 @@ def number(
     return result
 
 
-def _is_span(value: object) -> bool:
+def _is_span(value: Any) -> bool:
     """Whether a value is a numpy.timedelta64, which passes for a whole number."""
     return getattr(getattr(value, "dtype", None), "kind", "") == "m"
 
@@ -206,7 +206,7 @@ def extreme(value: float) -> str:
 def whole(place: str, value: object, *, at_least: int, at_most: int | None = None, hint: str = "") -> int:
     """Return `value` as an int if it is a whole number in the range, else raise `InputError`."""
     # A float does not hold every large seed.
-    if isinstance(value, Integral) and not isinstance(value, bool) and not _is_span(value):
+    if isinstance(value, Integral) and not _is_span(value) and not isinstance(value, bool):
         exact = int(value)
         if exact >= at_least and (at_most is None or exact <= at_most):
             return exact

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 from stickslip.errors import InputError, shown
 from stickslip.model.records import Number, check
-from stickslip.words import engineering
+from stickslip.words import engineering as engineering  # others take it from here
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -98,7 +98,7 @@ SI: dict[Quantity, str] = {kind: UNITS[unit][-1] for kind, unit in QUANTITIES.it
 """SI unit of each quantity."""
 
 
-def natural_unit(name: str) -> str:
+def natural_unit(name: object) -> str:
     """Return a natural unit that is given as such, or by the quantity that it measures.
 
     Raises
