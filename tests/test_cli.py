@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -33,6 +34,27 @@ distance = 40.0
 [simulation]
 contacts = 500
 """
+
+BAR = """
+[chain]
+blocks = 4
+coupling = "540 MN/m"
+mass = "1.1 g"
+side = "4 MN/m"
+damping = "1e4 1/s"
+viscosity = "10 kg/s"
+[interface]
+contact_strength = "768 N"
+breaking_displacement = "2 um"
+thresholds = { distribution = "gaussian", std = 0.1 }
+delay = "2 ms"
+[drive]
+velocity = "0.4 mm/s"
+distance = "2 um"
+[simulation]
+contacts = 20
+"""
+INTERFACE = ss.Interface(thresholds=ss.Gaussian(1.0, 0.1), delay=ss.Delay(0.2))
 
 
 @pytest.fixture
@@ -226,6 +248,20 @@ def test_unusable_files(tmp_path, rig, sawtooth, capsys):
         line = refused(capsys, *arguments)
         assert line.startswith("stickslip: "), line
         assert len(line) > 25, line
+
+
+def test_a_chain_with_viscosity_in_si_units_is_simulated_and_kept(tmp_path):
+    file = tmp_path / "bar.toml"
+    file.write_text(BAR)
+    assert run("simulate", file, "-o", tmp_path / "bar.nc") == 0
+    assert ss.read_rig(tomllib.loads(ss.load(tmp_path / "bar.nc").attrs["rig"])) == ss.read_rig(file)
+
+
+def test_what_can_be_refused_is_refused_before_the_run(rig, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("stickslip.simulation.simulate", lambda *_, **__: pytest.fail("it ran"))
+    assert ".png" in refused(capsys, "simulate", rig, "--plot", tmp_path / "run.gif")
+    monkeypatch.setattr("stickslip.io.rig_files.read_rig", lambda _: ss.Rig(INTERFACE, lambda s: s, ss.constant(1.0)))
+    assert "cannot be written into a rig file" in refused(capsys, "simulate", rig)
 
 
 @pytest.mark.parametrize(

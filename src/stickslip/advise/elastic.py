@@ -18,6 +18,7 @@ from stickslip.progress import Progress
 from stickslip.stability import count_unstable
 from stickslip.stability.impedances import SpringMassDamper
 from stickslip.stability.modes import rightmost_root
+from stickslip.words import engineering, number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -122,8 +123,8 @@ class ElasticPrediction(Answer):
         for wave in self.waves:
             rate = "no exponential decay"
             if wave.growth is not None and wave.frequency is not None:
-                rate = f"{'growth' if wave.growth > 0 else 'decay'} rate {abs(wave.growth):.4g} {per}"
-                rate += f" at {wave.frequency:.4g} {hertz}" if wave.frequency else ", non-oscillatory"
+                rate = f"{'growth' if wave.growth > 0 else 'decay'} rate {number(abs(wave.growth))} {per}"
+                rate += f" at {engineering(wave.frequency, hertz)}" if wave.frequency else ", non-oscillatory"
             spans = f"unstable {' and '.join(map(self._span, wave.speeds))}" if wave.speeds else "stable at all speeds"
             stiffness = rig.in_units(wave.stiffness / rig.unit("k"), "stiffness")
             said.append(f"{wave.name} (stiffness {stiffness}): {rate}; {spans}")
