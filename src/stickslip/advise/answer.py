@@ -145,7 +145,7 @@ class Prediction(Answer):
 
     @property
     def bistable(self) -> bool:
-        """Whether smooth sliding is stable, and its contacts keep to it, although the run shows sustained stick-slip."""
+        """Whether smooth sliding is stable, and stays, although the run from rest shows sustained stick-slip."""
         return self.judged and self.unstable_modes == 0 and self.regime.kind in _OSCILLATES and self.stays
 
     @property

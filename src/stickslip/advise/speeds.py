@@ -85,7 +85,7 @@ class Survey:
         own = self._setting.velocity
         operation = self._setting.operation
         grid = [speed for i in range(len(self._linear)) for speed in self._grid(i)]
-        near = [speed for speed in grid if not math.isclose(speed, own, rel_tol=1e-6)]
+        near = [speed for speed in grid if not math.isclose(speed, own, rel_tol=PRECISION)]
         near.sort(key=lambda speed: abs(math.log(speed / own)))
         places = [*operation.speeds, *(operation.between or ()), *near]
         for i, speed in enumerate(places):
