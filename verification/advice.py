@@ -1,6 +1,7 @@
 """Is what `predict` says true? Rigs drawn at random, each sentence against simulations of its own.
 
-``python -m verification advice`` is the study; ``python -m verification.advice 0 150`` prints each disagreement, and sums up. What an oscillation is, is read here
+``python -m verification advice`` is the study;
+``python -m verification.advice 0 150`` prints each disagreement, and sums up. What an oscillation is, is read here
 without `stickslip.measure`: noise of the contacts halves where there are four times as many, an oscillation stays.
 """
 

@@ -398,7 +398,7 @@ class Prediction(Answer):
             yield words
 
     def _damping_ratio(self, damping: float) -> float:
-        return damping / self.rig.unit("1/time") / (2.0 * self.rig.natural.slider.frequency)
+        return float(damping / self.rig.unit("1/time") / (2.0 * self.rig.natural.slider.frequency))
 
     @property
     def where(self) -> str:

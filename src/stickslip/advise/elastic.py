@@ -240,7 +240,8 @@ def _name(wavelength: float, coupling: float, body: ElasticBody) -> str:
     if math.isnan(wavelength):
         return "a mode localised at the driven end"
     if isinstance(body, Chain) and body.size < wavelength < math.inf:
-        return "the bar nearly as a whole"  # no wave is longer than what carries it
+        # No wave is longer than what carries it.
+        return "the bar nearly as a whole" if wavelength > 3.0 * body.size else "half a wave along the bar"
     if math.isfinite(wavelength):
         return f"waves of {wavelength:.3g} blocks"
     return "the uniform mode" if coupling == 0.0 else "waves across the drive"

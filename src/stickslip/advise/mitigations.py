@@ -180,7 +180,7 @@ class Search:
                     ends.append((math.inf, value * furthest**side, BY_THEORY[is_stable(there)], side))
                     continue
                 fast = (seen.largest_velocity or 0.0) > SLIP_VELOCITY
-                kind, large = seen.kind, seen.peak_to_peak > _SLIGHT * static_friction
+                kind, large = str(seen.kind), seen.peak_to_peak > _SLIGHT * static_friction
                 if kind == "smooth sliding" and (fast or large or is_stable(there) is not False):
                     kind = "undecided"
                 ends.append((seen.peak_to_peak, value * furthest**side, kind, side))
