@@ -131,8 +131,8 @@ def test_predict_prints_a_verdict_and_leaves_a_picture(rig, tmp_path, capsys):
     assert run("predict", rig, "--plot", picture) == 0
     printed = capsys.readouterr().out
     words = " ".join(printed.split())
-    assert words.startswith("small: stick-slip from ")
-    assert "; at 1 x_s/time: stick-slip" in words
+    assert words.startswith("small: at 1 x_s/time: stick-slip, ")
+    assert "; stick-slip from " in words
     assert "2.989 k (3.548 k without re-attachment)" in words
     assert picture.stat().st_size > 10_000
 

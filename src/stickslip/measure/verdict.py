@@ -287,9 +287,7 @@ def _with_caution(result: Regime, elapsed: float) -> Regime:
     """Say so where an oscillation has had less time than a transient can take."""
     if result.kind not in ("stick-slip", "sustained oscillation") or not elapsed < LONG_TRANSIENT * result.period:
         return result
-    caution = (
-        f"the drive had lasted {elapsed / result.period:.0f} cycles; a transient can last {LONG_TRANSIENT} and more"
-    )
+    caution = f"seen for {elapsed / result.period:.0f} cycles only; run longer to rule out a transient"
     return replace(result, reason=f"{result.reason} ({caution})")
 
 
