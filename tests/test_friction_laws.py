@@ -630,7 +630,7 @@ def test_the_verdict_is_in_units_of_the_thresholds():
     assert [four.a, four.b, four.distance] == pytest.approx([4 * one.a, 4 * one.b, 4 * one.distance], rel=1e-3)
     rigid = contacts(0.3, width=None, delay=0.1)
     one, four = (ss.rate_and_state(contact, v) for contact, v in ((rigid, 1), (rescaled(rigid, 4), 4)))
-    found = [[float(word.rstrip(",")) for word in fit.reason.split() if word[0].isdigit()] for fit in (one, four)]
+    found = [[float(word.rstrip(",;")) for word in fit.reason.split() if word[0].isdigit()] for fit in (one, four)]
     assert found[1] == pytest.approx([4 * value for value in found[0]], rel=0.06)  # two digits are said
 
 
