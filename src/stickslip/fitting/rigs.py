@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError, UndecidedError, instance, whole
@@ -161,8 +162,8 @@ def _against(rig: Rig, found: Fit, known: Known) -> tuple[str, bool]:
         error = math.hypot(more, *(float(x.std()) / (float(x.mean()) * math.sqrt(x.size)) for x in (one, other)))
         return abs(math.log(float(one.mean() / other.mean()))) / max(error, 1e-9)
 
-    periods = (np.diff(each.time[each.peak_at]) for each in (made, events))
-    agrees = max(apart(made.drops, events.drops), apart(*periods, rate_error(events))) <= _NINETY
+    one, other = (np.diff(each.time[each.peak_at]) for each in (made, events))
+    agrees = max(apart(made.drops, events.drops), apart(one, other, rate_error(events))) <= _NINETY
     return words, agrees
 
 
@@ -238,11 +239,11 @@ def _said(found: Fit, path: str) -> str:
             return "assumed: at most what lets a slip be as short as it was recorded; weigh the slider"
 
 
-def _from_the_centre(draws: Mapping[str, Array]) -> Array:
+def _from_the_centre(draws: Mapping[str, Array]) -> NDArray[np.int64]:
     """Numbers of the draws, those nearest to the medians first, on logarithmic scales."""
     log = np.log(np.maximum(np.column_stack(list(draws.values())), 1e-30))
     scale = np.maximum(np.subtract(*np.quantile(log, (0.75, 0.25), axis=0)), 1e-9)
-    return np.argsort((((log - np.median(log, axis=0)) / scale) ** 2).sum(axis=1))
+    return np.asarray(np.argsort((((log - np.median(log, axis=0)) / scale) ** 2).sum(axis=1)))
 
 
 def _written(path: str, value: float, digits: int = 3) -> Any:
