@@ -1,18 +1,20 @@
 """The door for rigs: what a file says reaches the model, and every mistake gets one clear line."""
 
 import copy
+import json
 import math
 import re
 import tomllib
 from dataclasses import dataclass
 
 import pytest
+from drawn import NUMBER
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import stickslip as ss
+from stickslip.io import datasets, rig_keys
 from stickslip.io import rig_files as rigs
-from stickslip.io import rig_keys
 from stickslip.io.validation import LARGEST_FILE
 from stickslip.model.distributions import DISTRIBUTIONS
 from stickslip.rigid import static_friction
@@ -163,7 +165,10 @@ def test_every_key_is_written_and_reads_back(kind, natural, factor):
     rig = rigs.from_document(written(kind, factor, natural=natural))
     text = rigs.to_toml(rig)
     again = rigs.from_text(text)
-    assert again == rig
+    # A natural value that no text in SI divides into exactly reads back as its neighbour.
+    plain, before = (json.dumps(datasets.encode(each)) for each in (again, rig))
+    assert NUMBER.sub("#", plain) == NUMBER.sub("#", before)
+    assert list(map(float, NUMBER.findall(plain))) == pytest.approx(list(map(float, NUMBER.findall(before))), rel=1e-15)
     assert {key: one.draws for key, one in again.fitted.items()} == {key: one.draws for key, one in rig.fitted.items()}
     assert rigs.to_toml(again) == text
 
