@@ -31,7 +31,7 @@ from stickslip.model.distributions import Uniform
 from stickslip.model.drive import ForceAbove, Travel, constant, ramp
 from stickslip.paper.cases import FIG4, FIG8
 from stickslip.simulation import Beginning, rerun, simulate
-from stickslip.simulation.engines.langevin import Closure, _settling_time
+from stickslip.simulation.engines.langevin import Closure, _start
 from stickslip.simulation.follow import follow
 from stickslip.theory import closure_friction, growth_model, kinetic_friction, lives
 
@@ -290,6 +290,6 @@ def test_what_has_no_solver_is_refused(interface, method, message):
 def test_a_sliding_start_is_waited_for_through_lives_delays_and_ageing(velocity, delay, rate):
     beginning = Beginning(aged(rate, 0.3, delay=Delay(delay)), None, velocity, FromSliding())
     mean = FIG8.interface.threshold_distribution.moment(1)
-    time = _settling_time(beginning, rate)
+    time = -_start(beginning, rate)
     assert time >= 5.0 * max(mean / velocity, delay, 1.0 / rate**2)
     assert time <= 6.0 * (mean / velocity + delay + 1.0 / rate**2)
