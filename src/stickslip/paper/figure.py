@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, Protocol, get_args
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Literal, SupportsFloat, get_args
 
 import numpy as np
 import xarray as xr
@@ -62,24 +62,30 @@ class Measured:
         return f"{self.name} = {self.value:.6g}{unit} ({band}{'' if self.ok else ': NOT MET'})"
 
 
-def near(name: str, value: float, exact: float, tolerance: float, unit: str = "") -> Measured:
-    """Return a number that must be within a tolerance of the settled one."""
-    return Measured(name=name, value=float(value), low=exact - tolerance, high=exact + tolerance, unit=unit)
-
-
-def between(name: str, value: float, low: float, high: float, unit: str = "") -> Measured:
+def between(name: str, value: SupportsFloat, low: float, high: float, unit: str = "") -> Measured:
     """Return a number that must lie in a band."""
     return Measured(name=name, value=float(value), low=low, high=high, unit=unit)
 
 
-def at_most(name: str, value: float, bound: float, unit: str = "") -> Measured:
+def near(name: str, value: SupportsFloat, exact: float, tolerance: float, unit: str = "") -> Measured:
+    """Return a number that must be within a tolerance of the settled one."""
+    return between(name, value, exact - tolerance, exact + tolerance, unit)
+
+
+def at_most(name: str, value: SupportsFloat, bound: float, unit: str = "") -> Measured:
     """Return a number that must not exceed a bound."""
-    return Measured(name=name, value=float(value), high=bound, unit=unit)
+    return between(name, value, -math.inf, bound, unit)
 
 
-def at_least(name: str, value: float, bound: float, unit: str = "") -> Measured:
+def at_least(name: str, value: SupportsFloat, bound: float, unit: str = "") -> Measured:
     """Return a number that must reach a bound."""
-    return Measured(name=name, value=float(value), low=bound, unit=unit)
+    return between(name, value, bound, math.inf, unit)
+
+
+def extremes(name: str, values: NDArray[np.float64], low: float, high: float, unit: str = "") -> tuple[Measured, ...]:
+    """Return the smallest and the largest of several numbers, which must all lie in a band."""
+    found = ("smallest", values.min()), ("largest", values.max())
+    return tuple(between(f"{name}, {which}", value, low, high, unit) for which, value in found)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,32 +155,15 @@ class Claim:
 
     def plain(self) -> dict[str, object]:
         """Return what JSON can hold; None stands for a bound that is not there and a value that is no number."""
-
-        def finite(value: float) -> float | None:
-            return value if math.isfinite(value) else None
-
-        numbers = [
+        measured = [
             {
-                "name": m.name,
-                "value": finite(m.value),
-                "low": finite(m.low),
-                "high": finite(m.high),
-                "unit": m.unit,
-                "ok": m.ok,
+                name: None if name in ("value", "low", "high") and not math.isfinite(held) else held
+                for name, held in asdict(m).items()
             }
+            | {"ok": m.ok}
             for m in self.measured
         ]
-        return {
-            "number": self.number,
-            "statement": self.statement,
-            "verdict": self.verdict,
-            "settled": self.settled,
-            "ok": self.ok,
-            "reading": self.reading,
-            "exact": self.exact,
-            "measured": numbers,
-            "evidence": self.evidence,
-        }
+        return asdict(self) | {"measured": measured, "ok": self.ok}
 
 
 def verdict(*, printed: bool, read: bool = False) -> Verdict:
@@ -182,14 +171,6 @@ def verdict(*, printed: bool, read: bool = False) -> Verdict:
     if printed:
         return "reproduced"
     return "reproduced under the stated reading" if read else "not reproduced"
-
-
-class Compute(Protocol):
-    """Compute the data of a figure; `quick` is for tests: coarser, with the same verdicts."""
-
-    def __call__(self, progress: Progress, quick: bool) -> xr.Dataset:
-        """Return one labelled Dataset with all that picture and claims need."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,7 +185,8 @@ class Figure:
     caption : str
         What the panels show.
     data : callable
-        Computes everything that picture and claims need, as one labelled Dataset.
+        Computes everything that picture and claims need, as one labelled Dataset, from a progress and whether to be
+        quick.
     drawing : callable
         Draws the data.
     claims : callable
@@ -214,7 +196,7 @@ class Figure:
     name: str
     title: str
     caption: str
-    data: Compute
+    data: Callable[[Progress, bool], xr.Dataset]
     drawing: Callable[[xr.Dataset], matplotlib.figure.Figure]
     claims: Callable[[xr.Dataset], tuple[Claim, ...]]
 
@@ -258,20 +240,3 @@ class Figure:
 
 def _no_report(_: float) -> None:
     pass
-
-
-def variable(
-    dims: str | tuple[str, ...], values: object, long_name: str, units: str | None = None
-) -> tuple[str | tuple[str, ...], NDArray[Any], dict[str, str]]:
-    """Return a labelled variable or coordinate of a Dataset; texts have no unit."""
-    return dims, np.asarray(values), {"long_name": long_name} | ({} if units is None else {"units": units})
-
-
-def portions(progress: Progress, count: int) -> Iterator[Progress]:
-    """Divide a progress between `count` tasks of equal length, one after the other."""
-    for i in range(count):
-
-        def part(fraction: float, done: int = i) -> None:
-            progress((done + fraction) / count)
-
-        yield part
