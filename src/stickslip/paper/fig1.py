@@ -141,10 +141,6 @@ def _turning_points(force: Array) -> tuple[float, float]:
     return float(high), float(low)
 
 
-def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
-    return _scatter(data), _limit(data), _steady_start(data), _delta_start(data)
-
-
 def _scatter(data: xr.Dataset) -> Claim:
     count = data["contacts"].to_numpy()
     scaled = data["scatter"] * np.sqrt(data["contacts"])
@@ -283,5 +279,5 @@ FIGURE = Figure(
     "rises, overshoots and decreases; it tends to the kinetic friction.",
     data=_data,
     drawing=_drawing,
-    claims=_claims,
+    claims=(_scatter, _limit, _steady_start, _delta_start),
 )

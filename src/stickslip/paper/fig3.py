@@ -58,7 +58,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
 
     def run(name: str, progress: Progress) -> dict[str, Any]:
         std, delay, start, duration = _RUNS[name]
-        rig = ss.Rig(_interface(0.01, std, delay), FIG4.slider, ss.constant(FIG4.velocity, duration))
+        rig = FIG4.rig.replace(interface=_interface(0.01, std, delay), drive=ss.constant(FIG4.velocity, duration))
         method = ss.MasterEquation(rtol=1e-3 if quick else 1e-4)
         seen = ss.regime(ss.simulate(rig, method=method, start=start, progress=progress), after=duration - _EVALUATED)
         return {"kind": seen.kind, "peak_to_peak": seen.peak_to_peak}
@@ -68,7 +68,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         return ss.critical_stiffness(ss.Interface(thresholds=thresholds, initial=ss.SteadyState(thresholds=thresholds)))
 
     def critical_delay(std: float) -> float:
-        rig = ss.Rig(_interface(0.01, std), FIG4.slider, ss.constant(FIG4.velocity))
+        rig = FIG4.rig.replace(interface=_interface(0.01, std))
         found = ss.stability.onset(rig, "delay", between=(1e-3 / FIG4.velocity, 1e2 / FIG4.velocity))
         return math.nan if found is None else found
 
@@ -101,10 +101,6 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
             "std": ([0.1, 0.3], "standard deviation of thresholds [f_s]"),
         },
     )
-
-
-def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
-    return _decreases(data), _printed(data), _avoided(data)
 
 
 def _decreases(data: xr.Dataset) -> Claim:
@@ -226,5 +222,5 @@ FIGURE = Figure(
     "Cross: the value that the paper prints.",
     data=_data,
     drawing=_drawing,
-    claims=_claims,
+    claims=(_decreases, _printed, _avoided),
 )

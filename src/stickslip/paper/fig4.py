@@ -7,7 +7,6 @@ picture: the picture shows the beginning, the claims are weighed on what comes a
 from __future__ import annotations
 
 import itertools
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -45,11 +44,6 @@ _LATE = {
 }
 
 
-def _rig(stiffness: float, delay: float, duration: float | None = None) -> ss.Rig:
-    interface = replace(FIG4.interface, delay=ss.Delay(delay))
-    return ss.Rig(interface, replace(FIG4.slider, stiffness=stiffness), ss.constant(FIG4.velocity, duration))
-
-
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
     methods: dict[str, Method] = {
         "contacts": ss.Contacts(FIG4.contacts, seed=4),
@@ -60,21 +54,20 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     output = ss.Output(interval=_INTERVAL)
 
     def run(solver: str, stiffness: float, delay: float, progress: Progress) -> dict[str, Any]:
-        rig = _rig(stiffness, delay, 90.0 if quick else _END)
+        drive = ss.constant(FIG4.velocity, 90.0 if quick else _END)
+        rig = FIG4.rig.replace(stiffness=stiffness, delay=delay, drive=drive)
         made = ss.simulate(rig, method=methods[solver], output=output, progress=progress)
         return _weigh(made) | {name: made[name].to_numpy()[:_SAMPLES] for name in _TRACES}
 
     def scatter(count: int, progress: Progress) -> dict[str, float]:
-        method = ss.Contacts(count, seed=9)
-        made = ss.simulate(_rig(2.0, 0.2, 2.0 * _END), method=method, output=output, progress=progress)
+        rig = FIG4.rig.replace(drive=ss.constant(FIG4.velocity, 2.0 * _END))  # K = 2 k, delay .2
+        made = ss.simulate(rig, method=ss.Contacts(count, seed=9), output=output, progress=progress)
         return {"scatter": _period(made)[1]}
 
     seen = grid(first, run, _SOLVERS, STIFFNESSES, _DELAYS)
     shown = [_DELAYS.index(delay) for delay in _SHOWN_DELAYS]
-    smooth = [
-        [ss.theory.driving_force(rig.interface, rig.slider, FIG4.velocity) for rig in (_rig(K, tau) for tau in _DELAYS)]
-        for K in STIFFNESSES
-    ]
+    rigs = [[FIG4.rig.replace(stiffness=K, delay=tau) for tau in _DELAYS] for K in STIFFNESSES]
+    smooth = [[ss.theory.driving_force(rig.interface, rig.slider, FIG4.velocity) for rig in row] for row in rigs]
     of_period = "coefficient of variation of the period, K = 2 k, delay .2 [1]"
     return dataset(
         {name: ("stiffness shown_delay time", seen[name][0][:, shown]) for name in _TRACES}
@@ -124,10 +117,6 @@ def _period(run: xr.Dataset) -> tuple[float, float]:
     if float(np.ptp(force)) < 0.3 or not cycles.periodic:
         return np.nan, np.nan
     return cycles.period, cycles.variation
-
-
-def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
-    return _thresholds_of_delay(data), _strictly_periodic(data)
 
 
 def _thresholds_of_delay(data: xr.Dataset) -> Claim:
@@ -252,5 +241,5 @@ FIGURE = Figure(
     "transient.",
     data=_data,
     drawing=_drawing,
-    claims=_claims,
+    claims=(_thresholds_of_delay, _strictly_periodic),
 )

@@ -38,9 +38,10 @@ _OFF = {0.06: (0.25, 8.0), 0.08: (0.36, 4.0, 6.0)}
 _VELOCITIES = sorted({v for looked in (_ON, _OFF) for there in looked.values() for v in there})
 
 
-def _random(case: _Case) -> ss.Interface:
+def _random(case: _Case) -> ss.Rig:
     std, negative = case
-    return replace(FIG7.interface, delay=ss.RandomDelay(mean=_MEAN, std=std, negative=negative))
+    delay = ss.RandomDelay(mean=_MEAN, std=std, negative=negative)
+    return FIG7.rig.replace(interface=replace(FIG7.interface, delay=delay))
 
 
 def _name(case: _Case) -> str:
@@ -49,7 +50,7 @@ def _name(case: _Case) -> str:
 
 def _ranges(case: _Case, points: int, progress: Progress) -> dict[str, list[float]]:
     """Velocities between which stick-slip persists and smooth sliding is unstable; oscillation at some velocities."""
-    rig = ss.Rig(_random(case), FIG7.slider, ss.constant(1.0))
+    rig = _random(case)
     nowhere = [math.nan, math.nan]
     # With redrawn delays the range is narrow, .7 to .9: hence the number of points.
     windows = ss.sustained(rig, "velocity", between=(0.2, _TOP), points=points, tolerance=0.01).windows
@@ -73,18 +74,18 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     count = 4_000 if quick else FIG7.contacts
     parts = portions(progress, *[1.0] * (len(seeds) + len(_SWEPT) + 2), 2.0 * len(cases))
 
-    def loop(interface: ss.Interface, top: float, seed: int) -> tuple[xr.Dataset, xr.Dataset]:
+    def loop(rig: ss.Rig, top: float, seed: int) -> tuple[xr.Dataset, xr.Dataset]:
         drive = ss.ramp(_SLOW, top, _EACH_WAY).then(ss.ramp(top, _SLOW, _EACH_WAY))
-        rig = ss.Rig(interface, FIG7.slider, drive)
-        return ramped(rig, ss.Contacts(count, seed=seed), next(parts), start=ss.FromRest())
+        return ramped(rig.replace(drive=drive), ss.Contacts(count, seed=seed), next(parts), start=ss.FromRest())
 
-    ramps = [loop(FIG7.interface, _FAST, seed) for seed in seeds]
+    ramps = [loop(FIG7.rig, _FAST, seed) for seed in seeds]
     run, found = ramps[0]
     sweeps = [run, *(loop(_random(case), _TOP, 1)[0] for case in _SWEPT)]
-    rig = ss.Rig(FIG7.interface, FIG7.slider, ss.constant(1.0))
-    (band,) = ss.bistable_range(rig, "velocity", between=(0.3, _FAST))
+    (band,) = ss.bistable_range(FIG7.rig, "velocity", between=(0.3, _FAST))
     next(parts)(1.0)
-    branch = ss.cycle_branch(rig.replace(velocity=1.5), "velocity", step=0.2 if quick else 0.05, between=(0.3, _FAST))
+    branch = ss.cycle_branch(
+        FIG7.rig.replace(velocity=1.5), "velocity", step=0.2 if quick else 0.05, between=(0.3, _FAST)
+    )
     next(parts)(1.0)
     ranges = grid(next(parts), lambda case, part: _ranges(case, 5 if quick else 16, part), cases)
     oscillation = "peak to peak of the spring force, per contact [f_s]"
@@ -120,10 +121,6 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         },
         count=count,
     )
-
-
-def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
-    return _hysteresis(data), _smooth_again(data)
 
 
 def _hysteresis(data: xr.Dataset) -> Claim:
@@ -245,5 +242,5 @@ FIGURE = Figure(
     "deviation of the delays and by what is done with negative draws: clip to zero, fold to positive, redraw.",
     data=_data,
     drawing=_drawing,
-    claims=_claims,
+    claims=(_hysteresis, _smooth_again),
 )

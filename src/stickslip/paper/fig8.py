@@ -36,7 +36,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
 
     def run(solver: str, rate: float, start: str, progress: Progress) -> dict[str, Array]:
         interface = replace(FIG8.interface, ageing=ss.Langevin(rate=rate))
-        rig = ss.Rig(interface, FIG8.slider, ss.constant(FIG8.velocity, duration[solver]))
+        rig = FIG8.rig.replace(interface=interface, drive=ss.constant(FIG8.velocity, duration[solver]))
         made = ss.simulate(
             rig,
             method=_METHODS[solver],
@@ -49,8 +49,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         return {"force": force}
 
     force = grid(progress, run, list(_METHODS), rates, list(_STARTS))["force"]
-    rig = ss.Rig(FIG8.interface, FIG8.slider, ss.constant(FIG8.velocity))
-    edges = [edge.value**-0.5 for edge in ss.critical(rig, ss.stability.AGEING, between=(0.2, 3.0)).edges]
+    edges = [edge.value**-0.5 for edge in ss.critical(FIG8.rig, ss.stability.AGEING, between=(0.2, 3.0)).edges]
     f, distribution, seen = _at_rest()
     late = np.where(t >= 0.5 * min(duration.values()), force, np.nan)
     amplitude = np.nanmax(late, axis=-1) - np.nanmin(late, axis=-1)
@@ -90,10 +89,6 @@ def _at_rest(count: int = 100_000) -> tuple[Array, Array, Array]:
     middle = np.asarray(0.5 + (np.arange(_BINS) + 0.5) / _BINS)
     exact = ss.Gaussian(mean=ageing.mean, std=ageing.std).density(middle)
     return middle, exact, np.asarray(counts / np.diff(edges) / count)
-
-
-def _claims(data: xr.Dataset) -> tuple[Claim, ...]:
-    return _stationary(data), _window(data)
 
 
 def _stationary(data: xr.Dataset) -> Claim:
@@ -179,8 +174,8 @@ def _drawing(data: xr.Dataset) -> Picture:
             if rate in data["rate"]:
                 force = data["spring_force"].sel(solver="contacts", rate=rate, start=start, time=slice(0.0, 10.0))
                 ax.plot(force["time"], force, color=colour, linewidth=0.8, label=rf"$\beta$ = {rate:g}")
-        limits = {"ylim": (-0.6, 1.45), "xlim": (0.0, 10.0), "yticks": (-0.5, 0.0, 0.5, 1.0)}
-        panel(ax, title, data["time"] if row else None, data["spring_force"], **limits)
+        panel(ax, title, data["time"] if row else None, data["spring_force"], ylim=(-0.6, 1.45), xlim=(0.0, 10.0))
+        ax.set_yticks((-0.5, 0.0, 0.5, 1.0))
         ax.legend(loc="upper right", ncols=4, handlelength=1.0, columnspacing=0.8, borderaxespad=0.0)
         ax.tick_params(labelbottom=row == 1)
     ax = figure.add_subplot(places[2, 0])
@@ -202,8 +197,8 @@ def _drawing(data: xr.Dataset) -> Picture:
         ax.plot([], [], color=colour, label=words)
     for solver, mark, _ in marks:
         ax.plot([], [], mark, color=plot.GREY, markersize=4, label=solver)
-    rate, limits = plot.label(data["rate"], units="time units$^{-1/2}$"), {"ylim": (0.0, 1.6), "xlim": (0.5, None)}
-    panel(ax, "(d) oscillation of the force", rate, data["amplitude"], "upper right", **limits)
+    words, title = plot.label(data["rate"], units="time units$^{-1/2}$"), "(d) oscillation of the force"
+    panel(ax, title, words, data["amplitude"], "upper right", ylim=(0.0, 1.6), xlim=(0.5, None))
     return figure
 
 
@@ -215,5 +210,5 @@ FIGURE = Figure(
     "the rate of ageing (d). Grey: smooth sliding is linearly unstable.",
     data=_data,
     drawing=_drawing,
-    claims=_claims,
+    claims=(_stationary, _window),
 )

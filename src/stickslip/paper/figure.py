@@ -50,15 +50,15 @@ class Measured:
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit else ""
-        if math.isinf(self.low) and math.isinf(self.high):
-            band = "no bound"
-        elif math.isinf(self.low):
-            band = f"at most {self.high:.6g}"
-        elif math.isinf(self.high):
-            band = f"at least {self.low:.6g}"
-        else:
-            middle, half = 0.5 * (self.low + self.high), 0.5 * (self.high - self.low)
-            band = f"{middle:.6g} ± {half:.2g}"
+        match math.isfinite(self.low), math.isfinite(self.high):
+            case True, True:
+                band = f"{0.5 * (self.low + self.high):.6g} ± {0.5 * (self.high - self.low):.2g}"
+            case True, False:
+                band = f"at least {self.low:.6g}"
+            case False, True:
+                band = f"at most {self.high:.6g}"
+            case _:
+                band = "no bound"
         return f"{self.name} = {self.value:.6g}{unit} ({band}{'' if self.ok else ': NOT MET'})"
 
 
@@ -155,14 +155,9 @@ class Claim:
 
     def plain(self) -> dict[str, object]:
         """Return what JSON can hold; None stands for a bound that is not there and a value that is no number."""
-        measured = [
-            {
-                name: None if name in ("value", "low", "high") and not math.isfinite(held) else held
-                for name, held in asdict(m).items()
-            }
-            | {"ok": m.ok}
-            for m in self.measured
-        ]
+        measured = [asdict(m) | {"ok": m.ok} for m in self.measured]
+        for number in measured:
+            number |= {name: None for name in ("value", "low", "high") if not math.isfinite(number[name])}
         return asdict(self) | {"measured": measured, "ok": self.ok}
 
 
@@ -189,8 +184,8 @@ class Figure:
         quick.
     drawing : callable
         Draws the data.
-    claims : callable
-        Weighs the data against the paper's claims.
+    claims : tuple of callable
+        Each weighs the data against one claim of the paper.
     """
 
     name: str
@@ -198,7 +193,7 @@ class Figure:
     caption: str
     data: Callable[[Progress, bool], xr.Dataset]
     drawing: Callable[[xr.Dataset], matplotlib.figure.Figure]
-    claims: Callable[[xr.Dataset], tuple[Claim, ...]]
+    claims: tuple[Callable[[xr.Dataset], Claim], ...]
 
     def compute(self, progress: Progress | None = None, quick: bool = False) -> xr.Dataset:
         """Compute the data of the figure; `stickslip.io.datasets.save` writes them.
@@ -210,14 +205,12 @@ class Figure:
         quick : bool
             Coarser, for tests; the verdicts are the same.
         """
-        report = progress or _no_report
+        report = progress or (lambda _: None)
         data = self.data(report, quick)
         report(1.0)
         data.attrs["title"] = f"{self.name}: {self.title}"
         data.attrs["caption"] = self.caption
-        arguments: dict[str, object] = {"figure": self.name}
-        if quick:
-            arguments["quick"] = True
+        arguments = {"figure": self.name} | ({"quick": True} if quick else {})
         data.attrs["provenance"] = store.provenance("paper", arguments)
         return data
 
@@ -230,13 +223,9 @@ class Figure:
     def check(self, data: xr.Dataset) -> tuple[Claim, ...]:
         """Weigh the data that `compute` gave against the claims of the paper."""
         self._check(data)
-        return self.claims(data)
+        return tuple(weigh(data) for weigh in self.claims)
 
     def _check(self, data: xr.Dataset) -> None:
         made_by = store.read_provenance(data)
         if made_by["call"] != "paper" or made_by["arguments"].get("figure") != self.name:
             raise InputError(f"{self.name}: these are other data (made by {json.dumps(made_by['arguments'])[:80]})")
-
-
-def _no_report(_: float) -> None:
-    pass

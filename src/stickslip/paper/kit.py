@@ -67,7 +67,7 @@ def panel(
     title: str,
     x: xr.DataArray | str | None = None,
     y: xr.DataArray | str | None = None,
-    legend: str = "",
+    legend: Any = None,
     **properties: Any,
 ) -> None:
     """Name a panel and its axes, by variables or by words; place the legend; set limits, ticks and scales."""
@@ -77,7 +77,7 @@ def panel(
             axis.set_label_text(named)
         elif named is not None:
             plot.dress(axis, named)
-    if legend:
+    if legend is not None:
         ax.legend(loc=legend)
     plot.letter(ax, title)
 
