@@ -85,17 +85,13 @@ def _late_deviation(distribution: Distribution) -> tuple[float, float]:
 def _data(progress: Progress, quick: bool) -> xr.Dataset:
     counts = (250, 1000, 4000) if quick else (250, 1000, 4000, 16_000)
     seeds = range(3 if quick else 6)
-    cases = [(initial, threshold) for initial in INITIAL_STDS for threshold in THRESHOLD_STDS]
 
     def of_each_case(solve: Callable[[ss.Interface], Array]) -> Array:
         return np.array([[solve(_interface(i, t)) for t in THRESHOLD_STDS] for i in INITIAL_STDS])
 
-    def contacts(count: int, seed: int, initial: float, threshold: float, progress: Progress) -> dict[str, Array]:
-        # A stream of random numbers for every run.
-        stream = 1000 * cases.index((initial, threshold)) + seed
-        force = _sampled(_interface(initial, threshold), ss.Contacts(count, seed=stream))
-        progress(1.0)
-        return {"force": force}
+    def contacts(count: int, seed: int, initial: float, threshold: float, _: Progress) -> dict[str, Array]:
+        stream = 1000 * list(_SETTLED).index((initial, threshold)) + seed  # of random numbers, for every run
+        return {"force": _sampled(_interface(initial, threshold), ss.Contacts(count, seed=stream))}
 
     master = of_each_case(_force)
     remembering = of_each_case(lambda interface: _sampled(interface, ss.MasterEquation()))

@@ -67,12 +67,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     X = curves[0][0]
     coarse = X[19::20]
 
-    def contacts(velocity: float, progress: Progress) -> dict[str, Array]:
-        force = _pulled_contacts(velocity, count, coarse)
-        progress(1.0)
-        return {"force": force}
-
-    checked = grid(first, contacts, _KNOWN)["force"]
+    checked = grid(first, lambda v, _: {"force": _pulled_contacts(v, count, coarse)}, _KNOWN)["force"]
     rig = FIG11.rig.replace(drive=ss.ramp(0.05, 1.8, _EACH_WAY))
     run, seen = ramped(rig, ss.Contacts(FIG11.contacts, seed=11), second, level=_LEVEL)
     linear = ss.critical(FIG11.rig, "velocity", between=(0.25, 2.0)).edges

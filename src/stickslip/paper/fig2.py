@@ -6,7 +6,8 @@ Forces, effective potential of Eq. (5), condition of Eq. (6), and effective stif
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -28,8 +29,7 @@ _ONSET = 0.01
 """Fraction of contacts that have broken where, to the eye, the force leaves the straight line."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Instability:
+class Instability(NamedTuple):
     """Where a slider pulled quasi-statically becomes unstable: its position, and that of the drive, in ``x_s``."""
 
     X: float
@@ -70,6 +70,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     begin = float(np.interp(onset, X, force)) / slider.stiffness
     drives = np.array([onset + begin, found.drive, 2.0 * found.drive - onset - begin])
     potential = [ss.theory.effective_potential(slider, X, force, d) for d in drives]
+    instability = "slider and drive at the elastic instability"
     points = [onset, found.X, _landing(X, force, found, slider)]
     return dataset(
         {
@@ -77,11 +78,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
             "K_eff": ("displacement", -run["stiffness"], "effective stiffness, per contact [k]"),
             "V_eff": ("drive displacement", potential, "effective potential, per contact [f_s x_s]"),
             "point": ("which", points, "displacement at the points of the figure [x_s]"),
-            "instability": (
-                "reattachment quantity",
-                [[found.X, found.drive], [forever.X, forever.drive]],
-                "slider and drive at the elastic instability [x_s]",
-            ),
+            "instability": ("reattachment quantity", [found, forever], f"{instability} [x_s]"),
             "K_critical": ("", ss.critical_stiffness(interface), "critical stiffness, per contact [k]"),
         },
         {
@@ -179,8 +176,7 @@ def _drawing(data: xr.Dataset) -> Picture:
 
 def _draw_point(ax: Axes, name: str, at: tuple[float, float], offset: tuple[float, float], colour: str) -> None:
     ax.plot(*at, "o", color=colour, markersize=5, zorder=3)
-    bold = {"color": colour, "fontweight": "bold"}
-    ax.annotate(name, at, xytext=offset, textcoords="offset points", **bold)
+    ax.annotate(name, at, xytext=offset, textcoords="offset points", color=colour, fontweight="bold")
 
 
 def _draw_forces(ax: Axes, data: xr.Dataset, K: float) -> None:

@@ -46,15 +46,13 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     initials = (0.0, 0.01, 0.1, 0.3) if quick else (0.0, 0.01, 0.05, 0.1, 0.2, 0.3)
     first, second = portions(progress, len(stds), len(_RUNS))
 
-    def stiffness(initial: float, threshold: float, progress: Progress) -> dict[str, float]:
+    def stiffness(initial: float, threshold: float, _: Progress) -> dict[str, float]:
         interface = _interface(initial, threshold)
-        found = {
+        return {
             "at once": ss.critical_stiffness(interface),
             "never": ss.critical_stiffness(interface, reattachment=False),
             "estimate": ss.theory.critical_stiffness_estimate(interface),
         }
-        progress(1.0)
-        return found
 
     def run(name: str, progress: Progress) -> dict[str, Any]:
         std, delay, start, duration = _RUNS[name]
@@ -69,8 +67,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
 
     def critical_delay(std: float) -> float:
         rig = FIG4.rig.replace(interface=_interface(0.01, std))
-        found = ss.stability.onset(rig, "delay", between=(1e-3 / FIG4.velocity, 1e2 / FIG4.velocity))
-        return math.nan if found is None else found
+        return ss.stability.onset(rig, "delay", between=(1e-3 / FIG4.velocity, 1e2 / FIG4.velocity))
 
     K, seen = grid(first, stiffness, initials, stds), grid(second, run, list(_RUNS))
     both, pairs = [K["at once"], K["never"]], "initial_std threshold_std"

@@ -225,8 +225,7 @@ def _draw_without_delay(ax: Axes, run: xr.Dataset) -> Axes:
     """Force and, on a second axis, velocity against displacement."""
     early = run.isel(time=(run["displacement"] < 6.0).to_numpy())
     ax.plot(early["displacement"], early["spring_force"], color=plot.BLUE)
-    second = second_axis(ax, (0, 12), [0, 4, 8, 12])
-    second.plot(early["displacement"], early["velocity"], color=plot.VERMILLION, linestyle=":")
+    second = second_axis(ax, early["displacement"], early["velocity"], (0, 12), [0, 4, 8, 12], linestyle=":")
     ax.tick_params(axis="y", colors=plot.BLUE)
     title = rf"(a) $K$ = {float(run['stiffness']):g} $k$,  $\tau_\mathrm{{d}}$ = 0"
     panel(ax, title, run["displacement"], xlim=(0, 6), ylim=(0, 0.95))

@@ -48,7 +48,6 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     masses = (1e-6, _MASS, 1e-3) if quick else (1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
     velocities = (1.0, 3.0) if quick else (0.1, 0.2, 0.4, 0.7, 1.0, 1.7, 3.0, 5.0, 10.0)
     ratios = (0.3, 1.0) if quick else (0.1, 0.3, 1.0, 2.0)
-    eta_200 = replace(FIG4.slider, stiffness=FIG6.slider.stiffness)
     curves = {
         "by_mass": ("mass", "", [(_slider(mass), 1.0) for mass in masses]),
         "by_velocity": ("velocity", "", [(FIG6.slider, v) for v in velocities]),

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -48,19 +49,17 @@ def _name(case: _Case) -> str:
     return f"{case[0]:g}, {case[1]}"
 
 
-def _ranges(case: _Case, points: int, progress: Progress) -> dict[str, list[float]]:
+def _ranges(case: _Case, points: int) -> dict[str, list[float]]:
     """Velocities between which stick-slip persists and smooth sliding is unstable; oscillation at some velocities."""
     rig = _random(case)
     nowhere = [math.nan, math.nan]
     # With redrawn delays the range is narrow, .7 to .9: hence the number of points.
     windows = ss.sustained(rig, "velocity", between=(0.2, _TOP), points=points, tolerance=0.01).windows
-    progress(0.5)
     edges = ss.critical(rig, "velocity", between=(0.05, 100.0)).edges
     looked = _ON.get(case[0], ()) + _OFF.get(case[0], ())
     oscillation = [
         ss.is_sustained(rig.replace(velocity=v)).peak_to_peak if v in looked else math.nan for v in _VELOCITIES
     ]
-    progress(1.0)
     return {
         "sustained": [windows[0].low.value, windows[-1].high.value] if windows else nowhere,
         "unstable": [edges[0].value, edges[-1].value] if edges else nowhere,
@@ -87,7 +86,7 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
         FIG7.rig.replace(velocity=1.5), "velocity", step=0.2 if quick else 0.05, between=(0.3, _FAST)
     )
     next(parts)(1.0)
-    ranges = grid(next(parts), lambda case, part: _ranges(case, 5 if quick else 16, part), cases)
+    ranges = grid(next(parts), lambda case, _: _ranges(case, 5 if quick else 16), cases)
     oscillation = "peak to peak of the spring force, per contact [f_s]"
     velocity = "velocity of the drive [x_s/time]"
     return dataset(
@@ -211,8 +210,8 @@ def _draw_hysteresis(ax: Axes, data: xr.Dataset) -> None:
 
 def _draw_windows(ax: Axes, data: xr.Dataset) -> None:
     names = data["case"].to_numpy().tolist()
-    persists = {"color": plot.BLUE, "linewidth": 6, "solid_capstyle": "butt"}
-    unstable = {"color": plot.VERMILLION, "linewidth": 1.6}
+    persists: dict[str, Any] = {"color": plot.BLUE, "linewidth": 6, "solid_capstyle": "butt"}
+    unstable: dict[str, Any] = {"color": plot.VERMILLION, "linewidth": 1.6}
     for y, name in zip(reversed(range(len(names))), names, strict=True):
         low, high = data["sustained"].sel(case=name).to_numpy().tolist()
         if math.isfinite(low):

@@ -32,9 +32,10 @@ def portions(progress: Progress, *lengths: float) -> Iterator[Progress]:
 
 def grid(progress: Progress, run: Callable[..., Mapping[str, Any]], *axes: Sequence[Any]) -> dict[str, NDArray[Any]]:
     """Run every case of a grid as ``run(*case, progress)``; each result stands along the axes, then along its own."""
-    cases = list(itertools.product(*axes))
-    parts = portions(progress, *[1.0] * len(cases))
-    found = [run(*case, part) for case, part in zip(cases, parts, strict=True)]
+    cases, found = list(itertools.product(*axes)), []
+    for case, part in zip(cases, portions(progress, *[1.0] * len(cases)), strict=True):
+        found.append(run(*case, part))
+        part(1.0)
     shape = tuple(map(len, axes))
     return {name: np.reshape([each[name] for each in found], (*shape, *np.shape(found[0][name]))) for name in found[0]}
 
@@ -82,10 +83,13 @@ def panel(
     plot.letter(ax, title)
 
 
-def second_axis(ax: Axes, limits: tuple[float, float], ticks: Sequence[float]) -> Axes:
-    """Return a red axis on the right of a panel."""
+def second_axis(
+    ax: Axes, x: xr.DataArray, y: xr.DataArray, limits: tuple[float, float], ticks: Sequence[float], **style: Any
+) -> Axes:
+    """Draw a red line against a red axis on the right of a panel, and return that."""
     right = ax.twinx()
     right.spines["right"].set_visible(True)
+    right.plot(x, y, color=plot.VERMILLION, **style)
     right.set_ylim(limits)
     right.set_yticks(ticks)
     right.tick_params(axis="y", colors=plot.VERMILLION)

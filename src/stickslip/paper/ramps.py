@@ -47,8 +47,8 @@ def draw_ramp(
     ax.lines[0].set_linewidth(0.5)
     ax.set(ylim=(low, top), yticks=[tick for tick in (-0.4, 0.0, 0.4, _STRONG) if tick > low])
     fastest = round(float(run["drive_velocity"].max()))
-    second = second_axis(ax, (low * fastest / _STRONG, top * fastest / _STRONG), [0, fastest / 2, fastest])
-    second.plot(run["time"][::50], run["drive_velocity"][::50], color=plot.VERMILLION, linewidth=1.6)
+    limits, ticks = (low * fastest / _STRONG, top * fastest / _STRONG), [0, fastest / 2, fastest]
+    second = second_axis(ax, run["time"][::50], run["drive_velocity"][::50], limits, ticks, linewidth=1.6)
     if not left:
         ax.set_ylabel("")
     if right:
