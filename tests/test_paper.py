@@ -240,7 +240,6 @@ def claim(**changes):
         "number": 6,
         "statement": "K* = 3.59",
         "verdict": NOT,
-        "settled": NOT,
         "exact": "2.989",
         "measured": (near("K*", 2.9891, 2.989, 0.003, "k"),),
         "evidence": "computed",
@@ -255,13 +254,10 @@ def test_not_reproduced_passes_when_the_exact_value_is_met():
     assert not claim(measured=(near("K*", math.nan, 2.989, 0.003),)).ok
 
 
-def test_a_claim_must_say_what_its_verdict_needs():
-    with pytest.raises(InputError, match=r"Claim\.exact is empty"):
-        claim(exact="")
-    with pytest.raises(InputError, match=r"Claim\.reading is empty"):
-        claim(settled=READ)
-    with pytest.raises(InputError, match=r"Claim\.verdict = 'fine'"):
-        claim(verdict="fine")
+def test_what_a_claim_says_in_place_of_the_paper_tells_what_is_settled():
+    assert claim().settled == NOT
+    assert claim(exact="", reading="late").settled == READ
+    assert claim(exact="").settled == PRINTED
 
 
 def test_a_claim_reads_well():

@@ -148,7 +148,6 @@ def _scatter(data: xr.Dataset) -> Claim:
         number=1,
         statement="N contacts scatter about the master equation as N^(-1/2)",
         verdict=verdict(printed=abs(power + 0.5) < 0.1),
-        settled="reproduced",
         measured=(
             near("power of N", power, -0.5, 0.1),
             at_least("smallest rms distance times sqrt(N)", low, 0.15, "f_s"),
@@ -168,7 +167,6 @@ def _limit(data: xr.Dataset) -> Claim:
         number=2,
         statement="for any distribution of thresholds but a delta function the force tends to F_k, about N f_s/2",
         verdict=verdict(printed=worst < 1e-4),
-        settled="reproduced",
         measured=(
             at_most(f"largest relative distance from F_k at {_LATE:g} x_s", worst, 1e-4),
             at_most(still_on_the_way, fall, 0.1),
@@ -185,7 +183,6 @@ def _steady_start(data: xr.Dataset) -> Claim:
         number=3,
         statement="started in the steady state Q_s, the force does not depend on X",
         verdict=verdict(printed=far < 1e-6),
-        settled="reproduced",
         measured=(at_most("largest distance from F_k", far, 1e-6, "f_s"),),
         evidence=f"0 to {DISTANCE:g} x_s; thresholds with standard deviations {' and '.join(map(str, THRESHOLD_STDS))}",
     )
@@ -211,7 +208,6 @@ def _delta_start(data: xr.Dataset) -> Claim:
         number=4,
         statement="the first oscillation of the force is stronger the narrower the start, strongest for a delta start",
         verdict=verdict(printed=bool(np.all(np.diff(oscillations, axis=0) < 0))),
-        settled="reproduced",
         measured=tuple(measured),
         evidence="first maximum less first minimum for starts of standard deviation 0, .01, .03, .1 and .3",
     )

@@ -82,7 +82,6 @@ def _squares(data: xr.Dataset) -> Claim:
         number=16,
         statement="v1 and v2 grow as beta^2",
         verdict=verdict(printed=all(1.9 <= s <= 2.15 for s in slopes.values())),
-        settled="reproduced",
         measured=tuple(measured),
         evidence=f"ramps of {FIG10.contacts} contacts from smooth sliding at {rates.size} rates; stick-slip where "
         f"F_d varies by more than {_LEVEL:g}; linear stability. The inertia of the slider, which does not scale, "

@@ -70,27 +70,20 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     checked = grid(first, lambda v, _: {"force": _pulled_contacts(v, count, coarse)}, _KNOWN)["force"]
     rig = FIG11.rig.replace(drive=ss.ramp(0.05, 1.8, _EACH_WAY))
     run, seen = ramped(rig, ss.Contacts(FIG11.contacts, seed=11), second, level=_LEVEL)
-    linear = ss.critical(FIG11.rig, "velocity", between=(0.25, 2.0)).edges
+    unstable = [edge.value for edge in ss.critical(FIG11.rig, "velocity", between=(0.25, 2.0)).edges[:2]]
+    of_newborns = "force of newborn contacts, per contact [f_s]"
     return dataset(
         {
             "spring_force": ("time", run["spring_force"]),
             "drive_velocity": ("time", run["drive_velocity"]),
-            "friction_force": (
-                "velocity displacement",
-                [force for _, force in curves],
-                "force of newborn contacts, per contact [f_s]",
-            ),
-            "F_contacts": ("checked X_checked", checked, "force of newborn contacts, per contact [f_s]"),
+            "friction_force": ("velocity displacement", [force for _, force in curves], of_newborns),
+            "F_contacts": ("checked X_checked", checked, of_newborns),
             "K_eff": ("velocity", stiffness, "effective stiffness per contact [k]"),
             "K_eff_smoothed": ("velocity", smoothed, f"effective stiffness per contact, over {_WAY:g} x_s [k]"),
             "crossing": ("", crossing, "velocity at which K_eff = K [x_s/time]"),
             "v1_ramp": ("", seen["v1"], "onset on the ramp [x_s/time]"),
             "v2_ramp": ("", seen["v2"], "end on the ramp [x_s/time]"),
-            "unstable": (
-                "end",
-                [edge.value for edge in linear[:2]],
-                "where smooth sliding is unstable (linear) [x_s/time]",
-            ),
+            "unstable": ("end", unstable, "where smooth sliding is unstable (linear) [x_s/time]"),
         },
         {
             "velocity": (velocities, "velocity [x_s/time]"),
@@ -122,7 +115,6 @@ def _crossing(data: xr.Dataset) -> Claim:
         number=17,
         statement="K_eff falls with the velocity and crosses K at the second transition, to smooth sliding",
         verdict=verdict(printed=falls < 0 and abs(crossing - v2) < 0.2 * v2),
-        settled="not reproduced",
         exact=f"K_eff falls, but crosses K = {FIG11.slider.stiffness:g} at v = {crossing:.3f}, where stick-slip "
         f"begins; it ends at v = {v2:.2f}",
         measured=(

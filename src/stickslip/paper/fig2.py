@@ -109,10 +109,8 @@ def _unstable_from_X_star_on(data: xr.Dataset) -> Claim:
     K, K_eff, critical = float(data.attrs["stiffness"]), data["K_eff"].to_numpy(), float(data["K_critical"])
     never = data["instability"].sel(reattachment="never")
     return Claim(
-        number=None,
         statement="a spring softer than K* is unstable where K_eff(X) > K, from X* on; a stiffer one never is",
         verdict=verdict(printed=bool(np.any(K_eff > K)) and not np.any(K_eff > STIFF) and STIFF > critical > K),
-        settled="reproduced",
         measured=(
             near("X*, no re-attachment", never.sel(quantity="slider"), 0.9247, 1e-4, "x_s"),
             near("v_d t*, no re-attachment", never.sel(quantity="drive"), 1.2820, 1e-4, "x_s"),
@@ -128,10 +126,8 @@ def _rests_in_a_well(data: xr.Dataset) -> Claim:
     wells = [_minima(V[near_peak]) for V in data["V_eff"].to_numpy()]
     bend = _bend(data)
     return Claim(
-        number=None,
         statement="the slider rests in a well of V_eff, which bends as K + dF_c/dX and is gone at the instability",
         verdict=verdict(printed=wells[0] == 1 and wells[-1] == 0 and bend < 1e-3),
-        settled="reproduced",
         measured=(
             near("wells of V_eff at point 1", wells[0], 1, 0),
             near("wells this side of the landing, as far after the instability", wells[-1], 0, 0),

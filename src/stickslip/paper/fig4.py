@@ -68,16 +68,13 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     shown = [_DELAYS.index(delay) for delay in _SHOWN_DELAYS]
     rigs = [[FIG4.rig.replace(stiffness=K, delay=tau) for tau in _DELAYS] for K in STIFFNESSES]
     smooth = [[ss.theory.driving_force(rig.interface, rig.slider, FIG4.velocity) for rig in row] for row in rigs]
+    of_smooth = "mean spring force in smooth sliding, closed form, per contact [f_s]"
     of_period = "coefficient of variation of the period, K = 2 k, delay .2 [1]"
     return dataset(
         {name: ("stiffness shown_delay time", seen[name][0][:, shown]) for name in _TRACES}
         | {name: ("solver stiffness delay", seen[name], words) for name, words in _LATE.items()}
         | {
-            "mean_force_smooth": (
-                "stiffness delay",
-                smooth,
-                "mean spring force in smooth sliding, closed form, per contact [f_s]",
-            ),
+            "mean_force_smooth": ("stiffness delay", smooth, of_smooth),
             "period_scatter": ("contacts", grid(second, scatter, counts)["scatter"], of_period),
         },
         {
@@ -131,7 +128,6 @@ def _thresholds_of_delay(data: xr.Dataset) -> Claim:
         number=7,
         statement="at K = 2 k delays up to .09 give smooth sliding and .1 and .2 stick-slip; at K = 5 k all are smooth",
         verdict=verdict(printed=soft and stiff and at_once, read=soft and stiff),
-        settled="reproduced under the stated reading",
         reading=f"the regime is that after the transient (x > {_BEGIN:g} x_s): at K = 5 k and a delay of .2 the "
         "initial oscillation decays slowly. K > K* does not forbid oscillation: a delay of .3 sustains a small one",
         measured=tuple(m for solver in _SOLVERS for m in _long_time_numbers(data.sel(solver=solver), solver)),
@@ -183,7 +179,6 @@ def _strictly_periodic(data: xr.Dataset) -> Claim:
         number=11,
         statement="stick-slip is strictly periodic",
         verdict=verdict(printed=periodic and bool(scatter.max() < _PERIODIC), read=periodic and falls),
-        settled="reproduced under the stated reading",
         reading="for infinitely many contacts; the period of N contacts scatters as N^(-1/2)",
         measured=(
             at_most("coefficient of variation of the period, master equation", exact, _PERIODIC),

@@ -108,7 +108,6 @@ def _slip_by_eq_12(data: xr.Dataset) -> Claim:
         number=8,
         statement="after the instability the slider moves by v_d dt [1 + (Omega dt)^2/6]",
         verdict=verdict(printed=bool(factors.max() <= 1.1), read=bool(errors.max() <= 0.1)),
-        settled="reproduced under the stated reading",
         reading="with the slider's velocity when it passes X*, 2 to 3 v_d, in place of v_d, and for Omega dt <= 1; "
         f"as printed it is too small by a factor {factors.min():.2g} to {factors.max():.2g}",
         measured=tuple(measured),

@@ -48,14 +48,11 @@ def _data(progress: Progress, quick: bool) -> xr.Dataset:
     masses = (1e-6, _MASS, 1e-3) if quick else (1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
     velocities = (1.0, 3.0) if quick else (0.1, 0.2, 0.4, 0.7, 1.0, 1.7, 3.0, 5.0, 10.0)
     ratios = (0.3, 1.0) if quick else (0.1, 0.3, 1.0, 2.0)
+    at_same = ", at velocity 1 and the mass M v^2"
     curves = {
         "by_mass": ("mass", "", [(_slider(mass), 1.0) for mass in masses]),
         "by_velocity": ("velocity", "", [(FIG6.slider, v) for v in velocities]),
-        "at_same_M_v2": (
-            "velocity",
-            ", at velocity 1 and the mass M v^2",
-            [(_slider(_MASS * v**2), 1.0) for v in velocities],
-        ),
+        "at_same_M_v2": ("velocity", at_same, [(_slider(_MASS * v**2), 1.0) for v in velocities]),
         "by_ratio": ("ratio", "", [(_slider(_MASS, ratio), 1.0) for ratio in ratios]),
     }
     eta_200 = (replace(FIG4.slider, stiffness=FIG6.slider.stiffness), 1.0)
@@ -131,7 +128,6 @@ def _powers(data: xr.Dataset) -> Claim:
         statement="the critical delay goes as A1 + A2 M^(1/3) with the mass and as A3/v + A4 v^(-1/3) with the "
         "velocity, and grows with the damping",
         verdict=verdict(printed=read and whichever, read=read),
-        settled="reproduced under the stated reading",
         reading="tau* is the shortest delay with which stick-slip persists from a narrow start, damping is a fixed "
         f"fraction of Omega, and M v^2 is at most {_FITTED:g}. Then tau* v depends on M v^2 alone: A3 = A1 and "
         "A4 = A2 M^(1/3). The linear critical delay is another thing, nearly the same for all masses; tau* does "

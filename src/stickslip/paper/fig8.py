@@ -107,7 +107,6 @@ def _stationary(data: xr.Dataset) -> Claim:
         number=13,
         statement="the ageing model thresholds is stationary and Gaussian, Eqs. (13)-(17)",
         verdict=verdict(printed=all(m.ok for m in measured)),
-        settled="reproduced",
         measured=measured,
         evidence="100000 newborn contacts without strength, ten ageing times at rest",
     )
@@ -155,7 +154,6 @@ def _window(data: xr.Dataset) -> Claim:
         number=14,
         statement="stick-slip for 1 <= beta <= 1.6, smooth sliding below and above",
         verdict=verdict(printed=either, read=from_smooth),
-        settled="reproduced under the stated reading",
         reading=f"from steady smooth sliding, which is unstable for beta of {low:.2f} to {high:.2f}; the oscillation "
         "grows gradually from the lower edge on, and from relaxed contacts stick-slip persists up to beta of 3 or more",
         measured=tuple(measured),

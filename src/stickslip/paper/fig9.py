@@ -73,7 +73,6 @@ def _four_transitions(data: xr.Dataset) -> Claim:
         statement="two transitions while the velocity rises, to stick-slip at v1 and to smooth sliding at v2, and "
         "two while it falls, at v2' and v1'",
         verdict=verdict(printed=four and bool(np.all(seen["v1_down"] < seen["v1"]))),
-        settled="reproduced",
         measured=(linear, *ends, at_least("v1 over v1', smallest", np.min(seen["v1"] / seen["v1_down"]), 5.0)),
         evidence=f"{data.sizes['seed']} ramps of {data.attrs['count']} contacts from smooth sliding; stick-slip "
         f"where F_d varies by more than {_LEVEL:g}. v2 and v2' depend on that level, for the oscillation fades "

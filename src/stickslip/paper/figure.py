@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Literal, SupportsFloat, get_args
+from typing import TYPE_CHECKING, Literal, SupportsFloat
 
 import numpy as np
 import xarray as xr
@@ -100,34 +100,27 @@ class Claim:
         What the paper says, in our words.
     verdict : Verdict
         What the data say.
-    settled : Verdict
-        What an independent study of the model has settled; another verdict is a fault of ours.
     measured : tuple of Measured
     reading : str
         The reading under which the claim holds, or the range in which; empty where it holds as printed.
     exact : str
-        What is right in place of a claim that is not reproduced.
+        What is right in place of a claim that does not hold.
     evidence : str
         What was done to see it.
     """
 
-    number: int | None
+    number: int | None = None
     statement: str
     verdict: Verdict
-    settled: Verdict
     measured: tuple[Measured, ...]
     evidence: str
     reading: str = ""
     exact: str = ""
 
-    def __post_init__(self) -> None:
-        for field in ("verdict", "settled"):
-            if (value := getattr(self, field)) not in get_args(Verdict):
-                raise InputError(f"Claim.{field} = {value!r}: must be one of {', '.join(get_args(Verdict))}")
-        if self.settled == "reproduced under the stated reading" and not self.reading:
-            raise InputError("Claim.reading is empty: a claim reproduced under a reading must state it")
-        if self.settled == "not reproduced" and not self.exact:
-            raise InputError("Claim.exact is empty: a claim that is not reproduced must give what is right instead")
+    @property
+    def settled(self) -> Verdict:
+        """What an independent study of the model has settled; another verdict is a fault of ours."""
+        return verdict(printed=not (self.exact or self.reading), read=not self.exact)
 
     @property
     def ok(self) -> bool:
@@ -158,7 +151,7 @@ class Claim:
         measured = [asdict(m) | {"ok": m.ok} for m in self.measured]
         for number in measured:
             number |= {name: None for name in ("value", "low", "high") if not math.isfinite(number[name])}
-        return asdict(self) | {"measured": measured, "ok": self.ok}
+        return asdict(self) | {"settled": self.settled, "measured": measured, "ok": self.ok}
 
 
 def verdict(*, printed: bool, read: bool = False) -> Verdict:
