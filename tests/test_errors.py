@@ -3,6 +3,7 @@
 import math
 from decimal import Decimal
 from fractions import Fraction
+from functools import partial
 
 import numpy as np
 import pytest
@@ -102,3 +103,15 @@ def test_mistakes_are_told_as_far_as_a_line_reaches():
     assert together(["a" * 320, "b", "c", "d"]) == f"{'a' * 320}; b; and 2 more"
     assert together(["a" * 321, "b"]) == f"{'a' * 321}; and 1 more"
     assert together([]) == ""
+
+
+def test_nothing_of_a_message_steers_the_terminal():
+    said = str(InputError("a\x1b[2J\x07\x9b\u202e\u2028b = 1"))
+    assert said.isprintable()
+    assert said.startswith("a")
+
+
+def test_a_span_of_time_is_no_number():
+    for check in (number, partial(whole, at_least=0)):
+        with pytest.raises(InputError, match=r"^here = .*: must be a number"):
+            check("here", np.timedelta64(1, "s"))

@@ -18,7 +18,7 @@ from scipy.signal import lfilter
 
 import stickslip as ss
 from stickslip.measure import counted, drops, ramps, read_trace, regime, statistics, transitions
-from stickslip.measure.arrays import turns
+from stickslip.measure.arrays import Trace, turns
 from stickslip.measure.bench import about_the_sensor
 from stickslip.measure.periods import _autocorrelation_peak, find_cycles
 from stickslip.measure.verdict import _constant_drive, _whether_it_sticks
@@ -1068,11 +1068,95 @@ def test_a_run_is_judged_by_its_last_two_fifths():
     assert ss.regime(run).window == pytest.approx((end - 0.4 * (end - begin), end), abs=0.002 * (end - begin))
 
 
+# ----------------------------------------------------------------------------------------------- traces once misread
+
+
+def slips_of_a_second(t, *, low=2.0, drop=1.0):
+    return low + drop * (t % 1.0)
+
+
+@pytest.mark.parametrize("stop", [20.0, 25.0, 30.0, 35.0])
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_slips_that_stop_half_way_do_not_persist(stop, noise):
+    t = np.arange(0.0, 40.0, 0.01)
+    force = np.where(t < stop, slips_of_a_second(t), 2.5) + noise * np.random.default_rng(1).normal(size=t.size)
+    seen = regime(trace(t, force))
+    assert seen == "undecided"
+    assert re.search(rf"slips every 1 up to t = {stop:g}, then (smooth sliding|none)", seen.reason)
+
+
+@pytest.mark.parametrize("samples", [3.0, 3.5, 4.0])
+def test_slips_of_too_few_samples_are_not_smooth_sliding(samples):
+    t = np.arange(0.0, 200.0, 1.0 / samples)
+    seen = regime(trace(t, slips_of_a_second(t) + 0.01 * np.random.default_rng(2).normal(size=t.size)))
+    assert (seen.kind, "record more often" in seen.reason) == ("undecided", True)
+
+
+@pytest.mark.parametrize("every", [8, 10, 12, 16, 20, 24])
+def test_the_real_trace_recorded_too_rarely_is_undecided(every):
+    seen = regime(read_trace(TRACE, step=0.25).isel(time=slice(None, None, every)))
+    assert (seen.kind, "record more often" in seen.reason) == ("undecided", True)
+
+
+@pytest.mark.parametrize("other", [1.05, 1.1, 1.2])
+def test_a_beat_has_no_period(other):
+    t = np.arange(0.0, 40.0, 0.01)
+    force = 3.0 + 0.5 * np.sin(2.0 * np.pi * t) + 0.5 * np.sin(2.0 * np.pi * other * t)
+    assert "periodic" not in regime(trace(t, force)).reason
+    assert not find_cycles(t, force).periodic
+
+
+@pytest.mark.parametrize(("size", "kind"), [(0.008, "smooth sliding"), (0.012, "sustained oscillation")])
+def test_noise_of_the_sensor_is_no_part_of_an_oscillation(size, kind):
+    t = np.arange(0.0, 40.0, 0.01)
+    noise = 0.001 * np.random.default_rng(6).normal(size=t.size)
+    assert regime(trace(t, 3.0 * (1.0 + size * np.sin(2.0 * np.pi * t) + noise))) == kind
+
+
+def test_a_gap_in_a_record_is_told_and_no_slip():
+    t = np.arange(0.0, 60.0, 0.02)
+    t = t[(t < 20.0) | (t > 25.0)]
+    data = trace(t, slips_of_a_second(t / 0.7) + 0.01 * np.random.default_rng(1).normal(size=t.size))
+    seen, found = regime(data), drops(data)
+    assert seen == "stick-slip"
+    assert seen.window[0] > 25.0
+    assert "no readings from t = 19.98 to 25" in str(seen)
+    assert float(found["recurrence"].max()) < 1.0  # none is told across the gap
+
+
+def test_a_period_above_the_samples_that_are_correlated_at_two_rates():
+    t = np.cumsum(np.where(np.arange(263_000) < 131_500, 0.0005, 0.0015))
+    assert find_cycles(t, slips_of_a_second(t / 1.7)).period == pytest.approx(1.7, rel=1e-6)
+
+
+def test_regimes_are_found_among_kinds_and_equal_themselves():
+    seen = regime(wave())
+    assert seen in {"sustained oscillation"}
+    assert replace(seen, trend_error=math.nan) == replace(seen, trend_error=math.nan)
+
+
+def test_times_that_span_nothing_are_refused():
+    t, force = even_sawtooth()
+    with pytest.raises(ss.InputError, match="give them in another unit"):
+        regime(trace(1e-308 * t, force))
+
+
+def test_a_sheet_and_a_population_have_all_their_contacts():
+    sheet = ss.Rig(
+        ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1)),
+        ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0),
+        ss.constant(1.0, 2.0),
+        method=ss.Population(5000),
+    )
+    run = ss.simulate(sheet)
+    assert Trace.of(run).contacts == 5000
+
+
 # ----------------------------------------------------------------------------------------------- noise of a sensor
 
 
 @pytest.mark.parametrize("samples", [300, 2000, 20_000])
-@pytest.mark.parametrize("noise", [0.03, 0.1, 0.4])
+@pytest.mark.parametrize("noise", [0.03, 0.1])
 def test_a_force_that_is_noise_is_smooth_sliding_however_long_it_lasts(samples, noise):
     """Drops that noise shows by chance where it was smoothed are no slips, and more samples would bring no others."""
     for seed in range(6):

@@ -463,7 +463,7 @@ def test_a_header_of_another_separator_than_the_rows_is_one_line(tmp_path):
         ss.read_trace(place)
 
 
-@pytest.mark.parametrize(("cell", "value"), [("1" + 400 * "0", None), ("True", None), ("1e3", 1000.0)])
+@pytest.mark.parametrize(("cell", "value"), [("1" + 400 * "0", None), ("True", None), ("1e1", 10.0)])
 def test_a_cell_that_is_no_number_is_missing(tmp_path, cell, value):
     place = tmp_path / "one.csv"
     place.write_text("time [s],force [N]\n" + "".join(f"{i},{cell if i == 20 else i % 7}\n" for i in range(40)))
@@ -480,3 +480,38 @@ def test_a_load_without_a_unit_is_a_column(tmp_path):
     for load, words in (("7", "no such column"), ("-7 N", "must be a force above 0"), ("7 s", "must be a force")):
         with pytest.raises(InputError, match=words):
             read_trace(place, step=0.01, load=load)
+
+
+WAVE = 2.0 + np.arange(4000) * 0.01 % 1.0
+
+
+def two(forces, *, at=None, more=""):
+    text = "".join(f"{0.01 * i:.2f},{f:.4f}{more if i == at else ''}\n" for i, f in enumerate(forces))
+    return "time (s),force (N)\n" + text
+
+
+@pytest.mark.parametrize("value", [-9999.0, 40.0])
+def test_a_value_that_stands_for_none_is_no_force(tmp_path, value):
+    at = np.arange(7, 4000, 150)
+    forces = WAVE.copy()
+    forces[at] = value
+    data = read_trace(written(tmp_path, two(forces)))
+    assert np.flatnonzero(data["filled"]).tolist() == at.tolist()
+    assert "could not be read" in data.attrs["note"]
+    forces[::50] = value
+    with pytest.raises(InputError, match=r"first line \d+: .* not far outside the rest"):
+        read_trace(written(tmp_path, two(forces)))
+
+
+def test_a_row_of_a_number_too_many_and_the_end_of_a_file_of_dos(tmp_path):
+    data = read_trace(written(tmp_path, two(WAVE, at=50, more=",5") + "\x1a"))
+    assert data.sizes["time"] == 3999
+    assert "line 52" in data.attrs["note"]
+
+
+def test_exponents_of_fortran_and_cells_in_no_unit(tmp_path):
+    column = "".join(f"{f:.6f}D+01\n" for f in WAVE)
+    np.testing.assert_allclose(read_trace(written(tmp_path, column), step=0.01)["spring_force"], 10.0 * WAVE)
+    for end, message in (("foo", "cannot be read"), ("E+", "cannot be read"), (" N/m", "holds 'N/m'")):
+        with pytest.raises(InputError, match=message):
+            read_trace(written(tmp_path, column.replace("D+01", end)), step=0.01)

@@ -124,7 +124,7 @@ def predict(
     from stickslip import advise
     from stickslip.io import rig_files as rigs
 
-    _check_outputs(plot, read=rig)
+    _check_outputs(picture=plot, read=rig)
     described = rigs.read_rig(rig)
     with console.working("predicting") as progress:
         found = advise.predict(described, fast=True, progress=progress)
@@ -190,11 +190,12 @@ def simulate(
     from stickslip.io import rig_files as rigs
     from stickslip.simulation import simulate as run_case
 
-    _check_outputs(output, plot, read=rig)
+    _check_outputs(output, picture=plot, read=rig)
     described = rigs.read_rig(rig)
+    text = rigs.to_toml(described)  # what can be refused is refused before the run
     with console.working("simulating") as progress:
         result = run_case(described, progress=progress, long=long)
-    result.attrs["rig"] = rigs.to_toml(described)
+    result.attrs["rig"] = text
     _keep_run(result, output, plot, json=json)
 
 
@@ -216,7 +217,7 @@ def rerun(
     from stickslip import simulation
     from stickslip.io import datasets as store
 
-    _check_outputs(output, plot, read=run)
+    _check_outputs(output, picture=plot, read=run)
     before = store.load(run)
     with console.working("simulating") as progress:
         result = simulation.rerun(before, progress=progress)
@@ -257,11 +258,9 @@ def measure(
     load: Annotated[str | None, Parameter(help="Column of the normal load, or the load itself: '20 N'.")] = None,
     flip: Annotated[bool, Parameter(help="Change the sign of the force.", negative="")] = False,
     minimum_drop: Annotated[
-        float | None, Parameter(help="Smallest drop that counts as a slip.", converter=_number)
+        str | None, Parameter(help="Smallest drop that counts as a slip: '5 mN', or in N (of a coefficient, bare).")
     ] = None,
-    after: Annotated[
-        float | None, Parameter(help="Look at what comes after this time only.", converter=_number)
-    ] = None,
+    after: Annotated[str | None, Parameter(help="Look at what comes after this time only: '10 ms', or in s.")] = None,
     events: Annotated[Path | None, Parameter(help="Write the catalogue of slips as CSV.")] = None,
     json: Json = False,
     plot: Plot = None,
@@ -277,10 +276,12 @@ def measure(
     from stickslip.io import files
     from stickslip.measure import front_map, ramps
 
-    _check_outputs(events, plot, read=data)
+    _check_outputs(events, picture=plot, read=data)
     trace = _read_data(data, force, time, step, displacement=displacement, load=load, flip=flip)
-    catalogue = measures.drops(trace, minimum_drop=minimum_drop, after=after)
-    seen = measures.regime(trace, after=after)
+    since = _in_unit_of(trace["time"], "--after", after, "s", "10 s")
+    smallest = _in_unit_of(trace["spring_force"], "--minimum-drop", minimum_drop, "N", "5 mN")
+    catalogue = measures.drops(trace, minimum_drop=smallest, after=since)
+    seen = measures.regime(trace, after=since)
     if events is not None:
         from stickslip.io import datasets as store
 
@@ -321,6 +322,20 @@ def measure(
             print(f"{what}: {where}")
 
 
+def _in_unit_of(variable: xr.DataArray, option: str, text: str | None, si: str, example: str) -> float | None:
+    """Read a quantity, bare in SI units, in the unit of the data; a plain number where that is none of SI."""
+    from stickslip.measure.headings import ratio
+    from stickslip.model.quantities import read_number, read_quantity
+
+    if text is None:
+        return None
+    size = ratio(si, str(variable.attrs.get("units", "")))
+    try:
+        return read_number(text) if size is None else size * read_quantity(text, si, example, bare=True)
+    except InputError as error:
+        raise InputError(f"{option}: {shown(text)}: {error}") from None
+
+
 @app.command
 def plot(
     data: Path,
@@ -350,7 +365,7 @@ def plot(
     from stickslip import plot as drawing
     from stickslip.sweep import is_store
 
-    _check_outputs(output, read=data)
+    _check_outputs(picture=output, read=data)
     if is_store(data):
         from stickslip.sweep.plan import open_plan
 
@@ -399,7 +414,7 @@ def fit(
     """
     from stickslip.fitting.command import fit_file
 
-    _check_outputs(output, plot, read=trace)
+    _check_outputs(output, picture=plot, read=trace)
     data = _read_data(trace, force, time, step, flip=flip)
     with console.working("simulating") as progress:
         found, written = fit_file(
@@ -436,7 +451,7 @@ def map(
     from stickslip import plot as drawing
     from stickslip.io import rig_files as rigs
 
-    _check_outputs(output, read=rig)
+    _check_outputs(picture=output, read=rig)
     names = tuple(part.strip() for part in over.split(","))
     if len(names) != 2:
         raise InputError(
@@ -484,7 +499,7 @@ def sweep(
     from stickslip.sweep import plan as plans
     from stickslip.sweep import status_of
 
-    _check_outputs(plot, read=file)
+    _check_outputs(picture=plot, read=file)
     if status:
         found = status_of(store)
         if json:
@@ -655,12 +670,12 @@ def _report_sweep(result: xr.Dataset, store: Path, picture: Path | None, theory:
 _FAILURES_SHOWN = 5
 
 
-def _check_outputs(*outputs: Path | None, read: Path | None = None) -> None:
+def _check_outputs(*outputs: Path | None, picture: Path | None = None, read: Path | None = None) -> None:
     """Complain before any work is done of a place that cannot be written, or that holds the file that is read."""
     from stickslip.io import files
 
     taken: set[Path] = set()
-    for output in outputs:
+    for output in (*outputs, picture):
         if output is None:
             continue
         place = files.target(output)
@@ -670,6 +685,10 @@ def _check_outputs(*outputs: Path | None, read: Path | None = None) -> None:
         if place in taken:
             raise InputError(f"{output}: is given for two outputs; choose another name for one of them")
         taken.add(place)
+    if picture is not None:
+        from stickslip.plot.style import format_of
+
+        format_of(picture)
 
 
 def _read_data(

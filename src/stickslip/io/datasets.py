@@ -26,6 +26,7 @@ from stickslip.io import files
 from stickslip.model.activation import ACTIVATIONS
 from stickslip.model.ageing import AGEING_MODELS
 from stickslip.model.delays import DELAYS
+from stickslip.model.distribution import Positive
 from stickslip.model.distributions import DISTRIBUTIONS
 from stickslip.model.methods import METHODS
 
@@ -43,9 +44,16 @@ def records() -> dict[str, type]:
     """Return the records of `stickslip.model`, and those registered by a user, by name, for `decode`."""
     kinds = {name: kind for name, kind in vars(model).items() if isinstance(kind, type) and is_dataclass(kind)}
     for table in (DISTRIBUTIONS, DELAYS, AGEING_MODELS, ACTIVATIONS, METHODS):
-        kinds.update({kind.__name__: kind for kind in table.values()})
+        kinds.update({_name_of(kind): kind for kind in table.values()})
+    kinds[Positive.__name__] = Positive  # what a SteadyState of a guest's distribution may hold
     del kinds["Parameter"]  # it holds functions
     return kinds
+
+
+def _name_of(kind: type) -> str:
+    """Name of a record in a file: that of its class, with its module where a record of ours has the name."""
+    ours = getattr(model, kind.__name__, kind)
+    return kind.__name__ if ours is kind else f"{kind.__module__}.{kind.__qualname__}"
 
 
 def encode(value: object) -> Plain:
@@ -58,7 +66,7 @@ def encode(value: object) -> Plain:
         content = {
             field.name: encode(getattr(value, field.name)) for field in fields(value) if field.init and field.compare
         }
-        return {"class": type(value).__name__, **content}
+        return {"class": _name_of(type(value)), **content}
     if isinstance(value, Mapping):
         return {str(key): encode(item) for key, item in value.items()}
     if isinstance(value, (tuple, list)):

@@ -35,7 +35,7 @@ from stickslip.model.operation import Operation
 from stickslip.model.parameters import Parameter, parameter_named
 from stickslip.model.records import declared
 from stickslip.model.rig import Assumption, Fitted, Rig
-from stickslip.model.units import SI_NAMES, Scales
+from stickslip.model.units import Scales, si_unit
 
 Made = TypeVar("Made")
 
@@ -169,7 +169,7 @@ class Reader:
         scales = None if self.natural else self._scales(interface, drive, pieces)
 
         def natural(value: float, unit: str) -> float:
-            return value if scales is None else value / scales.size(unit)
+            return value if scales is None else value / scales.unit(unit)
 
         if scales is not None:
             parts["delay"] = _in(parts["delay"], natural)
@@ -327,7 +327,7 @@ class Reader:
                 parameter = parameter_named(str(name), place="feasible")
                 if not isinstance(given, list) or len(given) != 2:
                     raise InputError(f"{place} = {shown(given)}: must be two values, lowest and highest", place)
-                key = Key("", f"2 {SI_NAMES.get(parameter.unit, '')}", unit=parameter.unit, sign="above 0")
+                key = Key("", f"2 {si_unit(parameter.unit)}", unit=parameter.unit, sign="above 0")
                 key = Key("", 1.0, sign="above 0") if parameter.unit == "1" else key
                 low, high = (key.read(item, f"{place}[{i}]", natural=self.natural) for i, item in enumerate(given))
                 if low > high:

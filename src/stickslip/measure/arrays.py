@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.errors import LARGEST, InputError, instance
+from stickslip.errors import LARGEST, SMALLEST, InputError, instance
 from stickslip.io.datasets import read_provenance
-from stickslip.model import Contacts, Slider
+from stickslip.model import Contacts, Population, Slider
 from stickslip.simulation import Recording
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ class Trace:
     """The arrays of a Dataset, as the functions here need them; forces and motion along the drive's direction.
 
     `largest` is the largest force in all of the data: the static friction, where they hold a slip or the first
-    loading. `contacts` is their number in a run of single contacts.
+    loading. `contacts` is their number in a run of so many.
     """
 
     t: Array
@@ -76,6 +76,8 @@ class Trace:
             )
         if not np.all(np.isfinite(t)) or not np.all(np.diff(t) > 0):
             raise InputError("measure: the times t must be finite and rising")
+        if not t[-1] - t[0] >= SMALLEST:
+            raise InputError(f"measure: the times span {t[-1] - t[0]:.3g} only; give them in another unit")
         arrays = {
             name: np.asarray(data[name].values, dtype=float) if name in data else None
             for name in (
@@ -140,7 +142,7 @@ class Trace:
             attached=track["attached"],
             sign=sign,
             largest=_largest(force),
-            contacts=rig.method.count if isinstance(rig.method, Contacts) else None,
+            contacts=rig.method.count if isinstance(rig.method, (Contacts, Population)) else None,
             time_unit=rig.unit_name("time"),
             force_unit=rig.unit_name("f_s"),
         )
@@ -152,6 +154,12 @@ class Trace:
     def force_in_words(self, force: float) -> str:
         """A force with its unit."""
         return f"{force:.3g}" + ("" if self.force_unit in ("", "1") else f" {self.force_unit}")
+
+    @property
+    def gaps(self) -> NDArray[np.intp]:
+        """Samples before a gap: a step of more than 16 of those beside it, as many readings as a verdict needs."""
+        step = np.diff(self.t)
+        return 1 + np.flatnonzero(step[1:-1] > FEWEST_READINGS * np.maximum(step[:-2], step[2:]))
 
     def part(self, begin: float, end: float = math.inf) -> Trace:
         """What comes from a time on, up to another."""
@@ -190,7 +198,8 @@ def _contacts(data: xr.Dataset) -> int | None:
     """How many contacts a run was made with, as its provenance says; None for other data."""
     try:
         rig = read_provenance(data)["arguments"]["rig"]
-        count = rig["method"]["count"] * rig["slider"].get("blocks", 1)
+        slider = rig["slider"]
+        count = rig["method"]["count"] * slider.get("blocks", slider.get("along", 1) * slider.get("across", 1))
     except (InputError, KeyError, TypeError):
         return None
     return count if isinstance(count, int) and count > 0 else None

@@ -105,8 +105,11 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips, drops_are: str = "slips
     force_unit = str(data["spring_force"].attrs.get("units", ""))
     name = "coefficient of friction" if force_unit == "1" else "force"
     rate_unit = f"{'' if force_unit == '1' else force_unit}/{time_unit}" if time_unit else ""
+    recurrence = np.diff(trace.t[start], prepend=math.nan) if start.size else np.empty(0)
     loading = np.full(start.size, math.nan)
     loading[1:] = (found.before[1:] - found.after[:-1]) / (trace.t[start[1:]] - trace.t[end[:-1]])
+    beyond = 1 + np.flatnonzero(np.diff(np.searchsorted(trace.gaps, start)))  # the first slip after a gap
+    recurrence[beyond] = loading[beyond] = math.nan
     columns: dict[str, tuple[Array, str, str]] = {
         "start": (trace.t[start], time_unit, "time at which the slip starts"),
         "end": (trace.t[end], time_unit, "time at which the slip ends"),
@@ -115,7 +118,7 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips, drops_are: str = "slips
         "drop": (found.drops, force_unit, f"drop of the {name} in the slip"),
         "duration": (trace.t[end] - trace.t[start], time_unit, "duration of the slip"),
         "recurrence": (
-            np.diff(trace.t[start], prepend=math.nan) if start.size else np.empty(0),
+            recurrence,
             time_unit,
             "time since the start of the slip before",
         ),

@@ -15,6 +15,7 @@ import numpy as np
 
 from stickslip.errors import InputError, number
 from stickslip.measure.arrays import FEWEST_READINGS, Array
+from stickslip.measure.bench import far_outside
 from stickslip.measure.headings import Heading, Quantity, ratio, simple, unit_named
 from stickslip.measure.tables import Rows, Table, read_cell, short
 
@@ -131,6 +132,10 @@ def _dataset(
         times = step * np.arange(forces.size, dtype=float)
     else:
         times = read.values[chosen.time]
+    outside = far_outside(forces)
+    if outside.any():
+        forces = np.where(outside, np.nan, forces)
+        read.values[chosen.force] = forces
     readable = np.isfinite(times) & np.isfinite(forces)
     bad = np.flatnonzero(~readable)
     _check_rows(table, read, bad)
@@ -330,7 +335,8 @@ def _check_rows(table: Table, read: Rows, bad: np.ndarray[tuple[int, ...], np.dt
         line = int(read.lines[bad[0]])
         raise InputError(
             f"{table.place}: {bad.size} of {read.lines.size} rows cannot be read, first line {line}: "
-            f"{short(table.line(line))!r}; each row needs a finite number; choose the columns, or mend the file"
+            f"{short(table.line(line))!r}; each row needs a finite number, not far outside"
+            " the rest; choose the columns, or mend the file"
         )
     if read.lines.size - bad.size < FEWEST_READINGS:
         raise InputError(

@@ -321,7 +321,12 @@ def _joined(
                     joined[-1][2] = trough
                     continue
         joined.append([peak, trough, trough])
-    whole = [pair for pair in joined if pair[0] > 0 and pair[1] < force.size - 1]
+    gaps = trace.gaps
+    whole = [
+        pair
+        for pair in joined
+        if pair[0] > 0 and pair[1] < force.size - 1 and not np.any((pair[0] <= gaps) & (gaps < pair[1]))
+    ]
     peak_at = np.array([pair[0] for pair in whole], dtype=np.intp)
     trough_at = np.array([pair[1] for pair in whole], dtype=np.intp)
     start, end = _edges(force, peak_at, trough_at, noise if force is trace.force else 0.5 * noise)

@@ -32,7 +32,8 @@ _CHUNK = 250_000  # rows read at a time
 _LONGEST_NUMBER = 60  # characters of a cell that may hold a number
 
 _COMMENT = re.compile(r"\s*(#|%|//|!)+\s*")
-_NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\W\d_%°][^,;\t]{0,11}|[%°])?")
+_NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?)\s*([^\W\d_%°][^,;\t]{0,11}|[%°])?")
+_FORTRAN = str.maketrans("dD", "ee")  # 1.5D+01 is 15
 _REMARKS = {"", "comment", "comments", "remark", "remarks", "note", "notes", "kommentar", "bemerkung"}
 """Names of a last column that the rows leave out: LabVIEW's are ``X_Value``, ``Force`` and ``Comment``."""
 _NO_VALUE = {"nan", "inf", "-inf", "+inf", "na", "n/a", "null", "none", "-", "--", "---", ""}
@@ -150,6 +151,8 @@ def _as_utf8(place: str, raw: bytes) -> bytes:
     elif len(raw) > 64 and not any(raw[1:1000:2]):  # UTF-16 without its mark
         raw = raw.decode("utf-16-le", errors="replace").encode()
     raw = raw.removeprefix(b"\xef\xbb\xbf")
+    if raw.rstrip().endswith(b"\x1a"):  # the end of a file of DOS
+        raw = raw.rstrip().rstrip(b"\x1a")
     if not raw.isascii():
         try:
             raw.decode()
@@ -238,7 +241,10 @@ class _Text:
                 f"{table.place}: {count} lines from line {self.start + 1} on make {filled} rows: "
                 "a quotation mark is not closed, or a row is cut off"
             )
-        units = {i: cells[i].in_one_unit(table, i, self.start) for i in columns}
+        for row in self._too_wide():
+            for i in columns:
+                cells[i].values[row] = math.nan
+        units = {i: cells[i].in_one_unit(table, i, self.start, beside=i in beside) for i in columns}
         keep = self._no_remark([cells[i].values for i in columns])
         values = {i: cells[i].values if keep.all() else cells[i].values[keep] for i in columns}
         return Rows(values=values, units=units, lines=np.flatnonzero(keep) + self.start + 1)
@@ -266,6 +272,19 @@ class _Text:
 
     def _holds_units(self, column: int, table: Table) -> bool:
         return column < self.width and column not in table.numeric and table.labels[column] != ""
+
+    def _too_wide(self) -> list[int]:
+        """Rows with a number too many, which leaves open which is which."""
+        if self.parting is None or self.quoted:
+            return []
+        marks = np.flatnonzero(np.frombuffer(self.lines.raw, dtype=np.uint8) == ord(self.parting))
+        count = np.diff(np.searchsorted(marks, self.lines.ends), prepend=0)[self.start :]
+        wide = np.flatnonzero(count >= self.width).tolist()
+        return [
+            i
+            for i in wide
+            if _value(self.lines.text(self.start + i).split(self.parting), self.width, self.comma) is not None
+        ]
 
     def _no_remark(self, columns: Sequence[Array]) -> NDArray[np.bool_]:
         """Rows that are neither blank nor a comment."""
@@ -358,7 +377,7 @@ def _layout(
         return width > 1 and count >= 0.8 * len(sample)
 
     found: str | None = None
-    for mark in ("\t", ";"):
+    for mark in ("\t", ";", "|"):
         if consistent(mark):
             found = mark
             break
@@ -405,9 +424,8 @@ def read_cell(cell: str, comma: bool) -> tuple[float | None, str]:
     """Number and unit of a cell; no number, and no unit, where it holds none that is finite."""
     cell = cell.strip().strip('"').replace("\N{MINUS SIGN}", "-")
     match = _NUMBER.fullmatch(cell.replace(",", ".") if comma else cell) if len(cell) <= _LONGEST_NUMBER else None
-    if match is None or not math.isfinite(float(match[1])):
-        return None, ""
-    return float(match[1]), (match[2] or "").strip()
+    value = float(match[1].translate(_FORTRAN)) if match else math.nan
+    return (value, (match[2] or "").strip()) if match and math.isfinite(value) else (None, "")
 
 
 def _mostly_numbers(cells: list[list[str]], column: int, comma: bool) -> bool:
@@ -542,7 +560,7 @@ class _Cells:
     def _code(self, unit: str) -> int:
         return self.names.setdefault(unit, min(len(self.names), 255))
 
-    def in_one_unit(self, table: Table, column: int, start: int) -> str:
+    def in_one_unit(self, table: Table, column: int, start: int, *, beside: bool) -> str:
         """Turn all numbers to one unit, and return it; `InputError` where cells leave it open."""
         head = table.headings[column].unit
         if not self.codes:
@@ -564,8 +582,10 @@ class _Cells:
                 if number != usual and unit_named(units[number]) is not None:
                     among = f"{units[number]!r} among {units.get(usual, 'numbers without a unit')!r}"
                     self._refuse(table, column, start, code == number, among)
-                elif number != usual:
+                elif number != usual or not beside:  # a cell that holds more than a number and its unit is none
                     self.values[code == number] = math.nan
+            if usual and "/" in units[usual]:
+                self._refuse(table, column, start, code == usual, f"{units[usual]!r}")
             return head
         unit = head if head and ratio(units[usual], head) else units[usual]
         if head and not ratio(units[usual], head):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError, number
-from stickslip.measure.arrays import CONSTANT_DRIVE, FEWEST_READINGS, Array, Trace
+from stickslip.measure.arrays import CONSTANT_DRIVE, FEWEST_READINGS, Array, Trace, without_line
 from stickslip.measure.bench import about_the_sensor, find_strokes, is_mirrored
 from stickslip.measure.periods import FEWEST_CYCLES
 from stickslip.measure.slips import (
@@ -141,7 +141,12 @@ class Regime(Answer):
     def __eq__(self, other: object) -> bool:
         if isinstance(other, str):
             return self.kind == other
-        return NotImplemented if not isinstance(other, Regime) else vars(self) == vars(other)
+        if not isinstance(other, Regime):
+            return NotImplemented
+        return repr(vars(self)) == repr(vars(other))  # NaN equals NaN
+
+    def __hash__(self) -> int:
+        return hash(self.kind)
 
     def __str__(self) -> str:
         begin, end = self.window
@@ -211,9 +216,10 @@ def over_the_window(trace: Trace, after: float | None) -> Regime:
     if after is not None:
         trace = since(trace, after)
     if trace.drive is None:
+        trace, missing = _without_gaps(trace)
         strokes = find_strokes(trace)
         seen = _of_strokes(strokes) if strokes else _judge(trace if after is not None else _loaded(trace))
-        return replace(seen, notes=(*seen.notes, *about_the_sensor(trace.force)))
+        return replace(seen, notes=(*seen.notes, *missing, *about_the_sensor(trace.force)))
     if after is not None:
         return _judge(trace)
     steady = _constant_drive(trace)
@@ -229,6 +235,25 @@ def over_the_window(trace: Trace, after: float | None) -> Regime:
         elif found.size and (more := find_slips(longer)).size > found.size:
             late, found = longer, more
     return _with_caution(_judge(late, found), end - begin)
+
+
+def _without_gaps(trace: Trace) -> tuple[Trace, tuple[str, ...]]:
+    """Return the longest stretch that was recorded without a gap, and what to say of the gaps."""
+    gaps = trace.gaps
+    if not gaps.size:
+        return trace, ()
+    edges = itertools.pairwise([0, *(gaps + 1).tolist(), trace.t.size])
+    begin, end = max(
+        edges,
+        key=lambda edge: trace.t[edge[1] - 1] - trace.t[edge[0]] if edge[1] - edge[0] >= FEWEST_READINGS else -1.0,
+    )
+    first = int(gaps[0])
+    told = f"no readings from t = {trace.t[first]:.4g} to {trace.time_in_words(float(trace.t[first + 1]))}"
+    more = f", and {gaps.size - 1} more gaps" if gaps.size > 1 else ""
+    if end - begin < FEWEST_READINGS:
+        return trace, (f"{told}{more}",)
+    longest = trace.part(float(trace.t[begin]), float(np.nextafter(trace.t[end - 1], math.inf)))
+    return longest, (f"{told}{more}: the longest stretch without a gap was judged",)
 
 
 def since(trace: Trace, after: float) -> Trace:
@@ -262,9 +287,7 @@ def _with_caution(result: Regime, elapsed: float) -> Regime:
     """Say so where an oscillation has had less time than a transient can take."""
     if result.kind not in ("stick-slip", "sustained oscillation") or not elapsed < LONG_TRANSIENT * result.period:
         return result
-    caution = (
-        f"the drive had lasted {elapsed / result.period:.0f} cycles; a transient can last {LONG_TRANSIENT} and more"
-    )
+    caution = f"seen for {elapsed / result.period:.0f} cycles only; run longer to rule out a transient"
     return replace(result, reason=f"{result.reason} ({caution})")
 
 
@@ -393,6 +416,8 @@ def _verdict(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]:
         allowed = min(allowed, 2.0 * STEADY)
     if change < -allowed:
         return _decaying(trace, seen, slips)
+    if seen.peak_to_peak >= TINY * seen.static_friction and (stopped := _stopped(trace, found)):
+        return "undecided", stopped
     if slips and (found.periodic or seen.slip_phase <= SLIP_PHASE):
         manner = "periodic" if found.periodic else "irregular"
         growth = "; the slips still grow" if change > allowed else ""
@@ -403,8 +428,11 @@ def _verdict(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]:
             f"the oscillation still grows, by a factor {seen.trend:.2g} between the halves of the window; about "
             f"{trace.time_in_words(2.0 * span)} more would tell"
         )
-    if seen.peak_to_peak < TINY * seen.static_friction:
-        return "smooth sliding", f"the force oscillates by {oscillation}, peak to peak"
+    # Of a sine with noise of a sensor on top, peak to peak is more than the sine's.
+    swing = 2.0 * math.sqrt(2.0 * max(float(np.var(without_line(trace.force, trace.t))) - found.noise**2, 0.0))
+    if seen.peak_to_peak < TINY * seen.static_friction or (found.periodic and swing < TINY * seen.static_friction):
+        size = min(swing, seen.peak_to_peak) / seen.static_friction
+        return "smooth sliding", f"the force oscillates by {100 * size:.3g} % of static friction, peak to peak"
     if coarse:
         return "undecided", f"drops of {oscillation} last fewer than {FEWEST_IN_A_DROP} samples: record more often"
     if not found.periodic and _halves(trace) < 1.0 - 3.0 * STEADY:
@@ -418,6 +446,26 @@ def _verdict(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]:
     return "undecided", (
         f"irregular oscillation of {oscillation} that is neither slips nor small: {how}; about "
         f"{trace.time_in_words(4.0 * (trace.t[-1] - trace.t[0]))} more{or_else} would tell"
+    )
+
+
+def _stopped(trace: Trace, found: Slips) -> str:
+    """Say when the slips stopped, if they did: time enough has passed since the last for one, at three standard errors.
+
+    Times between slips are taken to follow a gamma distribution: even ones at a small variation, random ones at 1.
+    """
+    from scipy.special import gammainccinv
+
+    mean, _, variation = mean_and_std(np.diff(found.times))
+    shape = 1.0 / max(variation, 0.01) ** 2
+    last = float(trace.t[found.end[-1]])
+    if not trace.t[-1] - found.times[-1] > mean * max(2.0, float(gammainccinv(shape, 0.00135)) / shape):
+        return ""
+    rest = trace.part(last)
+    then = _judge(rest).kind if rest.t.size >= FEWEST_READINGS else "undecided"
+    return (
+        f"slips every {trace.time_in_words(mean)} up to t = {trace.time_in_words(last)}, then "
+        f"{'none' if then == 'undecided' else then}: judge each part by itself"
     )
 
 
@@ -512,9 +560,10 @@ def _without_drops(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]
             "too short: the force oscillates, but shows no complete drop in the window; about "
             f"{trace.time_in_words(4.0 * span)} more would tell"
         )
-    if oscillation > MOST_NOISE * friction:
+    # Slips of a drop D, seen once a cycle or less, scatter by D/sqrt(12) and look like white noise.
+    scatter = float(without_line(trace.force, trace.t).std())
+    if scatter > SMALL / math.sqrt(12.0) * friction:
         return "undecided", (
-            f"noise of {oscillation:.3g} about a mean force of {abs(seen.mean_force):.3g} hides what there is: record "
-            "more often"
+            f"noise of {part} from one sample to the next hides what there is, slips too: record more often"
         )
     return "smooth sliding", f"the force shows noise only, {part}"

@@ -196,6 +196,14 @@ def envelope(x: Array, y: Array) -> tuple[Array, Array]:
     return x[kept], y[kept]
 
 
+def format_of(path: str | os.PathLike[str]) -> str:
+    """Return the format of a picture, by the suffix of its name; `InputError` if it is none that is written."""
+    kind = Path(path).suffix.lower().removeprefix(".")
+    if kind not in _FORMATS:
+        raise InputError(f"{path}: a picture is written as {', '.join('.' + f for f in _FORMATS)}, chosen by suffix")
+    return kind
+
+
 def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
     """Write a figure as PNG, SVG or PDF, by the suffix of the name; whole or not at all.
 
@@ -205,9 +213,7 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
         If the suffix is none of these or the place cannot be written.
     """
     files.target(path)
-    kind = Path(path).suffix.lower().removeprefix(".")
-    if kind not in _FORMATS:
-        raise InputError(f"{path}: a picture is written as {', '.join('.' + f for f in _FORMATS)}, chosen by suffix")
+    kind = format_of(path)
     # No date in the file: the same figure gives the same bytes.
     undated: Mapping[str, None] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})
     picture = io.BytesIO()

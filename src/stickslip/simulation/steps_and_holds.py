@@ -237,7 +237,7 @@ class _Told:
         if isinstance(value, str):
             if self.rig is None or self.rig.scales is None:
                 raise InputError(f"{place} = {value!r}: must be a plain number, as there are no units but natural ones")
-            value = read_quantity(value, self.rig.scales.si_name(unit), name)
+            value = read_quantity(value, self.rig.unit_name(unit), name)
         if infinite and value == math.inf:
             return value
         size = 1.0 if self.rig is None else self.rig.unit(unit)

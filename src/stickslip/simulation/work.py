@@ -35,6 +35,7 @@ from stickslip.model.drive import Piece, Travel
 from stickslip.model.rig import Rig
 from stickslip.model.units import Quantity
 from stickslip.progress import in_time
+from stickslip.simulation.engines.base import engine_of
 from stickslip.simulation.engines.blocks import ANGLE
 from stickslip.simulation.engines.thermal_population import activation_width
 
@@ -195,13 +196,20 @@ def estimate(rig: Rig) -> Work:
     -------
     Work
         Its ``seconds``, ``bytes`` and parts.
+
+    Raises
+    ------
+    InputError
+        If no solver takes the rig.
     """
     slider, duration = rig.slider, rig.drive.duration
+    engine_of(rig.interface, rig.method, slider)  # says what no solver takes
     if isinstance(slider, ElasticBody):
         return _of_blocks(rig, slider)
     mean, delay = rig.interface.threshold_distribution.moment(1), rig.interface.delay.moment(1)
     distance, parts = sum(_way(piece) for piece in rig.drive.pieces) / mean, []  # ways are in mean thresholds
     turns, ringing, kicked, ageing = 0.0, 0.0, 0.0, rig.interface.ageing
+    aged = 0.0  # seconds a time of ageing takes
     if isinstance(slider, Slider) and slider.mass > 0:
         frequency = math.sqrt((slider.stiffness + 1.0) / slider.mass)
         turns = frequency * duration
@@ -219,10 +227,11 @@ def estimate(rig: Rig) -> Work:
     path = distance + kicked + 0.01 * ringing
     if rig.interface.temperature is not None:
         parts.append(_thermal(rig, path, ringing))
+        aged = _AGE * getattr(rig.method, "count", 0)
     elif isinstance(rig.method, Contacts | QuasiStatic):
         count = rig.method.count
         lives = kicked + sum(_lives(piece, mean, delay) for piece in rig.drive.pieces)
-        each = _BREAK if ageing is None else _AGEING_BREAK
+        each, aged = (_BREAK if ageing is None else _AGEING_BREAK), _AGE * count
         parts.append(Part(key="simulation.contacts", value=count, quantity=None, power=1.0,
                           what=f"about {count * lives:.2g} breaks of {count:.2g} contacts",
                           seconds=each * count * lives, bytes=_CONTACT * count))  # fmt: skip
@@ -239,18 +248,15 @@ def estimate(rig: Rig) -> Work:
             steps = _PANELS[0] * (distance + kicked) + _PANELS[1] * oscillating
             power, seconds = -1 / 6, harder * finer ** (1 / 6) * steps
         else:
-            power, seconds = -1.0, _AGEING_COHORT * cohorts**2 * path
+            aged = _AGEING_COHORT * cohorts**2
+            power, seconds = -1.0, aged * path
         parts.append(Part(key="simulation.rtol", value=1e-4 / finer, quantity=None, power=power,
                           what=f"a path of {path:.2g} mean thresholds", seconds=seconds))  # fmt: skip
     if isinstance(ageing, Langevin):
         # Thresholds take steps that are short against their time of ageing, at rest as in motion.
         ages = duration * ageing.rate**2
-        if isinstance(rig.method, Contacts | QuasiStatic):
-            each = _AGE * rig.method.count
-        else:
-            each = _AGEING_COHORT * cohorts**2
         parts.append(Part(key="interface.ageing.time", value=ageing.rate**-2, quantity="time", power=-1.0,
-                          what=f"{ages:.2g} times of ageing", seconds=each * ages))  # fmt: skip
+                          what=f"{ages:.2g} times of ageing", seconds=aged * ages))  # fmt: skip
     samples = min(max(_SAMPLES_PER_RADIAN * turns, _FEWEST_SAMPLES), _MOST_SAMPLES)
     interval = duration / samples if rig.output.interval is None else rig.output.interval
     samples = duration / interval

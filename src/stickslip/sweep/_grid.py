@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stickslip.errors import InputError
+from stickslip.errors import InputError, instance, shown
 from stickslip.progress import in_time
 from stickslip.sweep import _refine
 from stickslip.sweep._cases import AxisValue, Function, case_key, check_name, plain_attribute
@@ -79,6 +80,7 @@ def run_cases(
     >>> float(found["area"].sel(width=2.0, height=4.0)), str(summary(found))
     (8.0, '4 of 4 cases done')
     """
+    instance("axes", axes, Mapping, "a mapping of names to values")
     if len(axes) == 0:
         raise InputError(f"axes = {axes!r}: must map at least one name to its values")
     grid = Grid({name: _axis(name, given) for name, given in axes.items()})
@@ -173,19 +175,38 @@ def _axis(name: str, given: object) -> list[AxisValue]:
     """Values of an axis as Python's own numbers, texts or truth values."""
     check_name("axes", name)
     place = f"axes[{name!r}]"
-    values = np.asarray(list(given) if isinstance(given, (range, tuple, Sequence)) else given)
-    if values.ndim != 1 or len(values) == 0:
-        raise InputError(f"{place} = {given!r}: must be a list of values, at least one")
-    if values.dtype.kind in "OT" and all(isinstance(value, str) for value in values):
-        values = values.astype(str)
-    if values.dtype.kind not in "buifU":
+    if isinstance(given, str) or not (hasattr(given, "__array__") or isinstance(given, Sequence)):
+        raise InputError(f"{place} = {shown(given)}: must be a list of values, at least one")
+    values: Any = list(given) if isinstance(given, Sequence) else np.asarray(given).tolist()
+    if not isinstance(values, list) or not values or any(isinstance(value, (list, tuple)) for value in values):
+        raise InputError(f"{place} = {shown(given)}: must be a list of values, at least one")
+    found = [value.item() if isinstance(value, np.generic) else value for value in values]
+    kinds = {_kind(value) for value in found}
+    if kinds not in ({"number"}, {"text"}, {"truth value"}):
         raise InputError(
-            f"{place} = {given!r}: must be numbers, texts or truth values; for records, sweep over their names "
-            "and look them up in the function"
+            f"{place} = {shown(given)}: must be numbers, texts or truth values, all of one kind; for records, sweep "
+            "over their names and look them up in the function"
         )
-    if values.dtype.kind in "buif" and np.isnan(values).any():
-        raise InputError(f"{place}: must not hold NaN")
-    if len(np.unique(values)) != len(values):
-        raise InputError(f"{place}: holds a value twice; for replicas add an axis of their own, such as replica")
-    found: list[AxisValue] = values.tolist()
+    if kinds == {"number"}:
+        if any(math.isnan(value) for value in found):
+            raise InputError(f"{place}: must not hold NaN")
+        for value in found:  # the axis of the result is of int64, or of float64
+            if isinstance(value, int) and not (-(2**63) <= value < 2**63):
+                raise InputError(f"{place}: {shown(value)} is no whole number of 64 bits; pass it as a text")
+            if any(isinstance(other, float) for other in found) and float(value) != value:
+                raise InputError(f"{place}: {value} beside fractions would lose digits; pass whole numbers alone")
+    first: dict[AxisValue, AxisValue] = {}
+    for value in found:
+        if value in first:
+            both = "" if repr(value) == repr(first[value]) else f" ({first[value]!r} and {value!r} are equal)"
+            raise InputError(
+                f"{place}: holds a value twice{both}; for replicas add an axis of their own, such as replica"
+            )
+        first[value] = value
     return found
+
+
+def _kind(value: object) -> str:
+    if isinstance(value, bool):
+        return "truth value"
+    return "number" if isinstance(value, (int, float)) else "text" if isinstance(value, str) else ""
