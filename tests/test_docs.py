@@ -136,7 +136,6 @@ def test_claims_become_a_table_for_each_group(house, tmp_path):
         number=6,
         statement="K* = 3.59 | N",
         verdict="not reproduced",
-        settled="not reproduced",
         measured=(near("K*", 2.98913, 2.989, 0.003, "k"),),
         evidence="Eq. (8)",
         exact="2.989 k",
