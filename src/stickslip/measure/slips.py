@@ -199,8 +199,11 @@ def _smoothed(force: Array, noise: float, among: NDArray[np.intp]) -> tuple[Arra
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
-    """Slips by a threshold that comes from the data: above noise, and not small beside the typical drop."""
+def find_slips(trace: Trace, minimum_drop: float | None = None, *, slow: bool = False) -> Slips:
+    """Slips by a threshold that comes from the data: above noise, and not small beside the typical drop.
+
+    Drops that are slow beside others are left out, unless they are asked for.
+    """
     noise, cycles = white_noise(trace.force), find_cycles(trace.t, trace.force)
     if minimum_drop is not None:
         found = _joined(trace, trace.force, minimum_drop, "drops of at least the minimum_drop given", noise, cycles)
@@ -224,7 +227,7 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
         f"{by_chance:.2g}, which the noise ({noise:.2g}{smoothing}) could show by chance"
     )
     whole = _joined(trace, force, smallest, criterion, noise, cycles, among)
-    found = _fast(trace, whole)
+    found = whole if slow else _fast(trace, whole)
     excess = contact_noise(trace)
     amplified = excess < MORE_THAN_NOISE and is_normal(trace.force)
     noise_like = (excess <= NO_MORE_THAN_NOISE or amplified) and cycles.correlation < COHERENT
