@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+_DUST = 1e-9  # of a mean: scatter that comes from rounding
 _SIGNED = ("force_before", "force_after", "mu_before", "mu_after")  # by the direction of the drive
 
 
@@ -217,6 +218,7 @@ def statistics(catalogue: xr.Dataset) -> list[tuple[str, str]]:
             continue
         unit = printable(str(column.attrs.get("units", "")))
         divisor, unit = prefixed(mean, "" if unit == "1" else unit)
+        std = 0.0 if std < _DUST * abs(mean) else std
         scatter = f" ± {words.number(std / divisor, 2)}" if math.isfinite(std) else ""
         cv = f" (CV {std / abs(mean):.2f})" if math.isfinite(std) and mean else ""
         lines.append((str(name).replace("_", " "), f"{words.number(mean / divisor)}{scatter} {unit}".rstrip() + cv))

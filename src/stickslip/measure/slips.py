@@ -147,7 +147,7 @@ def is_white(trace: Trace, noise: float, cycles: Cycles) -> bool:
     return float(rest.std()) <= (1.0 + chance) * noise and cycles.correlation <= 2.0 * chance and is_normal(rest)
 
 
-def _quantum(force: Array) -> float:
+def quantum(force: Array) -> float:
     """Step in which a trace was recorded, or 0 if its values lie on no coarse grid."""
     force = force[:: max(1, force.size // 50_000)]
     values = np.unique(force)
@@ -214,7 +214,7 @@ def find_slips(trace: Trace, minimum_drop: float | None = None, *, slow: bool = 
         force, chance = _smoothed(force, noise, among)
         among = among if force is trace.force else extremes(force, 0.5 * chance)
     rounding = 1e-7 * float(np.max(np.abs(force)))
-    by_chance = max(chance, 2.5 * _quantum(trace.force), rounding, 1e-300)
+    by_chance = max(chance, 2.5 * quantum(trace.force), rounding, 1e-300)
     peaks, troughs = turns(force, by_chance, among)
     drops = force[peaks] - force[troughs]
     if drops.size == 0 or (trace.contacts is None and is_white(trace, noise, cycles)):
@@ -238,8 +238,7 @@ def find_slips(trace: Trace, minimum_drop: float | None = None, *, slow: bool = 
     if phase <= SLIP_PHASE_OF_SLIPS or found.periodic or known:
         return found
     return found.none(
-        f"{found.size} {criterion}, but without a period, and they take {100 * phase:.0f} % of the time: noise of "
-        "the contacts"
+        f"{found.size} {criterion}, but without a period, and they take {100 * phase:.0f} % of the time: slow noise"
     )
 
 

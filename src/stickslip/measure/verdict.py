@@ -243,8 +243,10 @@ def over_the_window(trace: Trace, after: float | None) -> Regime:
     if trace.drive is None:
         trace, missing = _without_gaps(trace)
         strokes = find_strokes(trace)
-        seen = _of_strokes(strokes) if strokes else _judge(trace if after is not None else _loaded(trace))
-        return replace(seen, notes=(*seen.notes, *missing, *about_the_sensor(trace.force)))
+        window = trace if after is not None else _loaded(trace)
+        seen = _of_strokes(strokes) if strokes else _judge(window)
+        drifts = () if strokes or seen.kind == "undecided" else _about_drift(window)
+        return replace(seen, notes=(*seen.notes, *missing, *drifts, *about_the_sensor(trace.force)))
     if after is not None:
         return _judge(trace)
     steady = _constant_drive(trace)
@@ -279,6 +281,15 @@ def _without_gaps(trace: Trace) -> tuple[Trace, tuple[str, ...]]:
         return trace, (f"{told}{more}",)
     longest = trace.part(float(trace.t[begin]), float(np.nextafter(trace.t[end - 1], math.inf)))
     return longest, (f"{told}{more}: the longest stretch without a gap was judged",)
+
+
+def _about_drift(trace: Trace) -> tuple[str, ...]:
+    """Say how fast a force drifts, if a straight line makes most of its range."""
+    rate = float(np.polyfit(trace.t - trace.t[0], trace.force, 1)[0])
+    if abs(rate) * (trace.t[-1] - trace.t[0]) <= DRIFTS * float(np.ptp(trace.force)):
+        return ()
+    unit = f"{trace.force_unit.removesuffix('1')}/{trace.time_unit}".rstrip("/")
+    return (f"the force drifts by {words.number(trace.sign * rate, 3)} {unit}".rstrip(),)
 
 
 def since(trace: Trace, after: float) -> Trace:
@@ -575,7 +586,7 @@ def _without_drops(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]
                 f"{trace.time_in_words(2.0 * span)} more would tell"
             )
         if not of_contacts:
-            return "smooth sliding", f"{relative}: noise of the contacts"
+            return "smooth sliding", f"{relative}, as slow noise does"
         if oscillation > MOST_NOISE * friction:
             return "sustained oscillation", (
                 f"irregular, {part}, peak to peak, as expected from the noise of {trace.contacts} contacts; "
