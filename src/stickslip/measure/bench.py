@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from dataclasses import replace
@@ -113,10 +114,10 @@ def spikes(force: Array) -> NDArray[np.bool_]:
         return found
     bend = float(np.median(np.abs(values[:-2] - 2.0 * values[1:-1] + values[2:])))
     scatter = max(1.4826 * bend / math.sqrt(6.0), quantum(values) / math.sqrt(12.0))
-    beside = np.stack([values[:-4], values[1:-3], values[3:-1], values[4:]])
-    lowest, highest, here = beside.min(axis=0), beside.max(axis=0), values[2:-2]
+    beside, here = (values[:-4], values[1:-3], values[3:-1], values[4:]), values[2:-2]
+    lowest, highest = functools.reduce(np.minimum, beside), functools.reduce(np.maximum, beside)
     apart = np.maximum(lowest - here, here - highest) > highest - lowest
-    apart[apart] = np.abs(here[apart] - np.median([*beside[:, apart], here[apart]], axis=0)) > SIGMAS * scatter
+    apart[apart] = np.abs(here[apart] - np.median([each[apart] for each in (*beside, here)], axis=0)) > SIGMAS * scatter
     if np.count_nonzero(apart) <= FEW * values.size:
         found[known[2:-2][apart]] = True
     return found
