@@ -212,11 +212,14 @@ def _contacts(data: xr.Dataset) -> int | None:
 
 
 def without_line(values: Array, at: Array) -> Array:
-    """Values less the straight line through them; sums, as products of long vectors would wake the threads of BLAS."""
+    """Values less the straight line through them. Sums, as products of long vectors would wake the threads of BLAS."""
+    return np.asarray(values - values.mean() - slope(values, at) * (at - at.mean()))
+
+
+def slope(values: Array, at: Array) -> float:
+    """Slope of the straight line through values."""
     at = at - at.mean()
-    rest = values - values.mean()
-    slope = float((at * rest).sum()) / float((at * at).sum())
-    return np.asarray(rest - slope * at)
+    return float((at * (values - values.mean())).sum()) / float((at * at).sum())
 
 
 def turns(force: Array, smallest: float, among: NDArray[np.intp] | None = None) -> tuple[list[int], list[int]]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from stickslip import words
 from stickslip.answers import Answer
 from stickslip.errors import InputError, number
-from stickslip.measure.arrays import CONSTANT_DRIVE, FEWEST_READINGS, Array, Trace, in_words, without_line
+from stickslip.measure.arrays import CONSTANT_DRIVE, FEWEST_READINGS, Array, Trace, in_words, slope, without_line
 from stickslip.measure.bench import about_the_sensor, find_strokes, is_mirrored
 from stickslip.measure.periods import FEWEST_CYCLES
 from stickslip.measure.slips import (
@@ -285,7 +285,7 @@ def _without_gaps(trace: Trace) -> tuple[Trace, tuple[str, ...]]:
 
 def _about_drift(trace: Trace) -> tuple[str, ...]:
     """Say how fast a force drifts, if a straight line makes most of its range."""
-    rate = float(np.polyfit(trace.t - trace.t[0], trace.force, 1)[0])
+    rate = slope(trace.force, trace.t)
     if abs(rate) * (trace.t[-1] - trace.t[0]) <= DRIFTS * float(np.ptp(trace.force)):
         return ()
     unit = f"{trace.force_unit.removesuffix('1')}/{trace.time_unit}".rstrip("/")
@@ -564,7 +564,7 @@ def _without_drops(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]
     part = f"{100 * oscillation / friction:.3g} % of the largest force" if friction else "a force of 0"
     if oscillation < TINY * friction:
         return "smooth sliding", f"the force fluctuates by {part}"
-    drift = float(np.polyfit(trace.t - trace.t[0], trace.force, 1)[0] * span)
+    drift = slope(trace.force, trace.t) * span
     if abs(drift) > DRIFTS * oscillation and abs(drift) > 2.0 * found.smallest:
         way = "rises" if drift > 0 else "falls"
         return "undecided", (
