@@ -275,13 +275,13 @@ def measure(
     from stickslip import measure as measures
     from stickslip.io import files
     from stickslip.measure import front_map, ramps
+    from stickslip.words import engineering
 
     _check_outputs(events, picture=plot, read=data)
     trace = _read_data(data, force, time, step, displacement=displacement, load=load, flip=flip)
     since = _in_unit_of(trace["time"], "--after", after, "s", "10 s")
     smallest = _in_unit_of(trace["spring_force"], "--minimum-drop", minimum_drop, "N", "5 mN")
-    catalogue = measures.drops(trace, minimum_drop=smallest, after=since)
-    seen = measures.regime(trace, after=since)
+    seen, catalogue = measures.regime_and_drops(trace, minimum_drop=smallest, after=since)
     if events is not None:
         from stickslip.io import datasets as store
 
@@ -289,7 +289,7 @@ def measure(
     if plot is not None:
         from stickslip import plot as drawing
 
-        drawing.save(drawing.overview(trace, events=catalogue), plot)
+        drawing.save(drawing.overview(trace, events=catalogue, seen=seen), plot)
     try:
         unreadable = jsonlib.loads(trace.attrs.get("unreadable", "[]"))
     except (ValueError, TypeError, RecursionError):
@@ -312,7 +312,12 @@ def measure(
     print(ramps.in_words(trace) or seen, *front_map.in_words(trace), sep="\n")
     print()
     statistics = measures.statistics(catalogue)
-    print(measures.counted(catalogue) + ("; mean ± standard deviation:" if statistics else ""))
+    where = (
+        "in all of the data"
+        if since is None
+        else f"after t = {engineering(since, str(trace['time'].attrs.get('units', '')))}"
+    )
+    print(measures.counted(catalogue) + (f" {where}; mean ± standard deviation:" if statistics else ""))
     for name, text in statistics:
         print(f"{name}: {text}")
     if note := trace.attrs.get("note"):

@@ -167,7 +167,9 @@ def as_csv(catalogue: xr.Dataset) -> str:
     writer = csv.writer(text)
     names = [str(name) for name in catalogue.data_vars]
     writer.writerow([f"{name} [{catalogue[name].attrs.get('units', '')}]" for name in names])
-    writer.writerows(zip(*(catalogue[name].to_numpy().tolist() for name in names), strict=True))
+    # Ten digits: what a difference of times has beyond them is rounding.
+    columns = ([type(v)(f"{v:.10g}") for v in catalogue[name].to_numpy().tolist()] for name in names)
+    writer.writerows(zip(*columns, strict=True))
     return text.getvalue()
 
 
