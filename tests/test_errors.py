@@ -1,6 +1,8 @@
 """One error for every wrong input: what the checks let through and what they say."""
 
 import math
+import subprocess
+import sys
 from decimal import Decimal
 from fractions import Fraction
 from functools import partial
@@ -137,3 +139,9 @@ def test_arguments_of_the_wrong_kind_are_refused_in_one_line(call, told):
     rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.constant(velocity=1.0))
     with pytest.raises(ss.InputError, match=told):
         call(rig)
+
+
+def test_a_system_without_locks_of_files_is_told_at_the_import():
+    script = "import sys; sys.platform = 'win32'\ntry: import stickslip\nexcept ImportError as error: print(error)"
+    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+    assert "under Windows, use WSL" in told
