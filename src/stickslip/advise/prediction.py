@@ -84,8 +84,8 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
     """Linear theory and one run."""
     setting = rig.natural
     if setting.velocity <= 0:
-        speed = f"{rig.velocity:g} {rig.unit_name('x_s/time')}"
-        raise InputError(f"drive: the speed is {speed}: a prediction needs a speed above 0")
+        backwards = f"{rig.velocity:g} {rig.unit_name('x_s/time')}"
+        raise InputError(f"drive: the speed is {backwards}: a prediction needs a speed above 0")
     without = setting.interface.ageing is None and setting.interface.delay.moment(1) == 0
     modes, growth, note = _linear(setting)
     low, high = _range_of_speeds(setting)

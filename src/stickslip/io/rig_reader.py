@@ -240,8 +240,8 @@ class Reader:
         }
         given = {"delay": 0.0, **interface}
         parts = {name: self._part(reader, given.get(name), f"interface.{name}") for name, reader in read.items()}
-        given = document.get("interface")
-        written: Mapping[str, Any] = given if isinstance(given, Mapping) else {}
+        content = document.get("interface")
+        written: Mapping[str, Any] = content if isinstance(content, Mapping) else {}
         if "thresholds" not in interface and not (coefficients or _of_coefficients(written)):
             self.mistakes.append(_MissingError("interface.thresholds", rig_keys.INTERFACE["thresholds"].example))
         if coefficients and "thresholds" in interface:
