@@ -289,6 +289,11 @@ def test_numbers_of_options_are_read_by_the_grammar_of_quantities(sawtooth, caps
     assert len(line) < 420
 
 
+def test_a_value_that_begins_with_a_minus_is_told_as_such(capsys):
+    assert cli.main(["measure", "x.csv", "--load", "-20 N"]) == 2
+    assert "begins with '-' and is read as an option; write --load='-20 N'" in capsys.readouterr().err
+
+
 def test_whole_numbers_of_options_are_whole(rig, capsys):
     for points in ("1_0", "10.5", "0x10", "1e2", "²", "9" * 5_000):
         assert "must be a whole number" in refused(capsys, "map", rig, "--points", points)

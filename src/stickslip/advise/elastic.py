@@ -180,7 +180,8 @@ def predict_waves(rig: Rig, report: Progress = lambda _share: None) -> ElasticPr
     body, interface, velocity = setting.slider, setting.interface, setting.velocity
     assert isinstance(body, ElasticBody)
     if velocity <= 0:
-        raise InputError(f"drive: the speed is {velocity:g}: a prediction needs a speed above 0")
+        backwards = f"{rig.velocity:g} {rig.unit_name('x_s/time')}"
+        raise InputError(f"drive: the speed is {backwards}: a prediction needs a speed above 0")
     stiffness, coupling, wavelength, sliders = sliders_of(body, _MOST)
     through = [abs(v) for piece in setting.drive.pieces for v in (piece.start, piece.end) if v != 0]
     through += [*setting.operation.speeds, *(setting.operation.between or ())]

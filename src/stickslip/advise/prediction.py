@@ -100,7 +100,8 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
     """Linear theory and one run."""
     setting = rig.natural
     if setting.velocity <= 0:
-        raise InputError(f"drive: the speed is {setting.velocity:g}: a prediction needs a speed above 0")
+        backwards = f"{rig.velocity:g} {rig.unit_name('x_s/time')}"
+        raise InputError(f"drive: the speed is {backwards}: a prediction needs a speed above 0")
     modes, growth, note = _linear(setting)
     without = note == CANNOT_GROW
     low, high = _range_of_speeds(setting)
