@@ -651,7 +651,7 @@ def short(text: str) -> str:
 
 
 def _spreadsheet(place: str, raw: bytes) -> bytes:
-    """The first sheet with numbers of an .xlsx file, as text parted by tabs."""
+    """The first sheet with numbers of an .xlsx file, as text separated by tabs."""
     try:
         import openpyxl
     except ImportError:
