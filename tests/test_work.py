@@ -173,6 +173,24 @@ def test_contacts_that_wait_break_less_often(delay, breaks):
     assert f"about {1000 * breaks:.2g} breaks" in part.what
 
 
+@pytest.mark.parametrize("method", [ss.Contacts(20), ss.MasterEquation()])
+def test_stiff_dashpots_ask_for_short_steps(method):
+    """In proportion to the viscosity, once they do so more than the springs; a mistaken unit is refused."""
+    body = ss.Chain(blocks=8, coupling=5.0, mass=1e-2, damping=1.0, leaf=1.0)
+    rig = ss.Rig(INTERFACE, body, ss.constant(1.0, duration=1.0), method=method)
+
+    def work(viscosity):
+        return estimate(replace(rig, slider=replace(body, viscosity=viscosity)))
+
+    none, much, more = work(0.0), work(1e3), work(1e5)
+    assert work(1e-9).seconds == none.seconds
+    assert more.block_steps == pytest.approx(100 * much.block_steps)
+    assert much.block_steps > 1000 * none.block_steps
+    assert more.seconds > 50 * much.seconds > 1000 * none.seconds
+    with pytest.raises(ss.InputError, match=r"^slider.viscosity = 1e\+09: .* steps of blocks would .*; give at most"):
+        work(1e9).check()
+
+
 def test_the_time_left_in_a_log(monkeypatch, capsys):
     now = [0.0]
     monkeypatch.setattr("stickslip.progress.time.monotonic", lambda: now[0])

@@ -36,7 +36,7 @@ from stickslip.model.rig import Rig
 from stickslip.model.units import Quantity
 from stickslip.progress import in_time
 from stickslip.simulation.engines.base import engine_of
-from stickslip.simulation.engines.blocks import ANGLE
+from stickslip.simulation.engines.blocks import longest_step, network_of
 from stickslip.simulation.engines.thermal_population import activation_width
 
 LONGEST = 3600.0
@@ -286,14 +286,18 @@ def _of_blocks(rig: Rig, body: ElasticBody) -> Work:
     duration, method = rig.drive.duration, rig.method
     mean, delay = rig.interface.threshold_distribution.moment(1), rig.interface.delay.moment(1)
     lives = max(sum(_lives(piece, mean, delay) for piece in rig.drive.pieces), 1.0)
-    mean_coupling = 2.0 * float(body.links[1].sum()) / body.size
-    fastest = math.sqrt((float(body.pulled.max()) + 2.0 * mean_coupling + 1.0) / body.mass)
-    steps = 0.0 if isinstance(method, QuasiStatic) else body.size * duration * fastest / ANGLE
-    count = getattr(method, "count", _COHORTS)
+    count, steps, stiff = getattr(method, "count", _COHORTS), 0.0, False
+    if not isinstance(method, QuasiStatic):
+        network = network_of(body, np.zeros(body.size), np.zeros(body.size))
+        step = longest_step(network)
+        stiff = step < longest_step(network._replace(lag=0.0))  # the dashpots ask for shorter steps than the springs
+        steps = body.size * duration / step
     what = "cohorts" if isinstance(method, MasterEquation) else "contacts"
     each = _BREAK if not isinstance(method, QuasiStatic) else 4e-8 * body.size
+    name: Quantity = "viscosity" if stiff else "mass"
     parts = [
-        Part(key="slider.mass", value=body.mass, quantity="mass", power=-0.5, what=f"{steps:.2g} steps of blocks",
+        Part(key=f"slider.{name}", value=getattr(body, name), quantity=name, power=1.0 if stiff else -0.5,
+             what=f"{steps:.2g} steps of blocks",
              seconds=steps * (_BLOCK_STEP if what == "contacts" else 3e-9 * count)),
         Part(key=f"simulation.{what}", value=count, quantity=None, power=1.0,
              what=f"about {body.size * count * lives:.2g} breaks of {body.size * count:.2g} {what}",

@@ -123,7 +123,9 @@ class LangevinDensity(Steps):
         gaussian_ageing(interface)
         if interface.delay.moment(1) > 0 or method.memoryless:
             what = "MasterEquation(memoryless=True)" if method.memoryless else f"Interface.delay = {interface.delay}"
-            raise InputError(f"{what}: not available for ageing thresholds with MasterEquation; use Contacts")
+            raise InputError(
+                f"{what}: not available with MasterEquation together with ageing = {interface.ageing}; use Contacts"
+            )
 
     def stretchings(self) -> Stretchings:
         """Mean stretchings of the cohorts now."""
