@@ -142,7 +142,8 @@ class RateAndStateFit(Answer):
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain values."""
         derived = {"healing_over_b": self.healing_over_b, "ratio": self.ratio, "danger": self.danger}
-        return super().to_dict() | errors(self) | plain(derived)
+        found: dict[str, Any] = super().to_dict() | errors(self) | plain(derived)
+        return found
 
     def __str__(self) -> str:
         if not self.holds:
