@@ -160,7 +160,9 @@ def session(server: Server) -> Iterator[Session]:
     from websockets.sync.client import connect
 
     host = f"{server.host}{server.path}"
-    with connect(f"ws://{host}session", origin=f"http://{server.host}", max_size=None, open_timeout=30) as websocket:  # type: ignore[arg-type]
+    options: dict[str, Any] = {"origin": f"http://{server.host}", "max_size": None, "open_timeout": 30}
+    # A test that does not read answers no pings either.
+    with connect(f"ws://{host}session", ping_interval=None, **options) as websocket:
         yield Session(websocket)
 
 

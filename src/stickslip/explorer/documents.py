@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import json
 import math
+import tomllib
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 from stickslip.errors import InputError, number, shown
@@ -390,38 +392,19 @@ def presets() -> tuple[dict[str, Any], ...]:
     return tuple(found)
 
 
-def bars() -> tuple[dict[str, Any], ...]:
+def bars() -> list[dict[str, Any]]:
     """Return the elastic sliders that the page Fronts begins with: a title and a document."""
-    equal = {"distribution": "gaussian", "mean": 1.0, "std": 0.0}
-    bar = {"blocks": 30, "coupling": 4.0, "mass": 1.0, "damping": 0.3}
-    pulled = {
-        "name": "Precursors of sliding",
-        "units": "natural",
-        "chain": {**bar, "side": 3.0},
-        "interface": {"thresholds": equal, "delay": 30.0, "sliding_force": 0.6},
-        "drive": {"velocity": 0.003, "duration": 25_000.0},
-        "simulation": {"contacts": 50, "seed": 1},
-    }
-    top = {
-        **pulled,
-        "name": "A bar moved along its top",
-        "chain": {"blocks": 60, "coupling": 36.0, "mass": 1.0, "damping": 0.1, "leaf": 0.1},
-        "interface": {"thresholds": {**equal, "std": 0.05}, "delay": 20.0, "sliding_force": 0.425},
-        "drive": {"velocity": 0.01, "duration": 3_000.0},
-    }
-    pushed = {
-        **pulled,
-        "name": "A front set off by a push",
-        "chain": {**bar, "blocks": 100, "coupling": 1.0, "damping": 0.0},
-        "interface": {"thresholds": equal, "delay": "never"},
-        "drive": {"velocity": 0.0, "duration": 150.0},
-        "simulation": {"contacts": 50, "seed": 1, "start": {"stretching": 0.7, "push": 3.0, "pushed_blocks": 3}},
-    }
-    return (
-        {"title": "Pulled at one end: precursors", "document": pulled},
-        {"title": "Moved along its top", "document": top},
-        {"title": "A front, set off by a push", "document": pushed},
-    )
+    return _listed("bars")
+
+
+def glossary() -> list[dict[str, str]]:
+    """Return what each quantity is: a term, its unit, a text, and the key of its field if it has one."""
+    return _listed("glossary")
+
+
+def _listed(what: str) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = tomllib.loads((Path(__file__).parent / f"{what}.toml").read_text("utf-8"))[what]
+    return found
 
 
 def first() -> Document:
