@@ -131,8 +131,8 @@ def test_predict_prints_a_verdict_and_leaves_a_picture(rig, tmp_path, capsys):
     assert run("predict", rig, "--plot", picture) == 0
     printed = capsys.readouterr().out
     words = " ".join(printed.split())
-    assert words.startswith("small: stick-slip from ")
-    assert "; at 1 x_s/time: stick-slip" in words
+    assert words.startswith("small: at 1 x_s/time: stick-slip, ")
+    assert "; stick-slip from " in words
     assert "2.989 k (3.548 k without re-attachment)" in words
     assert picture.stat().st_size > 10_000
 
@@ -287,6 +287,11 @@ def test_numbers_of_options_are_read_by_the_grammar_of_quantities(sawtooth, caps
     line = refused(capsys, "measure", sawtooth, *arguments)
     assert words in line
     assert len(line) < 420
+
+
+def test_a_value_that_begins_with_a_minus_is_told_as_such(capsys):
+    assert cli.main(["measure", "x.csv", "--load", "-20 N"]) == 2
+    assert "begins with '-' and is read as an option; write --load='-20 N'" in capsys.readouterr().err
 
 
 def test_whole_numbers_of_options_are_whole(rig, capsys):

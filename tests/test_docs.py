@@ -96,7 +96,7 @@ def test_commands_come_with_all_their_options(house):
     assert "```console\nstickslip predict [OPTIONS] RIG\n```" in text
     assert re.findall(r"^## stickslip (\w+)$", text, re.MULTILINE) == [name for name in app if name[0] != "-"]
     assert "Check the paper's claims; exit code 1 if one fails" in text
-    assert "`--minimum-drop FLOAT`: Smallest drop that counts as a slip." in text
+    assert "`--minimum-drop STR`: Smallest drop that counts as a slip: '5 mN', or in N" in text
 
 
 def test_every_key_of_a_rig_file_has_a_meaning_an_example_and_what_is_taken_if_it_is_left_out(house):
@@ -136,7 +136,6 @@ def test_claims_become_a_table_for_each_group(house, tmp_path):
         number=6,
         statement="K* = 3.59 | N",
         verdict="not reproduced",
-        settled="not reproduced",
         measured=(near("K*", 2.98913, 2.989, 0.003, "k"),),
         evidence="Eq. (8)",
         exact="2.989 k",

@@ -819,7 +819,7 @@ def test_predict_tells_which_wave_grows_and_at_which_speeds():
             at = replace(rig, slider=ss.Slider(stiffness=1.0, mass=1e-4, damping=42.426), drive=ss.constant(edge))
             assert ss.stability.critical_spring(at) == pytest.approx(wave.stiffness, rel=1e-5)
     longest, *others = found.waves
-    assert "all blocks alike" in str(found)
+    assert "the uniform mode" in str(found)
     assert all(longest.speeds[0][0] < wave.speeds[0][0] for wave in others)
     assert found.speeds == longest.speeds
     assert found.to_dict()["waves"][0]["wavelength"] is None  # infinite

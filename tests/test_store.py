@@ -395,6 +395,12 @@ def test_a_record_of_a_guest_does_not_replace_one_of_ours_of_the_same_name(monke
     class Weibull:
         scale: float
 
+    @dataclass(frozen=True)
+    class Other:
+        time: float
+
+    Other.__name__ = "Weibull"
     monkeypatch.setitem(store.DISTRIBUTIONS, "a guest's", Weibull)
-    for one in (thresholds.Weibull(scale=1.0, shape=8.0), Weibull(2.0)):
+    monkeypatch.setitem(store.DELAYS, "another's", Other)
+    for one in (thresholds.Weibull(scale=1.0, shape=8.0), Weibull(2.0), Other(3.0)):
         assert store.decode(store.encode(one), store.records()) == one

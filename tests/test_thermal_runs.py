@@ -488,11 +488,11 @@ def test_a_rig_has_its_own_units():
         ),
         (
             lambda: ss.simulate(pulled(ss.Interface(thresholds=WIDE, temperature=BELL, ageing=ss.Langevin(rate=1.0)))),
-            "temperature = .* and ageing = .*: not available with MasterEquation",
+            "temperature = .*: not available with MasterEquation together with ageing = .*; use Contacts",
         ),
         (
             lambda: ss.simulate(pulled(ss.Interface(thresholds=WIDE, temperature=BELL, newborn=NARROW))),
-            "Interface.newborn = .*: not available with MasterEquation; leave it out",
+            "newborn = .*: not available with MasterEquation together with temperature = .*; leave one out",
         ),
         (
             lambda: ss.simulate(

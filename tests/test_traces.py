@@ -159,6 +159,13 @@ TWO = "t,F_d\n" + rows(lambda t, f: f"{t},{f}")
         ),
         ("1.0\n\x00\x01\x02\n" + NUMBERS, {"step": 1.0}, "binary"),
         ("a,F_d\n" + rows(lambda _, f: f"x,{f}"), {"force": "a", "step": 1.0}, "holds no number in column 1"),
+        ("time force\n" + rows(lambda t, f: f"{t} {f} N m"), {}, "column 2 holds numbers in 'N m'; write one unit"),
+        ("time;force\n" + rows(lambda t, f: f"{t};1 {200 + f:.3f}"), {}, "without a mark between thousands"),
+        (
+            "time,force\n" + rows(lambda t, _: f"{t:.2f},{5 + t % 2:.3f}".replace(".", ",")),
+            {},
+            "4 columns below 2 names",
+        ),
     ],
 )
 def test_files_that_are_no_trace_are_refused_in_one_line(tmp_path, text, options, message):
@@ -459,8 +466,17 @@ def test_five_million_rows_take_seconds_and_little_memory(tmp_path, columns):
 def test_a_header_of_another_separator_than_the_rows_is_one_line(tmp_path):
     place = tmp_path / "odd.csv"
     place.write_text("t [s];F [N]\n0.000\t5")
-    with pytest.raises(ss.InputError, match=r"odd\.csv: its rows are no table of 3 columns"):
+    with pytest.raises(ss.InputError, match=r"odd\.csv: its rows do not have 3 columns"):
         ss.read_trace(place)
+
+
+def test_a_row_with_a_unit_of_two_words_cannot_be_read(tmp_path):
+    place = tmp_path / "blanks.txt"
+    place.write_text("time force\n" + "".join(f"{i} {i % 7} N{' m' if i == 20 else ''}\n" for i in range(40)))
+    trace = ss.read_trace(place)
+    assert 20.0 not in trace["time"].to_numpy()
+    assert "1 of 40 rows could not be read" in trace.attrs["note"]
+    assert trace["spring_force"].attrs["units"] == "N"
 
 
 @pytest.mark.parametrize(("cell", "value"), [("1" + 400 * "0", None), ("True", None), ("1e1", 10.0)])

@@ -110,9 +110,9 @@ def _left_out(key: Any) -> str:
 
 
 def _si(key: Any) -> str:
-    from stickslip.model.units import SI_NAMES
+    from stickslip.model.units import si_unit
 
-    return str(SI_NAMES[key.unit])
+    return si_unit(key.unit)
 
 
 def _kind(key: Any) -> str:

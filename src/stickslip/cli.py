@@ -8,10 +8,11 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
-from cyclopts import App, CycloptsError, Parameter, Token
+from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, Token
 
 from stickslip import __version__, console
 from stickslip.answers import plain
@@ -72,13 +73,19 @@ Plot = Annotated[Path | None, Parameter(help="Also draw a picture: .png, .svg or
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code: 2 for input that cannot be used, 1 for a claim or case that fails."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
     try:
         with console.stoppable():
-            result = app(list(sys.argv[1:] if arguments is None else arguments), exit_on_error=False, print_error=False)
+            result = app(given, exit_on_error=False, print_error=False)
+    except MissingArgumentError as error:
+        for name, value in pairwise(given):
+            if name.startswith("--") and re.match(r"-[.\d]", value):
+                return _fail(f"{name} {value}: begins with '-' and is read as an option; write {name}={shown(value)}")
+        return _refused(error)
     except (InputError, UndecidedError) as error:
         return _fail(str(error))
     except CycloptsError as error:
-        return _fail(f"{' '.join(str(error).split())} (see stickslip --help)")
+        return _refused(error)
     except KeyboardInterrupt:
         return _fail("interrupted; no half-written file was left behind", code=130)
     except BrokenPipeError:  # the reader went away, as `head` does
@@ -87,6 +94,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except MemoryError:
         return _fail("not enough memory for this case; take fewer contacts or samples")
     return result if isinstance(result, int) else 0
+
+
+def _refused(error: CycloptsError) -> int:
+    return _fail(f"{' '.join(str(error).split())} (see stickslip --help)")
 
 
 def _fail(message: str, code: int = 2) -> int:
@@ -275,13 +286,13 @@ def measure(
     from stickslip import measure as measures
     from stickslip.io import files
     from stickslip.measure import front_map, ramps
+    from stickslip.words import engineering
 
     _check_outputs(events, picture=plot, read=data)
     trace = _read_data(data, force, time, step, displacement=displacement, load=load, flip=flip)
     since = _in_unit_of(trace["time"], "--after", after, "s", "10 s")
     smallest = _in_unit_of(trace["spring_force"], "--minimum-drop", minimum_drop, "N", "5 mN")
-    catalogue = measures.drops(trace, minimum_drop=smallest, after=since)
-    seen = measures.regime(trace, after=since)
+    seen, catalogue = measures.regime_and_drops(trace, minimum_drop=smallest, after=since)
     if events is not None:
         from stickslip.io import datasets as store
 
@@ -289,7 +300,7 @@ def measure(
     if plot is not None:
         from stickslip import plot as drawing
 
-        drawing.save(drawing.overview(trace, events=catalogue), plot)
+        drawing.save(drawing.overview(trace, events=catalogue, seen=seen), plot)
     try:
         unreadable = jsonlib.loads(trace.attrs.get("unreadable", "[]"))
     except (ValueError, TypeError, RecursionError):
@@ -312,7 +323,12 @@ def measure(
     print(ramps.in_words(trace) or seen, *front_map.in_words(trace), sep="\n")
     print()
     statistics = measures.statistics(catalogue)
-    print(measures.counted(catalogue) + ("; mean ± standard deviation:" if statistics else ""))
+    where = (
+        "in all of the data"
+        if since is None
+        else f"after t = {engineering(since, str(trace['time'].attrs.get('units', '')))}"
+    )
+    print(measures.counted(catalogue) + (f" {where}; mean ± standard deviation:" if statistics else ""))
     for name, text in statistics:
         print(f"{name}: {text}")
     if note := trace.attrs.get("note"):

@@ -202,7 +202,7 @@ def print_prediction(found: Prediction | ElasticPrediction, picture: Path | None
     tables.print(numbers)
     if found.margins:
         console.print()
-        say(" of smooth sliding, one parameter varied at a time (linear stability)", "Margins")
+        say(" of smooth sliding, one parameter varied at a time (linear stability, without noise)", "Margins")
         table = Table(box=None, pad_edge=False)
         for title in ("parameter", "now", "stability limit below", "stability limit above"):
             table.add_column(title)

@@ -263,11 +263,6 @@ def line(x: Array, y: Array) -> Plain:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _slips(events: fitting.Events) -> int:
-    """Slips of each draw of the table that a trace is compared with."""
-    return SLIPS * math.ceil(1.25 * min(len(events), 2_000) / SLIPS)
-
-
 @lru_cache(maxsize=8)
 def _cost(slips: int) -> float:
     """Seconds of one core for a draw of the table, measured."""
@@ -283,8 +278,7 @@ def _plan(events: fitting.Events) -> Plain:
         fitting.check(events)
     except InputError as error:
         return {"refused": str(error)}
-    slips = _slips(events)
-    ready, each = draws_kept(fitting.Prior(), slips), _cost(slips) / (os.cpu_count() or 1)
+    ready, each = draws_kept(fitting.Prior(), SLIPS), _cost(SLIPS) / (os.cpu_count() or 1)
     return {"sizes": [{"draws": draws, "seconds": max(draws - ready, 0) * each} for draws in (_COARSE, DRAWS)]}
 
 
@@ -298,7 +292,7 @@ def posterior(content: bytes, name: str, options: Options, may_simulate: bool, w
     draws = whole(
         "draws", int(text) if (text := options.get("draws", "")).isdecimal() else text, at_least=_COARSE, at_most=DRAWS
     )
-    if not may_simulate and draws_kept(fitting.Prior(), _slips(events)) < draws:
+    if not may_simulate and draws_kept(fitting.Prior(), SLIPS) < draws:
         raise InputError(
             "intervals need a table of simulations that takes minutes; a shared explorer does not make it: run "
             "`stickslip fit` on this machine once, or a fit in an explorer that is not shared"

@@ -42,18 +42,17 @@ Plain = Any
 
 def records() -> dict[str, type]:
     """Return the records of `stickslip.model`, and those registered by a user, by name, for `decode`."""
-    kinds = {name: kind for name, kind in vars(model).items() if isinstance(kind, type) and is_dataclass(kind)}
-    for table in (DISTRIBUTIONS, DELAYS, AGEING_MODELS, ACTIVATIONS, METHODS):
-        kinds.update({_name_of(kind): kind for kind in table.values()})
-    kinds[Positive.__name__] = Positive  # what a SteadyState of a guest's distribution may hold
-    del kinds["Parameter"]  # it holds functions
-    return kinds
+    ours = {name: kind for name, kind in vars(model).items() if isinstance(kind, type) and is_dataclass(kind)}
+    del ours["Parameter"]  # it holds functions
+    ours[Positive.__name__] = Positive  # what a SteadyState of a guest's distribution may hold
+    tables = (DISTRIBUTIONS, DELAYS, AGEING_MODELS, ACTIVATIONS, METHODS)
+    return {_name_of(kind): kind for table in tables for kind in table.values()} | ours
 
 
 def _name_of(kind: type) -> str:
-    """Name of a record in a file: that of its class, with its module where a record of ours has the name."""
-    ours = getattr(model, kind.__name__, kind)
-    return kind.__name__ if ours is kind else f"{kind.__module__}.{kind.__qualname__}"
+    """Name of a record in a file: that of its class, with its module where it is not ours."""
+    is_ours = kind.__module__.partition(".")[0] == __name__.partition(".")[0]
+    return kind.__name__ if is_ours else f"{kind.__module__}.{kind.__qualname__}"
 
 
 def encode(value: object) -> Plain:
@@ -167,7 +166,9 @@ def as_csv(catalogue: xr.Dataset) -> str:
     writer = csv.writer(text)
     names = [str(name) for name in catalogue.data_vars]
     writer.writerow([f"{name} [{catalogue[name].attrs.get('units', '')}]" for name in names])
-    writer.writerows(zip(*(catalogue[name].to_numpy().tolist() for name in names), strict=True))
+    # Ten digits: what a difference of times has beyond them is rounding.
+    columns = ([type(v)(f"{v:.10g}") for v in catalogue[name].to_numpy().tolist()] for name in names)
+    writer.writerows(zip(*columns, strict=True))
     return text.getvalue()
 
 

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.errors import LARGEST, SMALLEST, InputError, instance
+from stickslip.errors import LARGEST, SMALLEST, InputError, instance, printable
 from stickslip.io.datasets import read_provenance
 from stickslip.model import Contacts, Population, Slider
 from stickslip.simulation import Recording
+from stickslip.words import engineering
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -116,8 +117,8 @@ class Trace:
             largest=_largest(sign * force),
             contacts=_contacts(data),
             displacement=arrays["measured_displacement"],
-            time_unit=str(data["time"].attrs.get("units", "")),
-            force_unit=str(data["spring_force"].attrs.get("units", "")),
+            time_unit=printable(str(data["time"].attrs.get("units", ""))),
+            force_unit=printable(str(data["spring_force"].attrs.get("units", ""))),
             quantity="coefficient of friction"
             if "coefficient" in str(data["spring_force"].attrs.get("long_name", ""))
             else "force",
@@ -149,11 +150,11 @@ class Trace:
 
     def time_in_words(self, time: float) -> str:
         """A time with its unit."""
-        return f"{time:.2g}" + {"": "", "time": " time units"}.get(self.time_unit, f" {self.time_unit}")
+        return in_words(time, self.time_unit, 2)
 
     def force_in_words(self, force: float) -> str:
         """A force with its unit."""
-        return f"{force:.3g}" + ("" if self.force_unit in ("", "1") else f" {self.force_unit}")
+        return in_words(force, self.force_unit, 3)
 
     @property
     def gaps(self) -> NDArray[np.intp]:
@@ -178,6 +179,11 @@ class Trace:
             attached=cut(self.attached),
             displacement=cut(self.displacement),
         )
+
+
+def in_words(value: float, unit: str, digits: int = 4) -> str:
+    """A value with its unit, of time too."""
+    return engineering(value, "time units" if unit == "time" else unit, digits)
 
 
 def _largest(force: Array) -> float:
@@ -206,11 +212,14 @@ def _contacts(data: xr.Dataset) -> int | None:
 
 
 def without_line(values: Array, at: Array) -> Array:
-    """Values less the straight line through them; sums, as products of long vectors would wake the threads of BLAS."""
+    """Values less the straight line through them. Sums, as products of long vectors would wake the threads of BLAS."""
+    return np.asarray(values - values.mean() - slope(values, at) * (at - at.mean()))
+
+
+def slope(values: Array, at: Array) -> float:
+    """Slope of the straight line through values."""
     at = at - at.mean()
-    rest = values - values.mean()
-    slope = float((at * rest).sum()) / float((at * at).sum())
-    return np.asarray(rest - slope * at)
+    return float((at * (values - values.mean())).sum()) / float((at * at).sum())
 
 
 def turns(force: Array, smallest: float, among: NDArray[np.intp] | None = None) -> tuple[list[int], list[int]]:

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
+import math
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.measure.arrays import FEWEST_READINGS, Array, Trace, turns
-from stickslip.measure.slips import SLIP_PHASE_OF_SLIPS, Slips, find_slips
+from stickslip.measure.slips import SLIP_PHASE_OF_SLIPS, Slips, find_slips, quantum
 
 LEAST_WAY = 0.5  # of the range of the displacement, or of the force: a stroke goes at least so far
 IN_BETWEEN = 0.08  # largest part of the time that a force between its two plateaus may take
 MIRRORED = 0.25  # largest part of the time that the jumps of a mirrored force take
+SIGMAS = 6.0  # standard deviations of the noise: what lies farther off is none of it
 FEW = 0.05  # largest part of the samples that may be faults of the sensor
 RESOLVED = 2  # samples of a jump: with fewer, which of two samples came first is chance
 FEWEST_FLAT, FLAT_RUN, FLAT_PEAKS = 10, 3, 3  # samples, consecutive samples and peaks that make a saturated sensor
@@ -97,6 +100,27 @@ def far_outside(force: Array) -> NDArray[np.bool_]:
     if inner.size:
         found[: inner[0]] = found[inner[-1] + 1 :] = False  # before and after the test there may be anything
     return found & np.isfinite(force)
+
+
+def spikes(force: Array) -> NDArray[np.bool_]:
+    """Single samples that a force did not pass through: electrical spikes, of either sign.
+
+    They lie more than six standard deviations off the median of five, and farther from the four samples beside them
+    than these from one another: a slip, which is no longer, leaves those apart. Where many are so, they are no faults.
+    """
+    found, known = np.zeros(force.size, dtype=bool), np.flatnonzero(np.isfinite(force))
+    values = force[known]
+    if values.size < FEWEST_READINGS:
+        return found
+    bend = float(np.median(np.abs(values[:-2] - 2.0 * values[1:-1] + values[2:])))
+    scatter = max(1.4826 * bend / math.sqrt(6.0), quantum(values) / math.sqrt(12.0))
+    beside, here = (values[:-4], values[1:-3], values[3:-1], values[4:]), values[2:-2]
+    lowest, highest = functools.reduce(np.minimum, beside), functools.reduce(np.maximum, beside)
+    apart = np.maximum(lowest - here, here - highest) > highest - lowest
+    apart[apart] = np.abs(here[apart] - np.median([each[apart] for each in (*beside, here)], axis=0)) > SIGMAS * scatter
+    if np.count_nonzero(apart) <= FEW * values.size:
+        found[known[2:-2][apart]] = True
+    return found
 
 
 def _is_flat(force: Array) -> bool:

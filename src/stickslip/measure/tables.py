@@ -220,6 +220,12 @@ class _Text:
         """Read some columns; blank lines and comments are left out."""
         # Where blanks part the columns, a unit in a cell is a column of its own, behind that of the number.
         beside = {i: i + 1 for i in columns if self.parting is None and self._holds_units(i + 1, table)}
+        for i in beside:
+            if self._holds_units(i + 2, table) and unit_named(table.labels[i + 2]):
+                unit = f"{table.labels[i + 1]} {table.labels[i + 2]}"
+                raise InputError(
+                    f"{table.place}: column {i + 1} holds numbers in {unit!r}; write one unit without blanks"
+                )
         wanted = sorted({*columns, *beside.values()})
         count = len(self.lines) - self.start
         cells = {i: _Cells.empty(count) for i in columns}
@@ -268,22 +274,29 @@ class _Text:
             )
         except pd.errors.ParserError as error:
             reason = shortened(" ".join(str(error).split()))
-            raise InputError(f"{place}: its rows are no table of {self.width} columns ({reason})") from None
+            raise InputError(f"{place}: its rows do not have {self.width} columns ({reason})") from None
 
     def _holds_units(self, column: int, table: Table) -> bool:
         return column < self.width and column not in table.numeric and table.labels[column] != ""
 
     def _too_wide(self) -> list[int]:
-        """Rows with a number too many, which leaves open which is which."""
-        if self.parting is None or self.quoted:
+        """Rows with a number too many, which leaves open which is which, or with a unit too many: N m is not N."""
+        if self.quoted:
             return []
-        marks = np.flatnonzero(np.frombuffer(self.lines.raw, dtype=np.uint8) == ord(self.parting))
-        count = np.diff(np.searchsorted(marks, self.lines.ends), prepend=0)[self.start :]
-        wide = np.flatnonzero(count >= self.width).tolist()
+        raw = np.frombuffer(self.lines.raw, dtype=np.uint8)
+        if self.parting is None:
+            ends = (raw[:-1] > ord(" ")) & (raw[1:] <= ord(" "))  # of words
+            count = np.diff(np.searchsorted(np.flatnonzero(ends), self.lines.ends), prepend=0) - 1
+        else:
+            marks = np.flatnonzero(raw == ord(self.parting))
+            count = np.diff(np.searchsorted(marks, self.lines.ends), prepend=0)
+        wide = np.flatnonzero(count[self.start :] >= self.width).tolist()
+        cells = ((i, self.lines.text(self.start + i).split(self.parting)) for i in wide)
         return [
             i
-            for i in wide
-            if _value(self.lines.text(self.start + i).split(self.parting), self.width, self.comma) is not None
+            for i, row in cells
+            if _value(row, self.width, self.comma) is not None
+            or (self.parting is None and unit_named(row[self.width] if len(row) > self.width else ""))
         ]
 
     def _no_remark(self, columns: Sequence[Array]) -> NDArray[np.bool_]:
@@ -311,6 +324,12 @@ def _of_text(place: str, lines: _Lines, delimiter: str | None, decimal: str | No
     width = Counter(len(row) for row in cells).most_common(1)[0][0]
     if width > MOST_COLUMNS:
         raise InputError(f"{place}: has {width} columns, more than {MOST_COLUMNS}; keep those of time and force")
+    names = {len(row) for row in split(titles, ",")} if parting == "," and "." not in "".join(body) else set()
+    if width % 2 == 0 and width // 2 in names - {1}:
+        raise InputError(
+            f"{place}: rows such as {short(body[-1])!r} have {width} columns below {width // 2} names: a comma cannot "
+            "be both the decimal sign and what separates the columns; export with ';' or with decimal points"
+        )
     numeric = [i for i in range(width) if _mostly_numbers(cells, i, comma)]
     if not numeric:
         raise InputError(
@@ -632,7 +651,7 @@ def short(text: str) -> str:
 
 
 def _spreadsheet(place: str, raw: bytes) -> bytes:
-    """The first sheet with numbers of an .xlsx file, as text parted by tabs."""
+    """The first sheet with numbers of an .xlsx file, as text separated by tabs."""
     try:
         import openpyxl
     except ImportError:

@@ -260,6 +260,9 @@ def _natural(rig: Rig | Interface, who: str, method: Method | None, stiffness: f
     interface = rig.interface if isinstance(rig, Rig) else rig
     chosen = method or (rig.method if isinstance(rig, Rig) else MasterEquation())
     instance(f"{who}: method", chosen, (Contacts, MasterEquation), "Contacts(...) or MasterEquation(...)")
+    given: object = stiffness
+    if not (isinstance(given, str) or (isinstance(given, float) and given == math.inf)):
+        number(f"{who}: stiffness", given, above=0)
     if interface.temperature is None and (isinstance(chosen, Contacts) or stiffness != math.inf):
         what = "Contacts" if stiffness == math.inf else f"a spring (stiffness = {shown(stiffness)})"
         raise InputError(
