@@ -349,3 +349,16 @@ def test_newborns_are_stretched_along_the_motion_after_each_reversal_too():
     )
     assert 10.0 / 2.1 < few / many < 10.0 * 2.1  # N^-1/2; the quotient squared is one of F of 8 and 8: 1 in 20
     assert off(ss.Contacts(10_000, seed=1)) < 4.0 * few * math.sqrt(10.0)
+
+
+def test_newborns_of_a_slider_at_rest_do_not_push_it():
+    """It trembles ever faster, and the force stays: neither direction is that of its motion for long."""
+    interface = ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=0.2),
+        delay=ss.RandomDelay(mean=0.5, std=0.15),
+        newborn=ss.Gaussian(mean=0.3, std=0.0),
+    )
+    drive = ss.constant(1.0, duration=3.0).then(ss.constant(0.0, duration=4.0)).then(ss.constant(1.0, duration=1.0))
+    rig = ss.Rig(interface, ss.Slider(stiffness=0.7, mass=6e-4, damping=137.0), drive)
+    exact, found = (ss.simulate(rig, method=ss.MasterEquation(rtol=rtol)).spring_force for rtol in (1e-7, 1e-4))
+    assert float(np.sqrt(((found - exact) ** 2).mean())) < 10.0 * 1e-4

@@ -117,7 +117,7 @@ def _newborn(state: State, work: Work, case: Case, dt: float) -> float:
 def heading(state: State, work: Work) -> float:
     """Direction in which the slider moves in a step, 1 or -1; that of its last motion if it is at rest.
 
-    The velocity at the start does not tell: where the slider has just turned, it is what the solver left of 0.
+    Not that of its velocity at the start: it may turn there.
     """
     way = work.nodes[AT_X, 1]
     if way == 0.0:

@@ -295,7 +295,7 @@ def _first_event(state: State, work: Work, case: Case) -> tuple[float, int]:
     u = _crossing(work, AT_V, 0.0, -s)
     if u < 1.0:
         _curve(work, AT_X)
-        if abs(_along(work, AT_X, u)) < 1e-3 * tol:  # it has turned at the start
+        if nodes[AT_V, 0] != 0.0 and abs(_along(work, AT_X, u)) < 1e-3 * tol:  # it has turned at the start
             s = -s
             u = _crossing(work, AT_V, 0.0, -s)
     what = SMOOTH
@@ -330,6 +330,18 @@ def _first_event(state: State, work: Work, case: Case) -> tuple[float, int]:
 
 
 @bare
+def _misled(state: State, work: Work, case: Case) -> float:
+    """Error of the force where newborns are stretched along the heading of a step and the slider moves against it."""
+    nodes, way, stretching, born = work.nodes, heading(state, work), 0.0, 0.0
+    for i in range(case.newborn.stretching.size):
+        stretching += case.newborn.fraction[i] * abs(case.newborn.stretching[i])
+    for k in range(1, P + 1):
+        if nodes[AT_V, k] * way < 0.0:
+            born += nodes[AT_BORN, k] - nodes[AT_BORN, k - 1]
+    return 2.0 * stretching * born
+
+
+@bare
 def _step(state: State, work: Work, case: Case, most: float, smallest: float) -> tuple[float, int]:
     """Take a step as long as the error and the first event allow, at most `most`: its length, and what ends it."""
     scalar = state.scalar
@@ -337,6 +349,7 @@ def _step(state: State, work: Work, case: Case, most: float, smallest: float) ->
     if math.isinf(planned):
         planned = _first_step(state, case)
     event = SMOOTH
+    stretched = case.newborn.stretching.size > 1 or case.newborn.stretching[0] != 0.0
     while True:
         dt = min(planned, most)
         if event == SMOOTH and dt < most < 1.6 * dt:
@@ -350,8 +363,15 @@ def _step(state: State, work: Work, case: Case, most: float, smallest: float) ->
         if trouble == HOPELESS:
             return dt, FAILS
         if event != SMOOTH:
+            ahead = work.nodes[AT_V, P] * heading(state, work)
+            if event == TURNS and stretched and ahead * dt > 1e-4 * case.accuracy.tolerance:
+                event = SMOOTH  # not quite
             return dt, event
         u, event = _first_event(state, work, case)
+        if event == SMOOTH and stretched and _misled(state, work, case) > case.accuracy.tolerance and dt > smallest:
+            state.used[REJECTED] += 1
+            planned = dt * SHORTER
+            continue
         if event == SMOOTH:
             if dt == planned or trouble > 0.3:
                 scalar[NEXT_STEP] = dt * min(0.9 * max(trouble, 1e-9) ** (-1.0 / P), 3.0)
