@@ -41,7 +41,7 @@ from stickslip.kernels.panel_state import (
     initial_state,
 )
 from stickslip.kernels.panels import _arrest
-from stickslip.kernels.rules import GAUSS, WEIGHT
+from stickslip.kernels.rules import GAUSS, WEIGHT, P
 from stickslip.model import MasterEquation, RandomDelay
 from stickslip.model.distributions import Empirical, Exponential, Gamma, Gaussian, LogNormal, Uniform, Weibull, excess
 from stickslip.simulation.engines.panels import _delays as engine_delays
@@ -514,3 +514,14 @@ def test_what_attaches_as_the_slider_stops_keeps_mass_and_energy(direction):
     assert state.groups[BIRTH, new, 0] == pytest.approx(state.scalar[POSITION] - direction * stretching)
     assert state.groups[REACH, new, 0] == pytest.approx(stretching)
     np.testing.assert_array_equal(state.groups[:, :used], groups[:, :used])
+
+
+def test_contacts_that_broke_together_re_attach_together():
+    x, weight = narrow()
+    state = initial_state(tables(GAUSSIAN), after(0.2), x, 0.7 * weight)
+    state.panels[: state.used[panel_state.PANELS], 2 : 3 + P] = -0.3  # 30 % broke at the start, at one moment
+    before, after_it = run(0.2 - 1e-6, delays=after(0.2), start=state), run(0.2 + 1e-6, delays=after(0.2), start=state)
+    one, other = before.state.scalar, after_it.state.scalar
+    assert other[ATTACHED] - one[ATTACHED] == pytest.approx(0.3, abs=1e-9)
+    np.testing.assert_allclose(other[[POSITION, VELOCITY]], one[[POSITION, VELOCITY]], rtol=1e-3)
+    assert other[CONTACT_FORCE] == pytest.approx(one[CONTACT_FORCE], rel=1e-3)

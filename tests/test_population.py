@@ -306,3 +306,40 @@ def test_a_sweep_keeps_the_method_and_changes_its_count():
     force = table["mean_force"].to_numpy()
     assert force.shape == (2, 2)
     assert abs(force[0, 0] - force[0, 1]) > abs(force[1, 0] - force[1, 1]) > 0.0
+
+
+def test_newborns_are_stretched_along_the_motion_after_each_reversal_too():
+    interface = ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.Delay(0.35), newborn=ss.Gaussian(mean=0.2, std=0.0)
+    )
+    rig = ss.Rig(interface, ss.Slider(stiffness=0.7, mass=6e-4, damping=13.0), ss.constant(0.3, duration=7.5))
+
+    def force(method):  # the slip at 6.1 ends in reversals while contacts attach
+        run = ss.simulate(rig, method=method, output=ss.Output(interval=0.01))
+        return run.spring_force.values[run.time.values > 6.6]
+
+    exact = force(ss.MasterEquation(rtol=1e-8))
+
+    def off(method):
+        return float(np.sqrt(np.mean((force(method) - exact) ** 2)))
+
+    for rtol in (1e-4, 1e-6):
+        assert off(ss.MasterEquation(rtol=rtol)) < 10.0 * rtol
+    few, many = (
+        math.sqrt(np.mean([off(ss.Population(n, seed=seed)) ** 2 for seed in range(8)])) for n in (100_000, 10_000_000)
+    )
+    assert 10.0 / 2.1 < few / many < 10.0 * 2.1  # N^-1/2; the quotient squared is one of F of 8 and 8: 1 in 20
+    assert off(ss.Contacts(10_000, seed=1)) < 4.0 * few * math.sqrt(10.0)
+
+
+def test_newborns_of_a_slider_at_rest_do_not_push_it():
+    """It trembles ever faster, and the force stays: neither direction is that of its motion for long."""
+    interface = ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=0.2),
+        delay=ss.RandomDelay(mean=0.5, std=0.15),
+        newborn=ss.Gaussian(mean=0.3, std=0.0),
+    )
+    drive = ss.constant(1.0, duration=3.0).then(ss.constant(0.0, duration=4.0)).then(ss.constant(1.0, duration=1.0))
+    rig = ss.Rig(interface, ss.Slider(stiffness=0.7, mass=6e-4, damping=137.0), drive)
+    exact, found = (ss.simulate(rig, method=ss.MasterEquation(rtol=rtol)).spring_force for rtol in (1e-7, 1e-4))
+    assert float(np.sqrt(((found - exact) ** 2).mean())) < 10.0 * 1e-4

@@ -8,7 +8,16 @@ import pytest
 import reference
 
 from stickslip.errors import InputError
-from stickslip.model import Contacts, Delay, Interface, Langevin, MasterEquation, RandomDelay
+from stickslip.model import (
+    Contacts,
+    Delay,
+    ExponentialGrowth,
+    Interface,
+    Langevin,
+    LogarithmicGrowth,
+    MasterEquation,
+    RandomDelay,
+)
 from stickslip.model.distributions import Exponential, Gamma, Gaussian, SteadyState, Uniform, Weibull
 from stickslip.rigid import (
     Renewal,
@@ -93,6 +102,16 @@ def test_static_friction_is_the_largest_force():
     force, place = static_friction(gaussian(0.01, 0.1, delay=0.5))
     assert force == pytest.approx(0.79560, abs=1e-4)
     assert place == pytest.approx(0.8435, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    "ageing",
+    [LogarithmicGrowth(slope=0.02, time=1e-3), ExponentialGrowth(rate=1.0), Langevin(rate=1.0)],
+)
+def test_static_friction_is_refused_while_thresholds_age(ageing):
+    interface = Interface(thresholds=Gaussian(mean=1.0, std=0.15), ageing=ageing)
+    with pytest.raises(InputError, match=r"Interface\.ageing = .* depends on the speed"):
+        static_friction(interface)
 
 
 @pytest.mark.eq(4)

@@ -211,8 +211,19 @@ def static_friction(interface: Interface) -> tuple[float, float]:
     """Largest friction force in quasi-static motion, per contact in ``f_s``, and where it is reached to nine digits.
 
     Broken contacts re-attach at once, so that a force of detached ones does not enter.
+
+    Raises
+    ------
+    InputError
+        If thresholds age, or at a temperature: the force then depends on the rest before, and on the speed.
     """
     instance("static_friction: interface", interface, Interface, "an Interface")
+    if interface.ageing is not None:
+        raise InputError(
+            f"Interface.ageing = {interface.ageing}: not available with static_friction, for the largest force of "
+            "ageing thresholds depends on the speed; simulate that motion, or leave ageing out",
+            "Interface.ageing",
+        )
     interface.allow(("sliding_force", "newborn"), "static_friction")
     bare = Interface(thresholds=interface.thresholds, initial=interface.initial, newborn=interface.newborn)
     _check_renewal(bare)

@@ -170,7 +170,7 @@ WAITING = 3 + P + Q
 GROUPS, PANELS, EXTREMES, ROUGH, STEPS, SWEEPS, REJECTED = range(7)
 
 # Why `advance` came back.
-FINISHED, STOPPED, PAUSED, NO_ROOM = range(4)
+FINISHED, STOPPED, PAUSED, NO_ROOM, UNSOLVED = range(5)
 
 # Rows of values at the nodes: way of the slider and its velocity; force, attached, slope of the force; broken,
 # re-attached; energy of the contacts; what re-attaches of what broke before; work, damped, lost; attached of what was
@@ -195,8 +195,10 @@ ROWS = 14
 
 SPARE = 16
 """Groups for which there must be room before a step."""
-HOPELESS = 100.0
+HOPELESS = math.inf
 """Error of a step that Newton's method did not solve."""
+SHORTER = 0.9 * 100.0 ** (-1 / P)
+"""Length of the next attempt after such a step, as a fraction of it: that after an error of 100 tolerances."""
 MOST_SWEEPS = 12
 """Sweeps of Newton's method before a step is cut."""
 NEGLIGIBLE = 1e-2

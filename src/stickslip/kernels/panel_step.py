@@ -115,10 +115,13 @@ def _newborn(state: State, work: Work, case: Case, dt: float) -> float:
 
 @inlined
 def heading(state: State, work: Work) -> float:
-    """Whither the slider moves in a step, or where it stands, has moved last: 1 or -1."""
-    way = state.scalar[VELOCITY]
+    """Direction in which the slider moves in a step, 1 or -1; that of its last motion if it is at rest.
+
+    Not that of its velocity at the start: it may turn there.
+    """
+    way = work.nodes[AT_X, 1]
     if way == 0.0:
-        way = work.nodes[AT_X, 1]
+        way = state.scalar[VELOCITY]
     if way == 0.0:
         way = state.scalar[DIRECTION]
     return 1.0 if way > 0.0 else -1.0
@@ -252,8 +255,12 @@ def _begin(state: State, work: Work, case: Case, dt: float) -> None:
 
 
 @bare
-def try_step(state: State, work: Work, case: Case, dt: float) -> float:
-    """Solve a step without taking it; returns its error in tolerances (above 1: it is too long)."""
+def try_step(state: State, work: Work, case: Case, dt: float, smallest: float) -> float:
+    """Solve a step without taking it; returns its error in tolerances (above 1: it is too long).
+
+    A step of the `smallest` length is solved however rough it is, for no shorter one is tried: what re-attaches may
+    jump in it. `HOPELESS` if it could not be solved.
+    """
     nodes, scalar, slider, tol = work.nodes, state.scalar, case.slider, case.accuracy.tolerance
     table = case.table
     state.used[STEPS] += 1
@@ -261,7 +268,7 @@ def try_step(state: State, work: Work, case: Case, dt: float) -> float:
     rigid = is_rigid(slider)
     nodes[AT_KNOWN, 0] = 0.0
     rough = max(tol, case.accuracy.rough)
-    if _unresolved(nodes[AT_KNOWN]) > 4.0 * rough:
+    if dt > smallest and _unresolved(nodes[AT_KNOWN]) > 4.0 * rough:
         resolved = True
         for i in range(case.delays.time.size):
             if 0.0 < case.delays.time[i] < dt:

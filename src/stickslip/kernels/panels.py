@@ -55,6 +55,7 @@ from .panel_state import (
     EXTREMES,
     FINISHED,
     GROUPS,
+    HOPELESS,
     LOST,
     MASS_IN,
     MASS_OUT,
@@ -66,12 +67,14 @@ from .panel_state import (
     REJECTED,
     ROWS,
     SCALARS,
+    SHORTER,
     SLOPE,
     SPARE,
     STOPPED,
     STORED,
     TIME,
     UNCOUNTED,
+    UNSOLVED,
     UNSTRETCHED,
     VELOCITY,
     WORK,
@@ -91,8 +94,8 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 # What ends a step: nothing but its length; or the slider turns, it passes the last place where it turned, or detached
-# contacts begin to slide.
-SMOOTH, TURNS, PASSES, SLIDES = 0, 1, 2, 3
+# contacts begin to slide. `FAILS` if even the smallest one has no solution.
+SMOOTH, TURNS, PASSES, SLIDES, FAILS = range(5)
 
 
 @bare
@@ -292,7 +295,7 @@ def _first_event(state: State, work: Work, case: Case) -> tuple[float, int]:
     u = _crossing(work, AT_V, 0.0, -s)
     if u < 1.0:
         _curve(work, AT_X)
-        if abs(_along(work, AT_X, u)) < 1e-3 * tol:  # it has turned at the start
+        if nodes[AT_V, 0] != 0.0 and abs(_along(work, AT_X, u)) < 1e-3 * tol:  # it has turned at the start
             s = -s
             u = _crossing(work, AT_V, 0.0, -s)
     what = SMOOTH
@@ -327,6 +330,18 @@ def _first_event(state: State, work: Work, case: Case) -> tuple[float, int]:
 
 
 @bare
+def _misled(state: State, work: Work, case: Case) -> float:
+    """Error of the force where newborns are stretched along the heading of a step and the slider moves against it."""
+    nodes, way, stretching, born = work.nodes, heading(state, work), 0.0, 0.0
+    for i in range(case.newborn.stretching.size):
+        stretching += case.newborn.fraction[i] * abs(case.newborn.stretching[i])
+    for k in range(1, P + 1):
+        if nodes[AT_V, k] * way < 0.0:
+            born += nodes[AT_BORN, k] - nodes[AT_BORN, k - 1]
+    return 2.0 * stretching * born
+
+
+@bare
 def _step(state: State, work: Work, case: Case, most: float, smallest: float) -> tuple[float, int]:
     """Take a step as long as the error and the first event allow, at most `most`: its length, and what ends it."""
     scalar = state.scalar
@@ -334,27 +349,34 @@ def _step(state: State, work: Work, case: Case, most: float, smallest: float) ->
     if math.isinf(planned):
         planned = _first_step(state, case)
     event = SMOOTH
+    stretched = case.newborn.stretching.size > 1 or case.newborn.stretching[0] != 0.0
     while True:
         dt = min(planned, most)
         if event == SMOOTH and dt < most < 1.6 * dt:
             dt = 0.5 * most
-        trouble = try_step(state, work, case, dt)
+        trouble = try_step(state, work, case, dt, smallest)
         if trouble > 1.0 and dt > smallest:
             state.used[REJECTED] += 1
-            planned = dt * max(0.9 * trouble ** (-1.0 / P), 0.2)
+            planned = dt * (SHORTER if trouble == HOPELESS else max(0.9 * trouble ** (-1.0 / P), 0.2))
             event = SMOOTH
             continue
+        if trouble == HOPELESS:
+            return dt, FAILS
         if event != SMOOTH:
+            ahead = work.nodes[AT_V, P] * heading(state, work)
+            if event == TURNS and stretched and ahead * dt > 1e-4 * case.accuracy.tolerance:
+                event = SMOOTH  # not quite
             return dt, event
         u, event = _first_event(state, work, case)
+        if event == SMOOTH and stretched and _misled(state, work, case) > case.accuracy.tolerance and dt > smallest:
+            state.used[REJECTED] += 1
+            planned = dt * SHORTER
+            continue
         if event == SMOOTH:
             if dt == planned or trouble > 0.3:
                 scalar[NEXT_STEP] = dt * min(0.9 * max(trouble, 1e-9) ** (-1.0 / P), 3.0)
             return dt, event
-        dt = u * dt
-        if dt < smallest:
-            return dt, event
-        planned = most = dt
+        planned = most = max(u * dt, smallest)
 
 
 @bare
@@ -472,11 +494,12 @@ def _run(
         dt, event = _step(state, work, case, most, smallest)
         for i in range(SCALARS):
             start[i] = scalar[i]
-        if stop.kind != NOWHERE and not counted:
+        if stop.kind != NOWHERE and not counted and event != FAILS:
             held = _held(state, work, case, stop, times, filled, dt)
             if held < dt:
-                dt, event = held, SMOOTH
-                try_step(state, work, case, dt)
+                dt, event = held, FAILS if try_step(state, work, case, held, held) == HOPELESS else SMOOTH
+        if event == FAILS:
+            return UNSOLVED, filled, max_steps
         max_steps -= 1
         way = heading(state, work)
         broke = nodes[AT_BROKEN, P] > EVENT * case.accuracy.tolerance
@@ -511,7 +534,8 @@ class Progress(NamedTuple):
         One row for each sample time that was passed, with columns `TIME` ... `STORED`.
     reason : int
         `FINISHED` (the time was reached), `STOPPED` (the condition holds at the last row, and the state is at
-        its time) or `PAUSED` (the number of steps was used up).
+        its time), `PAUSED` (the number of steps was used up) or `UNSOLVED` (Newton's method fails in a step however
+        short).
     """
 
     state: State

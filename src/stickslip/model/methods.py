@@ -45,10 +45,6 @@ class Contacts:
 class MasterEquation:
     """Method: the master equation, Eqs. (1)-(4): the limit of infinitely many contacts, to a given error.
 
-    With stretched newborns (`Interface.newborn`) the friction force they bring changes sign where the slider all
-    but stops while contacts attach. The master equation then misses the spring force by up to .02, whatever `rtol`;
-    `Contacts` does not.
-
     Parameters
     ----------
     rtol : float

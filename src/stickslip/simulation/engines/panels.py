@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.errors import InputError
+from stickslip.errors import InputError, UndecidedError
 from stickslip.model import DelayModel, Interface, MasterEquation, OnArrest, Population, Slider
 from stickslip.model.distribution import check_density
 from stickslip.model.distributions import Distribution
@@ -140,6 +140,10 @@ class Panels(Cohorts):
             stop=leg.stop,
             max_steps=_STEPS,
         )
+        if done.reason == kernel.UNSOLVED:
+            raise UndecidedError(
+                f"{self._method}: no step, however short, can be solved from here on; use another rtol, or Contacts"
+            )
         sampled = [kernel.POSITION, kernel.VELOCITY, kernel.CONTACT_FORCE, kernel.ATTACHED]
         energies = [kernel.STORED, kernel.WORK, kernel.DAMPED, kernel.LOST]
         return done.state, done.rows[:, sampled + energies], done.reason
