@@ -468,7 +468,7 @@ def server():
 
 
 def ask(server, method, path, body=None, **headers):
-    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=headless.PATIENCE / 1e3)
     try:
         connection.putrequest(method, path, skip_host="Host" in headers)
         for name, value in headers.items():
@@ -490,7 +490,7 @@ def websocket_status(server, **headers):
         "Sec_WebSocket_Version": "13",
         "Sec_WebSocket_Key": "dGhlIHNhbXBsZSBub25jZQ==",
     } | headers
-    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=headless.PATIENCE / 1e3)
     try:
         connection.putrequest("GET", "/session", skip_host=True)
         for name, value in lines.items():
