@@ -1,7 +1,7 @@
 # Needs make, gcc, git or not, and any Python >= 3.11; everything else goes into $(VENV).
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint unit verify coverage bench docs explore clean fuzz mutants lowest
+.PHONY: help demo test lint unit verify coverage bench docs pictures explore clean fuzz mutants lowest
 
 VENV ?= .venv
 WORKERS ?= 2
@@ -19,11 +19,12 @@ help:
 	@echo 'make lint      the same without the tests'
 	@echo "make verify    the paper's claims, solver against solver, slow tests (half an hour); report in verification/"
 	@echo 'make coverage  lines that the tests go through, slow ones too; the kernels as plain Python'
-	@echo 'make bench     each fast path beside the plain loop it replaces'
-	@echo 'make fuzz      ever other wrong input, for MINUTES=10'
+	@echo 'make bench     each fast path beside the plain loop it replaces; fails on a broken promise'
+	@echo 'make fuzz      new wrong input all the time, for MINUTES=10'
 	@echo 'make mutants   one operator turned at a time, COUNT=20 of them: do the tests notice?'
 	@echo 'make lowest    the tests with the lowest versions of all dependencies'
 	@echo 'make docs      the documentation, in docs/_build'
+	@echo 'make pictures  the pictures in docs/images, which are kept: they take a browser, or minutes'
 	@echo 'make explore   the browser app'
 	@echo 'make clean     remove $(VENV), demo/ and all caches'
 
@@ -80,11 +81,17 @@ docs: $(VENV)/.docs
 	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
 	@echo 'Open $(CURDIR)/docs/_build/html/index.html'
 
+# The pages draw what they can while they are built; these the README shows, or they take a browser or minutes.
+pictures: $(VENV)/.dev $(VENV)/.browser
+	$(BIN)/python tools/pictures.py docs/images
+	STICKSLIP_SCREENSHOTS=docs/images $(BIN)/python -m pytest -q tests/test_explorer.py -k every_page_loads_and_fits
+	rm -f docs/images/*-phone-dark.png
+
 explore: $(VENV)/.explorer
 	$(BIN)/stickslip explore
 
 clean:
-	rm -rf $(VENV) $(VENV)-lowest demo build dist docs/_build docs/gallery htmlcov .benchmarks .coverage .hypothesis
+	rm -rf $(VENV) $(VENV)-lowest demo build dist docs/_build docs/gallery docs/made htmlcov .benchmarks .coverage .hypothesis
 	rm -rf .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
 	find src tests verification benchmarks tools examples -name __pycache__ -prune -exec rm -rf {} + 2>/dev/null || true
 

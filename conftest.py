@@ -9,6 +9,7 @@
 A block after ``<!-- slow -->`` is marked slow.
 """
 
+import atexit
 import contextlib
 import doctest
 import functools
@@ -38,7 +39,9 @@ RIGS = ROOT / "src" / "stickslip" / "examples"
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 os.environ["MPLBACKEND"] = "Agg"
-os.environ.setdefault("STICKSLIP_CACHE", tempfile.mkdtemp(prefix="stickslip-cache-"))  # not the user's
+if "STICKSLIP_CACHE" not in os.environ:  # not the user's
+    os.environ["STICKSLIP_CACHE"] = tempfile.mkdtemp(prefix="stickslip-cache-")
+    atexit.register(shutil.rmtree, os.environ["STICKSLIP_CACHE"], ignore_errors=True)
 
 
 def _begin(namespace):

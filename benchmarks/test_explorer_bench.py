@@ -3,9 +3,8 @@
 import os
 import statistics
 
+import headless
 import pytest
-
-headless = pytest.importorskip("headless", reason="playwright is not installed")
 
 MOVES = 40
 MOST = 150.0  # ms, on two cores that have nothing else to do

@@ -25,6 +25,7 @@ extensions = [
     "sphinx.ext.viewcode",
     "sphinx.ext.mathjax",
     "house",
+    "pictures",
     "sphinx_gallery.gen_gallery",
 ]
 exclude_patterns = [

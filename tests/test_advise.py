@@ -128,8 +128,10 @@ def test_the_speeds_of_the_paper_s_rig():
     assert kinds[:3] == [("smooth sliding", False), ("stick-slip", True), ("stick-slip", False)]
     assert seen[1].low == pytest.approx(0.71, rel=0.06)  # v1', to the precision of the search
     assert seen[1].high == pytest.approx(1.388221, abs=1e-6)  # v1
-    assert found.verdict.startswith("stick-slip from 1.39 ")
-    assert "from rest also down to 0.7" in found.verdict
+    assert found.verdict.startswith("at 1 x_s/time: stick-slip, 0.742 cycles per time unit, force ±0.44")
+    assert re.search(
+        r"stick-slip from 0.7\d* to 1.39 x_s/time if started from rest, stick-slip from 1.39 ", found.verdict
+    )
 
 
 def test_a_prediction_is_in_the_units_of_its_rig_and_prints_as_its_answer():
@@ -309,7 +311,8 @@ def test_the_answer_is_about_the_speeds_at_which_the_rig_works():
     (first, here), (second, there) = answer.at_speeds
     assert (first, second) == (pytest.approx(0.02), pytest.approx(1.0))
     assert (here, there) == ("stick-slip", "smooth sliding")
-    assert answer.verdict.endswith("at 20 mm/s: stick-slip; at 1 m/s: smooth sliding")
+    assert answer.verdict.startswith("at 20 mm/s: stick-slip, 170 Hz")
+    assert answer.verdict.endswith("; at 1 m/s: smooth sliding")
     assert answer.to_dict()["at_speeds"] == [[first, here], [second, there]]
     document["drive"] = {"velocity": {"from": "10 mm/s", "to": "1 m/s"}}
     answer = ss.predict(ss.read_rig(document), fast=True)
@@ -498,3 +501,95 @@ def test_contacts_that_break_by_heat():
     for factor, modes in ((0.99, 0), (1.01, 2)):
         there = replace(rig, drive=ss.constant(factor * stable.high))
         assert ss.stability.count_unstable(there) == modes
+
+
+def test_noise_of_few_contacts_is_no_oscillation():
+    """Its force fluctuates as 1/sqrt(N), from sliding as from rest: that was called bistable, and got mitigations."""
+    interface = ss.Interface(
+        thresholds=ss.LogNormal(mean=1.0, std=0.3222),
+        delay=ss.RandomDelay(mean=0.09368, std=0.053667, negative="redraw"),
+    )
+    slider = ss.Slider(stiffness=0.3941, mass=0.004138, damping=0.4808)
+    found = ss.predict(ss.Rig(interface, slider, ss.constant(1.0), method=ss.Contacts(1000, seed=701)), fast=True)
+    assert found.unstable_modes == 0
+    assert (found.smooth, found.bistable, found.ill) == (True, False, False)
+    assert re.match(r"at 1 x_s/time: smooth sliding; the force fluctuates by .* % rms, noise of 1000 c", found.verdict)
+    run = ss.simulate(found.recording.rig, start=ss.FromSliding(), method=ss.Contacts(1000, seed=5))
+    late = run["spring_force"].to_numpy()[-20_000:]
+    assert found.noise == pytest.approx(late.std() / late.mean(), rel=0.3)
+    assert judge(found.rig, found.rig.method, Budget(20.0)).kind == "smooth sliding"
+
+
+def test_an_instability_below_the_noise_is_not_called_stick_slip(quickly):
+    found = replace(quickly, regime=replace(quickly.regime, kind="smooth sliding"), complete=True)
+    change = advise.Mitigation(parameters=("mass",), values=(3.0,), keeps=None, stops=(4.0,))
+    (line,) = replace(found, mitigations=(change,)).mitigation_lines()
+    assert line.endswith("and the instability decays even from rest")
+    assert "hidden by the noise of" in found.verdict
+    assert "stick-slip" not in found.verdict
+
+
+def test_only_a_small_rest_is_called_small_and_what_was_not_run_is_told():
+    rig = ss.Rig(
+        ss.Interface(thresholds=ss.Gamma(mean=1.0, std=0.1962), delay=ss.Delay(0.30947)),
+        ss.Slider(stiffness=0.06295, mass=0.0003582, damping=6.17),
+        ss.constant(1.0),
+        method=ss.Contacts(100, seed=443),
+    )
+
+    def tried(budget):
+        search = Search(rig, True, Budget(budget), in_si=False)
+        return {attempt.parameter: attempt for attempt, _ in search.attempts(1.0, 0.6957, set())}
+
+    for attempt in tried(20.0).values():
+        assert attempt.kind != "smooth sliding" or attempt.amplitude <= 0.05
+    spent = tried(0.0)
+    assert set(spent) == {"velocity", "stiffness", "damping", "mass"}
+    assert {attempt.amplitude for attempt in spent.values()} == {None}
+
+
+def test_contacts_that_attach_on_arrest_are_judged_by_runs():
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.OnArrest(), track_scatter=0.1)
+    slider = ss.Slider(stiffness=0.36, mass=1.5e-3, damping=3.0)
+    found = ss.predict(ss.Rig(interface, slider, ss.constant(0.85), method=ss.Contacts(300)))
+    assert found.regime.kind == "stick-slip"
+    assert "no smooth sliding for linear theory to judge" in found.verdict
+    assert any(band.kind == "stick-slip" and band.high > 1.5 * band.low for band in found.bands)
+    assert found.static_friction == ss.static_friction(replace(interface, delay=ss.Delay(0.0), track_scatter=0.0))[0]
+    assert "no change was tried" in str(found)
+
+
+def test_a_speed_seen_alone_is_no_range(quickly):
+    def band(kind, low, high, **found):
+        return Band(kind=kind, bistable=False, low=low, high=high, **found)
+
+    own = quickly.rig.velocity
+    seen = {"low_found": False, "high_found": False}
+    bands = (
+        band("unstable", 0.01, own / 1.05),
+        band("stick-slip", own / 1.05, own * 1.05, **seen),
+        band("unstable", own * 1.05, 0.095),
+        band("stick-slip", 0.1 / 1.05, 0.105, **seen),
+        band("unstable", 0.105, 0.3),
+    )
+    found = replace(quickly, bands=bands, speeds_searched=(0.001, 1.0), complete=True)
+    assert found.verdict.endswith("; linearly unstable from 10 to 300 mm/s, stick-slip seen at 100 mm/s only")
+    alone = replace(found, bands=bands[1:2])  # theory knows no other
+    assert alone.verdict.endswith("; linearly unstable from 19.1 mm/s (or less) to 21 mm/s (or more)")
+
+
+def test_drag_is_told_beside_the_kinetic_friction():
+    rig = make(stiffness=5.0, damping_ratio=20.0, mass=0.1)
+    slider = rig.slider
+    told = dict(ss.predict(rig, fast=True).numbers())["drag of the damping at this speed, M eta v"]
+    assert told == f"{slider.mass * slider.damping:.4g} f_s, part of the spring force"
+
+
+@pytest.mark.parametrize("temperature", [None, ss.Bell(width=0.1, attempts=1.0)])
+def test_only_contacts_without_any_response_cannot_become_unstable(temperature):
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.2), temperature=temperature)
+    modes, _, note = prediction._linear(
+        ss.Rig(interface, ss.Slider(stiffness=0.3, mass=1e-3, damping=1.0), ss.constant(0.5))
+    )
+    assert modes == 0
+    assert ("cannot become unstable" in note) is (temperature is None)

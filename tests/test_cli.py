@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -33,6 +34,27 @@ distance = 40.0
 [simulation]
 contacts = 500
 """
+
+BAR = """
+[chain]
+blocks = 4
+coupling = "540 MN/m"
+mass = "1.1 g"
+side = "4 MN/m"
+damping = "1e4 1/s"
+viscosity = "10 kg/s"
+[interface]
+contact_strength = "768 N"
+breaking_displacement = "2 um"
+thresholds = { distribution = "gaussian", std = 0.1 }
+delay = "2 ms"
+[drive]
+velocity = "0.4 mm/s"
+distance = "2 um"
+[simulation]
+contacts = 20
+"""
+INTERFACE = ss.Interface(thresholds=ss.Gaussian(1.0, 0.1), delay=ss.Delay(0.2))
 
 
 @pytest.fixture
@@ -74,6 +96,14 @@ def test_simulate_writes_a_run_that_can_be_made_again(rig, tmp_path, capsys):
     assert (tmp_path / "run.png").stat().st_size > 10_000
 
 
+def test_a_ramp_is_judged_along_its_speeds(capsys, tmp_path):
+    for command in (("simulate", "wiper", "-o", tmp_path / "run.nc"), ("measure", tmp_path / "run.nc")):
+        assert run(*command) == 0
+        said = capsys.readouterr().out
+        assert "speeding up, it is there from the start and ends at 9" in said
+        assert "transitions()" not in said
+
+
 def test_measure_tells_the_same_of_a_run(rig, tmp_path, capsys):
     file = tmp_path / "run.nc"
     run("simulate", rig, "-o", file, "--json")
@@ -101,8 +131,8 @@ def test_predict_prints_a_verdict_and_leaves_a_picture(rig, tmp_path, capsys):
     assert run("predict", rig, "--plot", picture) == 0
     printed = capsys.readouterr().out
     words = " ".join(printed.split())
-    assert words.startswith("small: stick-slip from ")
-    assert "; at 1 x_s/time: stick-slip" in words
+    assert words.startswith("small: at 1 x_s/time: stick-slip, ")
+    assert "; stick-slip from " in words
     assert "2.989 k (3.548 k without re-attachment)" in words
     assert picture.stat().st_size > 10_000
 
@@ -220,6 +250,20 @@ def test_unusable_files(tmp_path, rig, sawtooth, capsys):
         assert len(line) > 25, line
 
 
+def test_a_chain_with_viscosity_in_si_units_is_simulated_and_kept(tmp_path):
+    file = tmp_path / "bar.toml"
+    file.write_text(BAR)
+    assert run("simulate", file, "-o", tmp_path / "bar.nc") == 0
+    assert ss.read_rig(tomllib.loads(ss.load(tmp_path / "bar.nc").attrs["rig"])) == ss.read_rig(file)
+
+
+def test_what_can_be_refused_is_refused_before_the_run(rig, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("stickslip.simulation.simulate", lambda *_, **__: pytest.fail("it ran"))
+    assert ".png" in refused(capsys, "simulate", rig, "--plot", tmp_path / "run.gif")
+    monkeypatch.setattr("stickslip.io.rig_files.read_rig", lambda _: ss.Rig(INTERFACE, lambda s: s, ss.constant(1.0)))
+    assert "cannot be written into a rig file" in refused(capsys, "simulate", rig)
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -235,7 +279,7 @@ def test_unusable_files(tmp_path, rig, sawtooth, capsys):
         (("--step", "4 kg"), "not in a unit of 's'"),
         (("--after", "1,5"), "write '1.5'"),
         (("--after", "inf"), "finite"),
-        (("--minimum-drop", "0x10"), "must be a number"),
+        (("--minimum-drop", "0x10"), "cannot be read as a quantity"),
     ],
     ids=lambda value: ascii(str(value)[:30]),
 )
@@ -243,6 +287,11 @@ def test_numbers_of_options_are_read_by_the_grammar_of_quantities(sawtooth, caps
     line = refused(capsys, "measure", sawtooth, *arguments)
     assert words in line
     assert len(line) < 420
+
+
+def test_a_value_that_begins_with_a_minus_is_told_as_such(capsys):
+    assert cli.main(["measure", "x.csv", "--load", "-20 N"]) == 2
+    assert "begins with '-' and is read as an option; write --load='-20 N'" in capsys.readouterr().err
 
 
 def test_whole_numbers_of_options_are_whole(rig, capsys):
@@ -397,3 +446,15 @@ def test_help_is_quick_and_loads_no_heavy_library():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "heavy []" in done.stdout
     assert "predict" in done.stdout
+
+
+def test_after_and_minimum_drop_are_quantities_in_si_units(tmp_path, capsys):
+    """A bare number is in s or N, whatever the unit of the file."""
+    file = tmp_path / "ms.csv"
+    file.write_text("time (ms),force (mN)\n" + "".join(f"{10 * i},{2 + i % 100 / 100:.2f}\n" for i in range(4000)))
+    for after in ("10", "10 s", "10000 ms"):
+        assert run("measure", file, "--after", after, "--minimum-drop", "0.5 mN", "--json") == 0
+        found = json.loads(capsys.readouterr().out)
+        assert found["regime"]["window"][0] == 1e4
+        assert found["statistics"]["count"] == 29
+    assert "is not in a unit of 's'" in refused(capsys, "measure", file, "--after", "10 N")

@@ -5,6 +5,7 @@ Blocks of code in the pages are run by the root conftest.py; here is the rest.
 
 import json
 import re
+import shutil
 import subprocess
 import sys
 from html.parser import HTMLParser
@@ -12,6 +13,8 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
+import bench_table
+import headless
 import pytest
 
 import stickslip as ss
@@ -93,7 +96,7 @@ def test_commands_come_with_all_their_options(house):
     assert "```console\nstickslip predict [OPTIONS] RIG\n```" in text
     assert re.findall(r"^## stickslip (\w+)$", text, re.MULTILINE) == [name for name in app if name[0] != "-"]
     assert "Check the paper's claims; exit code 1 if one fails" in text
-    assert "`--minimum-drop FLOAT`: Smallest drop that counts as a slip." in text
+    assert "`--minimum-drop STR`: Smallest drop that counts as a slip: '5 mN', or in N" in text
 
 
 def test_every_key_of_a_rig_file_has_a_meaning_an_example_and_what_is_taken_if_it_is_left_out(house):
@@ -133,7 +136,6 @@ def test_claims_become_a_table_for_each_group(house, tmp_path):
         number=6,
         statement="K* = 3.59 | N",
         verdict="not reproduced",
-        settled="not reproduced",
         measured=(near("K*", 2.98913, 2.989, 0.003, "k"),),
         evidence="Eq. (8)",
         exact="2.989 k",
@@ -153,6 +155,48 @@ def test_claims_become_a_table_for_each_group(house, tmp_path):
     assert row.startswith(r"| fig3 | not reproduced | Claim 6: K\* = 3.59 \| N")
     assert r"K\* = 2.98913 k (2.989 ± 0.003)" in row
     assert "| ratio | **FAILED** |" in text
+
+
+@pytest.mark.parametrize(("fast", "code"), [(0.1, 0), (0.5, 1)])
+def test_a_promise_that_is_not_kept_fails_the_benchmarks(tmp_path, fast, code):
+    def timed(role, least):
+        info = {"role": role, "what": "runs", "promised": 5}
+        return {"group": "Fig. 4c", "extra_info": info, "stats": {"min": least}}
+
+    machine = {"cpu": {}, "python_version": "3.11"}
+    record = {"benchmarks": [timed("plain", 1.0), timed("fast", fast)], "machine_info": machine}
+    (tmp_path / "record.json").write_text(json.dumps(record | {"datetime": "2026-01-01T00:00:00+00:00"}))
+    (tmp_path / "page.md").write_text(f"{bench_table.BEGIN}{bench_table.END}")
+    assert bench_table.main([str(tmp_path / "record.json"), str(tmp_path / "page.md")]) == code
+    assert ("not met" in (tmp_path / "page.md").read_text()) == bool(code)
+
+
+def test_no_row_of_the_readme_hides_a_promise_that_is_not_kept():
+    rows = (ROOT / "README.md").read_text().partition(bench_table.BEGIN)[2].partition(bench_table.END)[0].splitlines()
+    promised = [re.search(r"\| ([\d.]+) \| at least ([\d.]+)(.*)\|$", row) for row in rows[3:] if row.startswith("|")]
+    assert len(promised) > 5
+    assert all((float(row[1]) < float(row[2])) == ("not met" in row[3]) for row in promised)
+
+
+def test_a_report_of_other_sources_is_stale(house, monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(str(ROOT))
+    sources = import_module("verification.sources")
+    report = tmp_path / "report.json"
+    content = {"stickslip": "1.0", "when": "today", "studies": [], "sources": sources.fingerprint()}
+    report.write_text(json.dumps(content))
+    assert house.stale_report(report) == ""
+    assert house.made_by(report) == "Made by version 1.0 on today."
+
+    package = tmp_path / "src" / "stickslip"
+    shutil.copytree(ROOT / "src" / "stickslip", package, ignore=shutil.ignore_patterns("__pycache__", "static"))
+    monkeypatch.setattr(sources, "ROOT", tmp_path)
+    assert house.stale_report(report) == ""  # of the same sources, wherever they lie
+    for file, stale in (("plot/runs.py", False), ("kernels/panels.py", True)):
+        (package / file).write_text((package / file).read_text() + "# changed\n")
+        assert bool(house.stale_report(report)) == stale
+    assert "run `make verify`" in house.made_by(report)
+    report.write_text(json.dumps({"stickslip": "1.0", "when": "today", "studies": []}))  # made before there was a mark
+    assert house.stale_report(report)
 
 
 # ---------------------------------------------------------------- the built pages
@@ -189,6 +233,7 @@ def built(tmp_path_factory):
     pytest.importorskip("sphinx")
     out = tmp_path_factory.mktemp("html")
     command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-b", "html", "-d", out / "doctrees"]
+    command += ["-D", "suppress_warnings=house.stale"]  # of the report, which takes `make verify`
     done = subprocess.run([*command, DOCS, out / "pages"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert not done.stderr, done.stderr
@@ -231,7 +276,6 @@ def test_every_public_name_can_be_linked_to(built):
 
 @pytest.mark.slow
 def test_maths_is_set_offline_and_nothing_is_wider_than_a_phone(built):
-    headless = pytest.importorskip("headless")
     if headless.CHROMIUM is None:
         pytest.skip(headless.WHY_NOT)
     asked = []

@@ -395,19 +395,6 @@ def small(blocks: int = 6, **changes: object) -> ss.Rig:
     return rig.replace(**changes)
 
 
-def test_a_run_is_repeatable_and_sampling_does_not_change_it(tmp_path: object) -> None:
-    run = ss.simulate(small())
-    assert ss.simulate(small()).identical(run)
-    file = ss.save(run, f"{tmp_path}/run.nc")
-    assert ss.load(file).identical(run)
-    assert ss.rerun(ss.load(file)).identical(run)
-    looked = ss.simulate(small(output=ss.Output(interval=0.05, snapshots=(0.333, 2.0))))
-    assert (looked.broken[-1] == run.broken[-1]).all()
-    assert np.abs(looked.displacement[-1] - run.displacement[-1]).max() < 1e-12
-    assert looked.stretching_density.sizes == {"snapshot": 2, "x": 200}
-    assert energy_defect(run) < 1e-4
-
-
 def test_draws_of_a_block_do_not_depend_on_how_many_there_are() -> None:
     few, many = (
         ss.simulate(small(slider=ss.Chain(blocks=n, coupling=1e-12, mass=1e-4, damping=42.4, leaf=2.0))) for n in (3, 7)

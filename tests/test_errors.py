@@ -1,12 +1,17 @@
 """One error for every wrong input: what the checks let through and what they say."""
 
 import math
+import subprocess
+import sys
 from decimal import Decimal
 from fractions import Fraction
+from functools import partial
 
 import numpy as np
 import pytest
+import xarray as xr
 
+import stickslip as ss
 from stickslip.errors import InputError, instance, number, together, whole
 
 
@@ -102,3 +107,41 @@ def test_mistakes_are_told_as_far_as_a_line_reaches():
     assert together(["a" * 320, "b", "c", "d"]) == f"{'a' * 320}; b; and 2 more"
     assert together(["a" * 321, "b"]) == f"{'a' * 321}; and 1 more"
     assert together([]) == ""
+
+
+def test_nothing_of_a_message_steers_the_terminal():
+    said = str(InputError("a\x1b[2J\x07\x9b\u202e\u2028b = 1"))
+    assert said.isprintable()
+    assert said.startswith("a")
+
+
+def test_a_span_of_time_is_no_number():
+    for check in (number, partial(whole, at_least=0)):
+        with pytest.raises(InputError, match=r"^here = .*: must be a number"):
+            check("here", np.timedelta64(1, "s"))
+
+
+@pytest.mark.parametrize(
+    ("call", "told"),
+    [
+        (lambda rig: ss.cycle_branch(rig, "velocity", between=(0.6, 1.0), tolerance="1 m/s"), "tolerance = '1 m/s'"),
+        (lambda rig: ss.bistable_range(rig, "velocity", between=(0.6, 1.0), tolerance=[0.1]), "tolerance = "),
+        (lambda rig: ss.is_sustained(rig, patience=True), "patience = True"),
+        (lambda rig: ss.velocity_step(rig, before=1, after=2, distance=1, stiffness=xr.DataArray([1, 2])), "stiffn"),
+        (
+            lambda rig: ss.stability_map(rig, over=("velocity", "load"), values=([1], [1])),
+            "use one of stiffness",
+        ),
+    ],
+)
+def test_arguments_of_the_wrong_kind_are_refused_in_one_line(call, told):
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
+    rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.constant(velocity=1.0))
+    with pytest.raises(ss.InputError, match=told):
+        call(rig)
+
+
+def test_a_system_without_locks_of_files_is_told_at_the_import():
+    script = "import sys; sys.platform = 'win32'\ntry: import stickslip\nexcept ImportError as error: print(error)"
+    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+    assert "under Windows, use WSL" in told

@@ -292,7 +292,7 @@ def test_a_rig_file_names_a_delay():
     document = rig_files.to_document(rig)
     document["interface"]["delay"] = {"model": "rate of a test", "rate": "2.5 1/ms"}
     own = ss.read_rig(document)
-    assert own.interface.delay == ConstantRate(2500.0 / own.scales.size("1/time"))
+    assert own.interface.delay == ConstantRate(2500.0 / own.scales.unit("1/time"))
     assert rig_files.from_text(rig_files.to_toml(own)) == own
     document["interface"]["delay"] = {"model": "rate of a test", "rate": 2.5}
     with pytest.raises(InputError, match=r"interface\.delay\.rate = 2\.5: has no unit"):

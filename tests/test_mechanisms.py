@@ -152,23 +152,6 @@ def test_the_force_that_an_engine_tells_is_the_one_it_samples():
         assert engine.contact_force() == pytest.approx(done.rows[0, 2], abs=1e-13)
 
 
-def test_the_two_directions_are_mirror_images():
-    interface = ss.Interface(
-        thresholds=TENTH,
-        initial=ss.Gaussian(mean=0.0, std=0.0),
-        delay=ss.OnArrest(),
-        sliding_force=0.3,
-        newborn=ss.Gaussian(mean=0.3, std=0.1),
-        track_scatter=0.1,
-    )
-    ahead, back = (
-        ss.simulate(rig_of(interface, ss.constant(speed, duration=30), damping=20.0, count=50)) for speed in (0.2, -0.2)
-    )
-    assert float(ahead["attached"].min()) < 0.5
-    for name, sign in (("displacement", -1), ("friction_force", -1), ("attached", 1), ("broken_energy", 1)):
-        assert np.allclose(ahead[name], sign * back[name], atol=1e-9)
-
-
 RE_STUCK = ss.Interface(
     thresholds=TENTH, delay=ss.OnArrest(), sliding_force=0.5, newborn=ss.Gaussian(mean=0.5, std=0.0)
 )
@@ -237,22 +220,6 @@ def test_what_cannot_be_is_refused(changes, words):
 # ------------------------------------------------------------------------------------------------ closed forms
 
 
-@pytest.mark.parametrize("newborn", [None, STRETCHED, ss.Gaussian(mean=0.3, std=0.0)])
-@pytest.mark.parametrize("sliding_force", [0.0, 0.3, 0.8])
-def test_the_steady_force_is_that_of_contacts(newborn, sliding_force):
-    delay = ss.RandomDelay(mean=0.2, std=0.05)
-    interface = ss.Interface(thresholds=TENTH, delay=delay, sliding_force=sliding_force, newborn=newborn)
-    count = 20_000
-    run = ss.simulate(
-        rig_of(interface, ss.constant(1.0, duration=3), count=count, stiffness=30.0, start=ss.FromSliding())
-    )
-    # The mean over a few lives; the stretchings of contacts in steady sliding have a standard deviation of .3.
-    noise = 4 * 0.3 / math.sqrt(count)
-    assert float(run["friction_force"].mean()) == pytest.approx(ss.kinetic_friction(interface, 1.0), abs=noise)
-    assert float(run["attached"].mean()) == pytest.approx(attached_fraction(interface, 1.0), abs=noise)
-    assert float(run["friction_force"][0]) == pytest.approx(ss.kinetic_friction(interface, 1.0), abs=2 * noise)
-
-
 def test_steady_force_in_numbers():
     interface = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.1), sliding_force=0.3)
     assert ss.kinetic_friction(interface, 1.5) == pytest.approx((0.505 + 0.3 * 0.15) / 1.15, rel=1e-12)
@@ -311,17 +278,6 @@ def test_the_master_equation_grows_as_the_linear_response_says(sliding_force, ne
     assert root_of_a_run(interface, root) == pytest.approx(root, abs=1e-4)
 
 
-@pytest.mark.parametrize("newborn", [None, STRETCHED, ss.Gaussian(mean=0.3, std=0.0)])
-@pytest.mark.parametrize("sliding_force", [0.0, 0.3, 0.8])
-def test_the_master_equation_slides_with_the_steady_force(newborn, sliding_force):
-    delay = ss.RandomDelay(mean=0.2, std=0.05)
-    interface = ss.Interface(thresholds=TENTH, delay=delay, sliding_force=sliding_force, newborn=newborn)
-    rig = rig_of(interface, ss.constant(1.0, duration=3), stiffness=30.0, start=ss.FromSliding())
-    run = ss.simulate(rig, method=ss.MasterEquation(rtol=1e-6))
-    assert abs(run["friction_force"] - ss.kinetic_friction(interface, 1.0)).max() < 1e-4
-    assert abs(run["attached"] - attached_fraction(interface, 1.0)).max() < 1e-4
-
-
 def compare_with_contacts(interface, drive):
     """Until an instability has had the time to make much of little noise."""
     rig = rig_of(replace(interface, initial=ss.Gaussian(mean=0.0, std=0.01)), drive, count=100_000)
@@ -340,13 +296,6 @@ def compare_with_contacts(interface, drive):
 )
 def test_contacts_and_the_master_equation_agree_within_noise(interface, drive):
     compare_with_contacts(interface, drive)
-
-
-def test_they_agree_with_stretched_newborns():
-    interface = ss.Interface(
-        thresholds=TENTH, delay=ss.Delay(0.2), sliding_force=0.2, newborn=ss.Gaussian(mean=0.2, std=0.1)
-    )
-    compare_with_contacts(interface, ss.constant(1.0, duration=4).then(ss.constant(-1.0, duration=2)))
 
 
 NODE, WEIGHT = np.polynomial.legendre.leggauss(150)

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from scipy import special
 
 import stickslip as ss
-from stickslip import model
 from stickslip.errors import InputError
 from stickslip.model import (
     Delay,
@@ -38,7 +37,7 @@ RECORDS = [
     Interface(thresholds=TENTH),
     Interface(thresholds=Uniform(low=0.5, high=1.5), initial=SteadyState(thresholds=TENTH), ageing=Langevin(rate=1)),
     Slider(stiffness=2.0, mass=1e-4, damping=200.0),
-    *{case.interface for name, case in vars(model).items() if name.startswith("FIG")},
+    *{case.interface for name, case in vars(cases).items() if name.startswith("FIG")},
     cases.FIG8,
 ]
 

@@ -65,7 +65,7 @@ def test_overview_of_a_run_marks_its_slips(run):
     figure = plot.overview(run)
     force, speed, attached = figure.axes
     assert force.get_legend_handles_labels()[1] == ["slipping", f"{drops(run).sizes['event']} slips"]
-    assert force.get_title(loc="left") == "stick-slip"
+    assert force.get_title(loc="left").startswith("stick-slip, period ")
     assert labels(force)[1] == r"spring force per contact ($f_{\mathrm{s}}$)"
     assert labels(speed)[1] == r"velocity of the slider ($x_{\mathrm{s}}$ per time unit)"
     assert labels(attached) == ("time (time units)", "fraction of attached contacts")

@@ -103,25 +103,6 @@ def test_every_contact_is_attached_or_waits(interface, drive, count, damping):
         engine = engine_for(interface, ss.Population(count, seed=2, rtol=1e-3), replace(SLIDER, damping=damping))
 
 
-@pytest.mark.parametrize("delay", DELAYS[:-1], ids=lambda delay: str(delay)[:20])
-@pytest.mark.parametrize("count", [10, 1_000, 10**8])
-@pytest.mark.parametrize(("sliding_force", "newborn"), [(0.0, None), (0.3, ss.Gaussian(mean=0.2, std=0.1))])
-def test_energy_closes_to_the_tolerance(delay, count, sliding_force, newborn):
-    interface = replace(CYCLING, delay=delay, sliding_force=sliding_force, newborn=newborn)
-    rig = ss.Rig(interface, SLIDER, THERE_AND_BACK)
-    assert imbalance(ss.simulate(rig, method=ss.Population(count, seed=1))) < 3e-4  # rtol is 1e-4
-
-
-def test_the_same_seed_gives_the_same_run_whatever_is_recorded():
-    rig = ss.Rig(CYCLING, SLIDER, ss.constant(1.0, duration=3), method=ss.Population(1_000, seed=7))
-    coarse = ss.simulate(rig, output=ss.Output(interval=0.1, snapshots=(1.5,)))
-    fine = ss.simulate(rig, output=ss.Output(interval=0.01))
-    assert np.allclose(coarse.spring_force, fine.spring_force[::10], rtol=0, atol=1e-12)  # times round differently
-    other = ss.simulate(rig, method=ss.Population(1_000, seed=8), output=ss.Output(interval=0.01))
-    assert not np.array_equal(other.spring_force, fine.spring_force)
-    assert ss.rerun(coarse).identical(coarse)
-
-
 # ---------------------------------------------------------------- the limit of many
 
 

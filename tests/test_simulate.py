@@ -14,7 +14,6 @@ from stickslip.errors import InputError
 from stickslip.io import datasets as store
 from stickslip.model import (
     Bell,
-    Chain,
     Contacts,
     Delay,
     FromRest,
@@ -24,7 +23,6 @@ from stickslip.model import (
     MasterEquation,
     Output,
     Parabolic,
-    Population,
     RandomDelay,
     Rig,
     Slider,
@@ -223,13 +221,6 @@ def test_the_motion_does_not_depend_on_what_is_recorded(name):
         np.testing.assert_array_equal(common[variable], few[variable], err_msg=variable)
 
 
-def test_the_same_seed_gives_the_same_numbers_and_another_does_not():
-    first, again = (run_of(FIG4) for _ in range(2))
-    xr.testing.assert_identical(first, again)
-    other = run_of(FIG4, Contacts(1_000, seed=2))
-    assert not np.array_equal(first["displacement"], other["displacement"])
-
-
 def test_seeds_differ_beyond_the_digits_of_a_float():
     case = replace(FIG4, count=50, drive=constant(1.0, 1.5))
     first, other = (run_of(case, Contacts(50, seed=2**60 + i)) for i in (0, 1))
@@ -322,20 +313,6 @@ def test_contacts_break_behind_when_the_slider_turns_back():
     assert run["broken_energy"][-1] == pytest.approx(0.5, rel=1e-15)
 
 
-def test_the_two_directions_are_mirror_images():
-    symmetric = interface(initial=Gaussian(mean=0, std=0))
-    ahead, behind = (
-        simulate(
-            Rig(symmetric, FIG4_SLIDER, constant(v, 6.0)), method=Contacts(300, seed=4), output=Output(interval=0.01)
-        )
-        for v in (1.0, -1.0)
-    )
-    for name in ("displacement", "velocity", "friction_force", "spring_force"):
-        np.testing.assert_allclose(ahead[name], -behind[name], atol=1e-9)
-    for name in ("attached", "work", "broken_energy", "contact_energy"):
-        np.testing.assert_allclose(ahead[name], behind[name], atol=1e-9)
-
-
 def test_scaling_time_scales_velocities():
     """Exact similarity: time, 1/velocity, sqrt(mass), 1/damping and delay scale together."""
     c = 4.0
@@ -387,14 +364,6 @@ def test_a_condition_that_never_holds_changes_nothing():
     np.testing.assert_array_equal(plain["displacement"], bound["displacement"])
 
 
-def test_a_seam_between_equal_pieces_is_no_event():
-    whole = run_of(replace(FIG4, drive=constant(1.0, 4.0)), output=Output(interval=1 / 64))
-    halves = run_of(replace(FIG4, drive=constant(1.0, 2.0).then(constant(1.0, 2.0))), output=Output(interval=1 / 64))
-    # The seam cuts a flight in two: rounding only, but stick-slip makes it grow from slip to slip.
-    np.testing.assert_allclose(whole["displacement"], halves["displacement"], atol=1e-9)
-    np.testing.assert_array_equal(whole["attached"], halves["attached"])
-
-
 # ------------------------------------------------------------------------------------------------ snapshots
 
 
@@ -407,31 +376,6 @@ def test_snapshots_hold_all_attached_contacts():
     # A contact is counted at the middle of its bin.
     force = run["friction_force"].sel(time=run["snapshot"], method="nearest")
     np.testing.assert_allclose(mean, force, atol=0.5 * width)
-
-
-WARM_CONTACTS = Interface(thresholds=Gaussian(mean=1.0, std=0.3), temperature=Bell(width=0.01, attempts=1e6))
-BAR = Chain(blocks=4, coupling=4.0, mass=0.5, damping=0.3, side=4.0)
-
-
-@pytest.mark.parametrize(
-    ("interface", "slider", "method"),
-    [
-        (WARM_CONTACTS, FIG4.slider, Contacts(400, seed=1)),
-        (WARM_CONTACTS, FIG4.slider, MasterEquation(rtol=1e-3)),
-        (FIG4.interface, FIG4.slider, Population(10**5, seed=1)),
-        (FIG4.interface, BAR, Contacts(100, seed=1)),
-        (FIG4.interface, BAR, MasterEquation(rtol=1e-2)),
-    ],
-    ids=lambda value: type(value).__name__,
-)
-def test_snapshots_of_every_solver_hold_the_contacts_and_their_force(interface, slider, method):
-    output = Output(interval=0.1, snapshots=(0.5, 0.9), bins=400)
-    run = simulate(Rig(interface, slider, constant(1.0, 1.0)), method=method, output=output)
-    width, seen = float(run["x"][1] - run["x"][0]), run.sel(time=run["snapshot"], method="nearest")
-    of_all = [dim for dim in ("block",) if dim in seen["attached"].dims]
-    held, force = (seen[name].mean(of_all) for name in ("attached", "friction_force"))
-    np.testing.assert_allclose(run["stretching_density"].sum("x") * width, held, atol=5e-3)
-    np.testing.assert_allclose((run["stretching_density"] * run["x"]).sum("x") * width, force, atol=width)
 
 
 @pytest.mark.parametrize(
@@ -477,31 +421,6 @@ def test_in_smooth_sliding_stretchings_follow_the_steady_distribution(method):
 
 
 # ------------------------------------------------------------------------------------------------ starting in motion
-
-
-@pytest.mark.parametrize("delay", [0.0, 0.05, RandomDelay(mean=0.05, std=0.03)], ids=["none", "fixed", "random"])
-@pytest.mark.parametrize("velocity", [0.3, 1.0, 3.0])
-def test_a_steady_start_stays_steady(delay, velocity):
-    """Forces scatter as N^(-1/2) about the steady values; contacts are detached as they are on average."""
-    N = 10_000
-    rig = interface(delay)
-    run = simulate(
-        Rig(rig, replace(FIG4_SLIDER, stiffness=5.0), constant(velocity, 3 / velocity)),
-        method=Contacts(N, seed=8),
-        start=FromSliding(),
-    )
-    share = 1 / (1 + velocity * rig.delay.moment(1))
-    distribution = SteadyState(thresholds=TENTH)
-    deviation = math.sqrt(share * distribution.moment(2) - (share * distribution.moment(1)) ** 2)
-    force = run["friction_force"].to_numpy()
-    assert np.max(np.abs(force - share * distribution.moment(1))) < 6 * deviation / math.sqrt(N)
-    std = math.sqrt(share * (1 - share) / N)
-    assert np.max(np.abs(run["attached"] - share)) <= 6 * std + 0.5 / N + 1e-12
-    assert run["velocity"][0] == velocity
-    assert round(float(run["attached"][0]) * N) == round(share * N)
-    drag = 1e-4 * 200 * velocity
-    assert float(run["spring_force"][0]) == pytest.approx(drag + float(run["friction_force"][0]), abs=1e-12)
-    assert np.max(np.abs(run["velocity"] / velocity - 1)) < 0.5
 
 
 def test_a_perturbation_dies_out_or_grows():
@@ -608,27 +527,6 @@ def test_fig5_the_elastic_instability(method):
     assert float((run["spring_force"] - run["friction_force"]).max()) == pytest.approx(0.3155, abs=slack)
 
 
-@pytest.mark.eq(1, 2, 3, 4, 11)
-def test_contacts_scatter_about_the_master_equation():
-    """Up to the first instability the motions agree within N^(-1/2) of the scatter of one contact's force."""
-
-    def force(method):
-        run = simulate(
-            Rig(interface(0.1), FIG4_SLIDER, constant(1.0, 1.2)), method=method, output=Output(interval=0.01)
-        )
-        return run["friction_force"].to_numpy()
-
-    exact = force(MasterEquation())
-    scaled = []
-    for N in (400, 6_400):
-        square = np.mean([np.mean((force(Contacts(N, seed=seed)) - exact) ** 2) for seed in range(6)])
-        scaled.append(math.sqrt(square * N))
-    # One contact's force lies between 0 and its threshold: its standard deviation is at most half of some 1.3.
-    assert max(scaled) < 0.65
-    # Six runs know the mean square to a factor of some 2 either way; the same scatter with 16 times more contacts.
-    assert 0.4 < scaled[1] / scaled[0] < 2.5
-
-
 # ------------------------------------------------------------------------------------------------ again, and elsewhere
 
 
@@ -671,21 +569,6 @@ def test_what_is_no_run_cannot_be_repeated():
         rerun(other)
 
 
-@pytest.mark.parametrize("method", [Contacts(3_000), MasterEquation()], ids=["contacts", "cohorts"])
-def test_progress_rises_to_one(method):
-    shares = []
-    run = simulate(
-        Rig(interface(), FIG4_SLIDER, constant(1, 3).then(constant(2, 3))), method=method, progress=shares.append
-    )
-    assert shares
-    assert shares == sorted(shares)
-    assert all(0 <= share <= 1 for share in shares)
-    assert shares[-1] == 1
-    xr.testing.assert_identical(
-        run, simulate(Rig(interface(), FIG4_SLIDER, constant(1, 3).then(constant(2, 3))), method=method)
-    )
-
-
 def test_progress_is_told_on_the_way():
     """100,000 contacts break and re-attach some six times each: more than a million events, half a second."""
     fractions = []
@@ -713,13 +596,6 @@ def test_one_contact_and_many_contacts():
         run = run_of(replace(FIG4, count=count, drive=constant(1.0, 10.0)))
         assert np.all(np.isfinite(run["displacement"]))
         assert float(run["broken_energy"][-1]) > 0
-
-
-def test_a_drive_at_rest_leaves_a_relaxed_interface_at_rest():
-    same = Interface(thresholds=TENTH, initial=Gaussian(mean=0, std=0), delay=Delay(0.2))
-    run = simulate(Rig(same, FIG4_SLIDER, constant(0.0, 5.0)), method=Contacts(100))
-    assert np.all(run["displacement"] == 0)
-    assert np.all(run["work"] == 0)
 
 
 def test_a_stiff_spring_makes_rigid_motion():

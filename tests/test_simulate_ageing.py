@@ -9,9 +9,8 @@ import xarray as xr
 from stickslip.errors import InputError
 from stickslip.io import datasets as store
 from stickslip.kernels.closure import Cohorts
-from stickslip.kernels.langevin import Langevin as Constants
-from stickslip.kernels.langevin_steady import steady_friction
 from stickslip.model import (
+    Bell,
     Contacts,
     Delay,
     ExponentialGrowth,
@@ -31,7 +30,7 @@ from stickslip.model.distributions import Uniform
 from stickslip.model.drive import ForceAbove, Travel, constant, ramp
 from stickslip.paper.cases import FIG4, FIG8
 from stickslip.simulation import Beginning, rerun, simulate
-from stickslip.simulation.engines.langevin import Closure, _settling_time
+from stickslip.simulation.engines.langevin import Closure, _start
 from stickslip.simulation.follow import follow
 from stickslip.theory import closure_friction, growth_model, kinetic_friction, lives
 
@@ -89,19 +88,6 @@ def test_upper_range_of_figure_8_depends_on_the_start():
 
 # The standard deviation of a contact's stretching is below .3: .3/sqrt(N) at the start, less in the mean over time. The
 # kinetic equation is good to .3 % of the force.
-@pytest.mark.parametrize(
-    ("method", "tolerance"), [(Contacts(8_000, seed=3), 0.008), (MasterEquation(rtol=1e-4), 0.0012)]
-)
-def test_a_sliding_start_is_in_balance_and_stays(method, tolerance):
-    velocity = 0.5
-    expected = steady_friction(np.array([velocity]), Constants(1.0, 1.0, 0.1))[0]
-    heavy = Slider(stiffness=20.0, mass=1.0, damping=5.0)  # stiff and damped: smooth
-    run = simulate(Rig(aged(1.0), heavy, constant(velocity, 3.0)), method=method, start=FromSliding())
-    assert float(run["friction_force"][0]) == pytest.approx(expected, abs=2 * tolerance)
-    assert float(run["friction_force"].mean()) == pytest.approx(expected, abs=tolerance)
-    assert float(run["velocity"][0]) == velocity
-    drag = heavy.mass * heavy.damping * velocity
-    assert float(run["spring_force"][0]) == pytest.approx(float(run["friction_force"][0]) + drag, abs=1e-9)
 
 
 def test_variables_are_those_of_other_runs_less_the_unknown_energies(slips):
@@ -118,19 +104,6 @@ def test_variables_are_those_of_other_runs_less_the_unknown_energies(slips):
     }
     assert all(np.isfinite(v).all() for v in run.data_vars.values())
     assert float(slips["density"]["attached"].min()) == pytest.approx(1.0, abs=1e-9)
-
-
-@pytest.mark.parametrize("method", [Contacts(300, seed=4), MasterEquation(rtol=4e-3)])
-def test_a_run_repeats_from_its_file(method, tmp_path):
-    drive = ramp(0.5, 1.0, 0.5).then(constant(1.0, 0.5))
-    output = Output(interval=0.01, snapshots=(0.3, 0.8))
-    run = simulate(Rig(aged(1.5), SOFT, drive), method=method, output=output, start=FromSliding(perturbation=0.01))
-    xr.testing.assert_identical(rerun(store.load(store.save(run, tmp_path / "run.nc"))), run)
-    np.testing.assert_allclose((run["stretching_density"] * (run["x"][1] - run["x"][0])).sum("x"), 1.0, atol=2e-2)
-    other = simulate(
-        Rig(aged(1.5), SOFT, drive), method=method, output=Output(interval=0.01), start=FromSliding(perturbation=0.01)
-    )
-    np.testing.assert_array_equal(other["displacement"], run["displacement"])  # snapshots do not change the motion
 
 
 @pytest.mark.parametrize("method", [Contacts(300, seed=4), MasterEquation(rtol=4e-3)])
@@ -290,6 +263,59 @@ def test_what_has_no_solver_is_refused(interface, method, message):
 def test_a_sliding_start_is_waited_for_through_lives_delays_and_ageing(velocity, delay, rate):
     beginning = Beginning(aged(rate, 0.3, delay=Delay(delay)), None, velocity, FromSliding())
     mean = FIG8.interface.threshold_distribution.moment(1)
-    time = _settling_time(beginning, rate)
+    time = -_start(beginning, rate)
     assert time >= 5.0 * max(mean / velocity, delay, 1.0 / rate**2)
     assert time <= 6.0 * (mean / velocity + delay + 1.0 / rate**2)
+
+
+# ---------------------------------------------------------------- steps
+
+
+HOT = Bell(width=0.05, attempts=1e-25)  # never tried
+
+
+@pytest.mark.parametrize("mass", [1e-2, 1e-3])
+def test_a_temperature_that_breaks_nothing_damps_nothing(mass):
+    """An undamped slider on contacts that never break by activation rings on as without temperature."""
+    slider, interface = Slider(stiffness=1.0, mass=mass, damping=0.0), aged(1.5, newborn=0.5)
+    std = [
+        float(
+            simulate(Rig(case, slider, constant(1.0, 1.0)), method=Contacts(400, seed=1))["velocity"]
+            .sel(time=slice(0.5, None))
+            .std()
+        )
+        for case in (interface, replace(interface, temperature=HOT))
+    ]
+    assert std[1] == pytest.approx(std[0], rel=0.05)
+
+
+def test_recorded_friction_of_hot_contacts_moves_the_slider():
+    """M X'' + M eta X' = K (X_lp - X) - F, over many steps."""
+    slider = Slider(stiffness=2.0, mass=0.01, damping=2.0)
+    run = simulate(
+        Rig(aged(1.0, newborn=0.5, temperature=Bell(width=0.05, attempts=1.0)), slider, constant(1.0, 1.0)),
+        method=Contacts(500, seed=2),
+        output=Output(interval=2e-4),
+    )
+    t, v = run["time"].to_numpy(), run["velocity"].to_numpy()
+    push = (run["spring_force"] - run["friction_force"] - 0.02 * run["velocity"]).to_numpy()
+    gained = np.concatenate([[0.0], np.cumsum(0.5 * (push[1:] + push[:-1]) * np.diff(t))]) / 0.01
+    assert np.abs(gained - (v - v[0])).max() < 0.02 * np.abs(v).max()
+
+
+@pytest.mark.parametrize("ageing", [Langevin(rate=1.5, newborn=0.3), LogarithmicGrowth(slope=0.1, time=0.01)])
+@pytest.mark.parametrize("temperature", [None, HOT])
+def test_neither_samples_nor_snapshots_change_the_motion_and_progress_is_told(ageing, temperature):
+    if temperature is not None and isinstance(ageing, LogarithmicGrowth):
+        pytest.skip("events, not steps")
+    interface = replace(FIG8.interface, ageing=ageing, temperature=temperature)
+    rig, told = Rig(interface, FIG8.slider, constant(1.0, 1.0)), []
+    outputs = Output(interval=0.25), Output(interval=0.0025, snapshots=(0.0, 0.333, 0.5, 1.0))
+    few, many = (
+        simulate(rig, method=Contacts(2000, seed=4), output=output, progress=told.append) for output in outputs
+    )
+    assert len(told) > 6
+    shared = many.sel(time=few["time"], method="nearest")
+    for name in ("displacement", "velocity", "friction_force", "attached"):
+        np.testing.assert_array_equal(few[name], shared[name])
+    assert many.sizes["snapshot"] == 4

@@ -7,6 +7,7 @@ import signal
 import stat
 import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -63,6 +64,7 @@ CASES = [
 ]
 KINDS = records()
 CASES += [
+    KINDS["Positive"](whole=thresholds.Gaussian(mean=1.0, std=1.0)),
     KINDS["Contacts"](123, seed=2**100 + 1),
     KINDS["MasterEquation"](rtol=1e-3, memoryless=True),
     KINDS["PaperClosure"](cells=200),
@@ -386,3 +388,19 @@ def test_numbers_along_a_dimension_are_compressed(tmp_path):
     with h5py.File(tmp_path / "run.nc") as file:
         assert file["force"].compression == "gzip"
         assert file["one"].compression is None
+
+
+def test_a_record_of_a_guest_does_not_replace_one_of_ours_of_the_same_name(monkeypatch):
+    @dataclass(frozen=True)
+    class Weibull:
+        scale: float
+
+    @dataclass(frozen=True)
+    class Other:
+        time: float
+
+    Other.__name__ = "Weibull"
+    monkeypatch.setitem(store.DISTRIBUTIONS, "a guest's", Weibull)
+    monkeypatch.setitem(store.DELAYS, "another's", Other)
+    for one in (thresholds.Weibull(scale=1.0, shape=8.0), Weibull(2.0), Other(3.0)):
+        assert store.decode(store.encode(one), store.records()) == one

@@ -262,25 +262,28 @@ def test_when_every_case_fails_the_errors_are_the_result():
     assert [failure.parameters["a"] for failure in failures(result)] == [1, 2]
 
 
+COUNT = Counter()  # state that a function changes is kept outside of it: what it holds is part of the case
+BROKEN, BEGUN, GO_ON = threading.Event(), threading.Event(), threading.Event()
+
+
 def test_failed_cases_are_run_again_on_request_only(tmp_path):
-    count = Counter()
-    broken = threading.Event()
-    broken.set()
+    COUNT.clear()
+    BROKEN.set()
 
     def moody(a):
-        count[a] += 1
-        if a == 1 and broken.is_set():
+        COUNT[a] += 1
+        if a == 1 and BROKEN.is_set():
             raise OSError("not today")
         return {"a2": a * a}
 
     kept = tmp_path / "s.sqlite"
     assert summary(run_cases(moody, {"a": range(3)}, store=kept)).failed == 1
-    broken.clear()
+    BROKEN.clear()
     assert summary(run_cases(moody, {"a": range(3)}, store=kept)).failed == 1
     again = run_cases(moody, {"a": range(3)}, store=kept, options=Options(retry_failed=True))
     assert summary(again).failed == 0
     assert again["a2"].values.tolist() == [0, 1, 4]
-    assert count == {0: 1, 1: 2, 2: 1}
+    assert COUNT == {0: 1, 1: 2, 2: 1}
 
 
 def test_what_a_case_must_not_return_is_its_error():
@@ -366,7 +369,7 @@ def shifted(x, by=0.0):
         ({"options": Options(seed=7)}, "seed"),
         ({"options": Options(fingerprint="rig.toml, second version")}, "fingerprint"),
         ({"function": lambda x: {"y": x}}, "source of the function"),
-        ({"function": shifted}, "function, source of the function"),
+        ({"function": shifted}, "function, .*source of the function"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
@@ -409,6 +412,73 @@ def test_identity_is_the_same_always_and_tells_bound_arguments_apart():
     assert parts(shifted, np.arange(3)) != parts(shifted, np.arange(4))
     with pytest.raises(InputError, match="fingerprint: a value in it cannot be read"):
         parts(shifted, threading.Lock())
+
+
+def closing_over(k):
+    def f(x):
+        return {"y": k * x}
+
+    return f
+
+
+class Scaled:
+    def __init__(self, k):
+        self.k = k
+
+    def times(self, x):
+        return {"y": self.k * x}
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        closing_over,
+        lambda k: lambda x: closing_over(k)(x),
+        lambda k: lambda x, k=k: {"y": k * x},
+        lambda k: lambda x, *, k=k: {"y": k * x},
+        lambda k: Scaled(k).times,
+        lambda k: functools.partial(Scaled(k).times),
+        lambda k: [lambda x: {"y": 2 * x}, lambda x: {"y": 3 * x}][k - 2],
+    ],
+)
+def test_what_a_function_holds_is_part_of_the_case(tmp_path, made):
+    """Its closure, its defaults and the object of a method; the store of one never answers for another."""
+    store = tmp_path / "s.sqlite"
+    assert run_cases(made(2), {"x": [1.0, 2.0]}, store=store)["y"].values.tolist() == [2.0, 4.0]
+    assert run_cases(made(2), {"x": [1.0, 2.0]}, store=store)["y"].values.tolist() == [2.0, 4.0]
+    with pytest.raises(InputError, match="holds another sweep"):
+        run_cases(made(3), {"x": [1.0, 2.0]}, store=store)
+
+
+def test_a_function_that_holds_what_cannot_be_read_takes_no_store(tmp_path):
+    lock = threading.Lock()
+    with pytest.raises(InputError, match=r"^function = .*: a value in it cannot be read"):
+        run_cases(lambda x: {"y": x if lock else 0}, {"x": [1.0]}, store=tmp_path / "s.sqlite")
+    assert run_cases(lambda x: {"y": x if lock else 0}, {"x": [1.0]})["y"] == 1.0
+
+
+def test_identity_does_not_depend_on_the_process():
+    """Sets of texts have another order in each process."""
+    text = (
+        "from stickslip.sweep._cases import _digest; print(_digest('', [{'a', 'b', 'c', 'd'}, {'b': 1, 'a': {1, 2}}]))"
+    )
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    found = {
+        subprocess.run(
+            [sys.executable, "-c", text], env=environment | {"PYTHONHASHSEED": seed}, capture_output=True, check=True
+        ).stdout
+        for seed in ("1", "2", "3")
+    }
+    assert len(found) == 1
+
+
+@pytest.mark.parametrize("values", [[1, 2.5], [2**60, 1], ["a", "1"], [True, False], np.array([1, 2]), range(2)])
+def test_values_of_axes_keep_their_types(values):
+    seen = []
+    run_cases(lambda x: seen.append(x) or {"y": 0}, {"x": values}, executor=Threads(1))
+    assert [(type(x), x) for x in seen] == [
+        (type(x), x) for x in (list(values) if isinstance(values, (list, range)) else values.tolist())
+    ]
 
 
 def test_the_version_of_the_package_is_part_of_the_case(tmp_path, monkeypatch):
@@ -577,21 +647,19 @@ def test_two_sweeps_on_one_store_the_second_is_turned_away(cases, tmp_path):
 
 
 def test_two_sweeps_of_one_process_on_one_store(tmp_path):
-    begun, go_on = threading.Event(), threading.Event()
-
     def waiting(a):
-        begun.set()
-        go_on.wait(30)
+        BEGUN.set()
+        GO_ON.wait(30)
         return {"b": a}
 
     with ThreadPoolExecutor(1) as pool:
         first = pool.submit(run_cases, waiting, {"a": [1, 2]}, store=tmp_path / "s.sqlite")
-        begun.wait(30)
+        BEGUN.wait(30)
         try:
             with pytest.raises(InputError, match=f"another sweep .process {os.getpid()} on .* is writing it"):
                 run_cases(waiting, {"a": [1, 2]}, store=tmp_path / "s.sqlite")
         finally:
-            go_on.set()
+            GO_ON.set()
         assert summary(first.result()).done == 2
 
 
@@ -1004,6 +1072,15 @@ def test_a_script_without_a_guard_gets_the_mitigation(tmp_path):
         ({"a": [], "b": [1]}, "must be a list of values, at least one"),
         ({"a": 3.0, "b": [1]}, "must be a list of values"),
         ({"a": [1, 1], "b": [1]}, "holds a value twice; for replicas"),
+        ({"a": [0.0, -0.0], "b": [1]}, r"holds a value twice \(0.0 and -0.0 are equal\)"),
+        ({"a": [1, "x"], "b": [1]}, "all of one kind"),
+        ({"a": ["1", 1], "b": [1]}, "all of one kind"),
+        ({"a": [True, 2], "b": [1]}, "all of one kind"),
+        ({"a": [0, False], "b": [1]}, "all of one kind"),
+        ({"a": [2**63], "b": [1]}, "no whole number of 64 bits"),
+        ({"a": [2**53 + 1, 1.5], "b": [1]}, "would lose digits"),
+        ({"a": "text", "b": [1]}, "must be a list of values"),
+        ("x", "must be a mapping"),
         ({"a": [1.0, float("nan")], "b": [1]}, "must not hold NaN"),
         ({"a": [object()], "b": [1]}, "must be numbers, texts or truth values"),
         ({"a": [1], "c": [1]}, r"product has no parameter 'c'; it takes a, b"),
@@ -1118,10 +1195,11 @@ def test_refinement_goes_round_cases_that_fail():
 @pytest.mark.usefixtures("adaptive")
 def test_refinement_goes_on_from_its_store_the_way_a_grid_does(tmp_path, monkeypatch):
     at_once(monkeypatch)
-    count = Counter()
+    count = COUNT
+    count.clear()
 
     def counted(x, y, branch):
-        count[x, y, branch] += 1
+        COUNT[x, y, branch] += 1
         return parabola(x, y) if branch == "up" else {"side": "above" if x > 0.5 else "below", "height": y}
 
     store, how = tmp_path / "s.sqlite", Refinement(each={"branch": ["up", "down"]}, runs=40)
@@ -1135,7 +1213,9 @@ def test_refinement_goes_on_from_its_store_the_way_a_grid_does(tmp_path, monkeyp
     assert status_of(store).summary.missing == 80 - part.sizes["run"]
     found = refine(counted, UNIT, "side", how, store=store)
     xr.testing.assert_identical(found, expected)
-    xr.testing.assert_identical(open_sweep(store), expected)
+    with monkeypatch.context() as patch:
+        patch.setitem(sys.modules, "adaptive", None)  # what was found is stored: nothing is searched again
+        xr.testing.assert_identical(open_sweep(store), expected)
     assert str(status_of(store)) == f"{found.sizes['run']} of {found.sizes['run']} cases done"
     assert max(count.values()) == 1
     xr.testing.assert_identical(refine(counted, UNIT, "side", how, store=store), expected)
@@ -1157,5 +1237,7 @@ def test_bad_refinements():
         Span(low=0, high=1, log=True)
     with pytest.raises(InputError, match=r"runs = 3: must be"):
         refine(parabola, UNIT, "side", Refinement(runs=3))
+    with pytest.raises(InputError, match=r"refine\.each\['z'\] = \(1, 'a'\): must be numbers, texts or truth values"):
+        refine(parabola, UNIT, "side", Refinement(each={"z": (1, "a")}))
     with pytest.raises(InputError, match="label = 'colour': the function must return a text or a number under this"):
         refine(parabola, UNIT, "colour", Refinement(runs=16))

@@ -197,21 +197,7 @@ def test_contacts_and_cohorts_agree_under_a_slider_that_turns_and_rests(case):
         assert np.sqrt((difference**2).mean()) < 2.5 * error
 
 
-GROWING_TOO = [*COMBINED, pytest.param("bell, growing, delay", marks=pytest.mark.slow)]
-
-
-@pytest.mark.parametrize("case", GROWING_TOO)
-@pytest.mark.parametrize("method", [ss.Contacts(500, seed=2), ss.MasterEquation()], ids=["contacts", "cohorts"])
-def test_the_energy_account_closes(case, method):
-    run = ss.simulate(pulled(ALL_COMBINED[case]), method=method)
-    spent = run.kinetic_energy + run.spring_energy + run.contact_energy + run.damped_energy + run.broken_energy
-    balance = run.work - spent
-    # Exact event by event; with cohorts of the order of the step, of the first where detached contacts begin to slide.
-    allowed = 1e-11 if isinstance(method, ss.Contacts) else (6e-4 if "sliding" in case else 5e-5)
-    assert float(np.abs(balance - balance[0]).max()) < allowed * float(run.work.max())
-
-
-@pytest.mark.parametrize("case", GROWING_TOO)
+@pytest.mark.parametrize("case", [*COMBINED, pytest.param("bell, growing, delay", marks=pytest.mark.slow)])
 def test_cohorts_lose_no_contact(case):
     interface = ALL_COMBINED[case]
     engine = engine_of(interface, ss.MasterEquation())(
@@ -220,14 +206,6 @@ def test_cohorts_lose_no_contact(case):
     drive = ss.constant(1.0, 0.5).then(ss.constant(0.0, 100.0)).then(ss.constant(1.0, 0.5))
     follow(engine, drive, 0.0, np.linspace(0.0, 101.0, 11))
     assert engine.mass == pytest.approx(1.0, abs=1e-12)
-
-
-def test_what_is_recorded_changes_nothing():
-    rig = pulled(T)
-    few = ss.simulate(rig, method=ss.Contacts(300, seed=1), output=ss.Output(interval=0.1))
-    many = ss.simulate(rig, method=ss.Contacts(300, seed=1), output=ss.Output(interval=0.05, snapshots=(0.7, 2.0)))
-    np.testing.assert_array_equal(few.friction_force, many.friction_force[::2])
-    assert ss.rerun(many).identical(many)
 
 
 @pytest.mark.parametrize("interface", [T, LT], ids=["clock", "boxes"])
@@ -510,11 +488,11 @@ def test_a_rig_has_its_own_units():
         ),
         (
             lambda: ss.simulate(pulled(ss.Interface(thresholds=WIDE, temperature=BELL, ageing=ss.Langevin(rate=1.0)))),
-            "temperature = .* and ageing = .*: not available with MasterEquation",
+            "temperature = .*: not available with MasterEquation together with ageing = .*; use Contacts",
         ),
         (
             lambda: ss.simulate(pulled(ss.Interface(thresholds=WIDE, temperature=BELL, newborn=NARROW))),
-            "Interface.newborn = .*: not available with MasterEquation; leave it out",
+            "newborn = .*: not available with MasterEquation together with temperature = .*; leave one out",
         ),
         (
             lambda: ss.simulate(

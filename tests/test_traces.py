@@ -159,6 +159,13 @@ TWO = "t,F_d\n" + rows(lambda t, f: f"{t},{f}")
         ),
         ("1.0\n\x00\x01\x02\n" + NUMBERS, {"step": 1.0}, "binary"),
         ("a,F_d\n" + rows(lambda _, f: f"x,{f}"), {"force": "a", "step": 1.0}, "holds no number in column 1"),
+        ("time force\n" + rows(lambda t, f: f"{t} {f} N m"), {}, "column 2 holds numbers in 'N m'; write one unit"),
+        ("time;force\n" + rows(lambda t, f: f"{t};1 {200 + f:.3f}"), {}, "without a mark between thousands"),
+        (
+            "time,force\n" + rows(lambda t, _: f"{t:.2f},{5 + t % 2:.3f}".replace(".", ",")),
+            {},
+            "4 columns below 2 names",
+        ),
     ],
 )
 def test_files_that_are_no_trace_are_refused_in_one_line(tmp_path, text, options, message):
@@ -459,11 +466,20 @@ def test_five_million_rows_take_seconds_and_little_memory(tmp_path, columns):
 def test_a_header_of_another_separator_than_the_rows_is_one_line(tmp_path):
     place = tmp_path / "odd.csv"
     place.write_text("t [s];F [N]\n0.000\t5")
-    with pytest.raises(ss.InputError, match=r"odd\.csv: its rows are no table of 3 columns"):
+    with pytest.raises(ss.InputError, match=r"odd\.csv: its rows do not have 3 columns"):
         ss.read_trace(place)
 
 
-@pytest.mark.parametrize(("cell", "value"), [("1" + 400 * "0", None), ("True", None), ("1e3", 1000.0)])
+def test_a_row_with_a_unit_of_two_words_cannot_be_read(tmp_path):
+    place = tmp_path / "blanks.txt"
+    place.write_text("time force\n" + "".join(f"{i} {i % 7} N{' m' if i == 20 else ''}\n" for i in range(40)))
+    trace = ss.read_trace(place)
+    assert 20.0 not in trace["time"].to_numpy()
+    assert "1 of 40 rows could not be read" in trace.attrs["note"]
+    assert trace["spring_force"].attrs["units"] == "N"
+
+
+@pytest.mark.parametrize(("cell", "value"), [("1" + 400 * "0", None), ("True", None), ("1e1", 10.0)])
 def test_a_cell_that_is_no_number_is_missing(tmp_path, cell, value):
     place = tmp_path / "one.csv"
     place.write_text("time [s],force [N]\n" + "".join(f"{i},{cell if i == 20 else i % 7}\n" for i in range(40)))
@@ -480,3 +496,38 @@ def test_a_load_without_a_unit_is_a_column(tmp_path):
     for load, words in (("7", "no such column"), ("-7 N", "must be a force above 0"), ("7 s", "must be a force")):
         with pytest.raises(InputError, match=words):
             read_trace(place, step=0.01, load=load)
+
+
+WAVE = 2.0 + np.arange(4000) * 0.01 % 1.0
+
+
+def two(forces, *, at=None, more=""):
+    text = "".join(f"{0.01 * i:.2f},{f:.4f}{more if i == at else ''}\n" for i, f in enumerate(forces))
+    return "time (s),force (N)\n" + text
+
+
+@pytest.mark.parametrize("value", [-9999.0, 40.0])
+def test_a_value_that_stands_for_none_is_no_force(tmp_path, value):
+    at = np.arange(7, 4000, 150)
+    forces = WAVE.copy()
+    forces[at] = value
+    data = read_trace(written(tmp_path, two(forces)))
+    assert np.flatnonzero(data["filled"]).tolist() == at.tolist()
+    assert "could not be read" in data.attrs["note"]
+    forces[::50] = value
+    with pytest.raises(InputError, match=r"first line \d+: .* not far outside the rest"):
+        read_trace(written(tmp_path, two(forces)))
+
+
+def test_a_row_of_a_number_too_many_and_the_end_of_a_file_of_dos(tmp_path):
+    data = read_trace(written(tmp_path, two(WAVE, at=50, more=",5") + "\x1a"))
+    assert data.sizes["time"] == 3999
+    assert "line 52" in data.attrs["note"]
+
+
+def test_exponents_of_fortran_and_cells_in_no_unit(tmp_path):
+    column = "".join(f"{f:.6f}D+01\n" for f in WAVE)
+    np.testing.assert_allclose(read_trace(written(tmp_path, column), step=0.01)["spring_force"], 10.0 * WAVE)
+    for end, message in (("foo", "cannot be read"), ("E+", "cannot be read"), (" N/m", "holds 'N/m'")):
+        with pytest.raises(InputError, match=message):
+            read_trace(written(tmp_path, column.replace("D+01", end)), step=0.01)

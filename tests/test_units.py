@@ -1,15 +1,22 @@
 """SI units to natural units and back."""
 
+import math
 import pickle
+from functools import partial
 from typing import get_args
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import stickslip as ss
 from stickslip.errors import InputError
-from stickslip.model.units import Quantity, Scales
+from stickslip.model.parameters import Parameter
+from stickslip.model.quantities import read_quantity
+from stickslip.model.units import QUANTITIES, UNITS, Quantity, Scales, engineering, si_unit
+from stickslip.progress import in_time
 
+SLIDER = ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4)
 SIZE = st.floats(1e-9, 1e9)
 scales = st.builds(Scales, force=SIZE, stretching=SIZE, time=SIZE)
 quantities = st.sampled_from(get_args(Quantity))
@@ -31,7 +38,7 @@ DIMENSIONS = {
 
 
 def test_every_quantity_has_a_dimension_here():
-    assert set(DIMENSIONS) == set(get_args(Quantity))
+    assert set(DIMENSIONS) == set(get_args(Quantity)) == set(QUANTITIES)
 
 
 @given(scales, quantities, st.floats(-1e6, 1e6))
@@ -79,9 +86,74 @@ def test_bad_scales(name, value):
         Scales(**({"force": 1.0, "stretching": 1.0, "time": 1.0} | {name: value}))
 
 
-def test_a_quantity_that_does_not_exist():
-    with pytest.raises(InputError, match=r"quantity = 'power': must be one of force, length"):
-        Scales(force=1, stretching=1).unit("power")
+@pytest.mark.parametrize("name", ["banana", "N", "m/s", "", None, ["f_s"]])
+@pytest.mark.parametrize("example", ["brake_pad", None])
+def test_a_unit_that_does_not_exist(name, example):
+    natural = ss.Rig(ss.Interface(thresholds=ss.Gaussian(1.0, 0.1)), SLIDER, ss.constant(velocity=1.0))
+    rig = ss.read_rig(example) if example else natural
+    for ask in (rig.unit, rig.unit_name, partial(rig.in_units, 1.0)):
+        with pytest.raises(InputError, match=r"^unit = .*: must be one of 1, f_s, x_s, .*, or force, length"):
+            ask(name)
+    with pytest.raises(InputError, match=r"^unit = "):
+        Parameter(name="own", unit=name, get=float, set=float)
+
+
+def test_a_unit_may_be_named_by_its_quantity():
+    rig = ss.read_rig("brake_pad")
+    assert (rig.unit("velocity"), rig.unit_name("velocity")) == (0.02, "m/s")
+    for kind, natural in QUANTITIES.items():
+        assert rig.unit(kind) == rig.unit(natural)
+        assert read_quantity(rig.in_units(1.0, kind, 15), rig.unit_name(natural), "") == pytest.approx(rig.unit(kind))
+        assert rig.natural.in_units(1.0, kind).split()[0] == "1"
+
+
+@given(st.floats(1e-24, 1e24).map(lambda v: v * 10.0 ** (-6)), st.sampled_from([*UNITS]), st.integers(1, 15))
+def test_every_natural_unit_in_words_reads_back(value, unit, digits):
+    """In SI: to so many digits, in a unit of the grammar, and without an exponent wherever there is a prefix for it."""
+    name = si_unit(unit)
+    if unit in ("1", "1/time^(1/2)"):
+        return
+    said = engineering(value, name, digits)
+    assert read_quantity(said, name, "") == pytest.approx(value, rel=0.51 * 10.0 ** (1 - digits))
+    if unit in ("f_s", "k", "f_s x_s", "x_s/time") and 1e-14 < value < 1e14:
+        assert "e" not in said
+        assert 1 <= float(said.split()[0]) < 1000
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "digits", "words"),
+    [
+        (4e6, "N/m", 4, "4 MN/m"),
+        (0.0756, "kg", 4, "75.6 g"),
+        (4e-4, "m/s", 4, "400 um/s"),
+        (1.5, "kg", 4, "1.5 kg"),
+        (12_000, "kg", 4, "12000 kg"),
+        (0.0, "N", 4, "0 N"),
+        (123, "N", 2, "120 N"),
+        (999.96, "N", 4, "1 kN"),
+        (1180, "kg/m^3", 4, "1180 kg/m^3"),
+        (2.094e5, "mN", 4, "209.4 N"),
+        (2e4, "ms", 2, "20 s"),
+        (96, "ms", 3, "96 ms"),
+        (5000, "s", 2, "5000 s"),
+        (2e-6, "1/s", 4, "2e-06 1/s"),
+        (40_000, "1/s", 4, "40000 1/s"),
+        (11_790, "Hz", 4, "11.79 kHz"),
+        (12_345, "lbf", 3, "12300 lbf"),
+        (0.12, "1", 4, "0.12"),
+        (5, "min", 2, "5 min"),
+        (math.inf, "N", 4, "inf N"),
+    ],
+)
+def test_values_in_words(value, unit, digits, words):
+    assert engineering(value, unit, digits) == words
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"), [(0.5, "0.5 s"), (110, "110 s"), (7100, "120 min"), (2e5, "2.3 days"), (2.6e7, "300 days")]
+)
+def test_times_in_words(seconds, words):
+    assert in_time(seconds) == words
 
 
 def test_scales_are_values():

@@ -58,7 +58,7 @@ def programme(monkeypatch):
 
 def held(value):
     claim = Claim(
-        number=None, statement="small", verdict="reproduced", settled="reproduced", evidence="none",
+        number=None, statement="small", verdict="reproduced", evidence="none",
         measured=(at_most("size", value, 1.0),),
     )  # fmt: skip
     return lambda: (claim,)

@@ -1,9 +1,11 @@
 """Work is estimated before it starts: what would take hours is refused in one line, unless it is asked for."""
 
+import contextlib
 import math
 import subprocess
 import sys
 import time
+from dataclasses import dataclass, replace
 
 import pytest
 
@@ -11,8 +13,11 @@ import stickslip as ss
 from stickslip import cli
 from stickslip.errors import LONGEST_MESSAGE
 from stickslip.io import rig_files
+from stickslip.model import methods
 from stickslip.progress import _lines
 from stickslip.simulation import estimate
+from stickslip.simulation.engines import base
+from stickslip.simulation.engines.base import solves
 from stickslip.simulation.work import _radians
 
 INTERFACE = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
@@ -168,6 +173,24 @@ def test_contacts_that_wait_break_less_often(delay, breaks):
     assert f"about {1000 * breaks:.2g} breaks" in part.what
 
 
+@pytest.mark.parametrize("method", [ss.Contacts(20), ss.MasterEquation()])
+def test_stiff_dashpots_ask_for_short_steps(method):
+    """In proportion to the viscosity, once they do so more than the springs; a mistaken unit is refused."""
+    body = ss.Chain(blocks=8, coupling=5.0, mass=1e-2, damping=1.0, leaf=1.0)
+    rig = ss.Rig(INTERFACE, body, ss.constant(1.0, duration=1.0), method=method)
+
+    def work(viscosity):
+        return estimate(replace(rig, slider=replace(body, viscosity=viscosity)))
+
+    none, much, more = work(0.0), work(1e3), work(1e5)
+    assert work(1e-9).seconds == none.seconds
+    assert more.block_steps == pytest.approx(100 * much.block_steps)
+    assert much.block_steps > 1000 * none.block_steps
+    assert more.seconds > 50 * much.seconds > 1000 * none.seconds
+    with pytest.raises(ss.InputError, match=r"^slider.viscosity = 1e\+09: .* steps of blocks would .*; give at most"):
+        work(1e9).check()
+
+
 def test_the_time_left_in_a_log(monkeypatch, capsys):
     now = [0.0]
     monkeypatch.setattr("stickslip.progress.time.monotonic", lambda: now[0])
@@ -181,3 +204,30 @@ def test_a_slider_that_sticks_rings_for_some_turns_after_each_slip():
     soft = ss.Slider(stiffness=0.1, mass=1e-4, damping=42.4)
     assert _radians(RIG, soft, turns=1e5, rings=3.0, distance=20.0) == pytest.approx(10.0 * 3.0 * (1.0 + 20.0 * 0.1))
     assert _radians(RIG, soft, turns=50.0, rings=3.0, distance=20.0) == 50.0  # no more than there are
+
+
+KINDS = {
+    "ageing": (None, ss.Langevin(rate=1.0, newborn=0.3), ss.LogarithmicGrowth(slope=0.1, time=0.1)),
+    "temperature": (None, ss.Bell(width=0.05, attempts=1.0), ss.Parabolic(temperature=0.05, attempts=1.0)),
+}
+
+
+@dataclass(frozen=True)
+class Own:
+    """A method of the user's own, of which nothing is known."""
+
+
+@pytest.mark.parametrize(
+    "method", [Own(), ss.Contacts(100), ss.MasterEquation(), ss.Population(100), ss.PaperClosure(), ss.QuasiStatic(100)]
+)
+@pytest.mark.parametrize("ageing", KINDS["ageing"])
+@pytest.mark.parametrize("temperature", KINDS["temperature"])
+def test_every_combination_is_estimated_or_refused_in_words(monkeypatch, method, ageing, temperature):
+    monkeypatch.setattr(base, "ENGINES", dict(base.ENGINES))
+    monkeypatch.setattr(methods, "METHODS", {**methods.METHODS, "own": Own})
+    solves(Own, type(ageing), temperature=(type(temperature),))(
+        base.ENGINES[ss.Contacts, type(None), type(None), False]
+    )
+    rig = ss.Rig(replace(INTERFACE, delay=ss.Delay(0.0), ageing=ageing, temperature=temperature), SLIDER, RIG.drive)
+    with contextlib.suppress(ss.InputError):
+        assert 0.0 < estimate(replace(rig, method=method)).seconds < math.inf

@@ -9,16 +9,24 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import chromium
-from playwright.sync_api import Browser, Page, sync_playwright
 
 from stickslip import explorer
 
-CHROMIUM = chromium.find()
-WHY_NOT = "no chromium on this machine; on Debian: apt-get install chromium (or name one with CHROMIUM=/path)"
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+_PLAYWRIGHT = find_spec("playwright") is not None
+CHROMIUM = chromium.find() if _PLAYWRIGHT else None
+WHY_NOT = (
+    "no chromium on this machine; on Debian: apt-get install chromium (or name one with CHROMIUM=/path)"
+    if _PLAYWRIGHT
+    else "playwright is not installed"
+)
 FLAGS = (
     "--no-sandbox",  # chromium as root, as in CI, has none
     "--disable-gpu",
@@ -119,6 +127,8 @@ def server(*arguments: str) -> Iterator[Server]:
 @contextmanager
 def browser() -> Iterator[Browser]:
     """Start a headless browser."""
+    from playwright.sync_api import sync_playwright
+
     with sync_playwright() as playwright:
         started = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
         yield started

@@ -6,12 +6,19 @@ named, and writes one report. Bands come from theory or from the settled numbers
 
 from __future__ import annotations
 
-from verification import closed_forms, convergence, figures, fits, solvers
+from verification import advice, closed_forms, convergence, figures, fits, solvers
 from verification.study import Study
 
 STUDIES: dict[str, Study] = {
     study.name: study
-    for study in (*figures.STUDIES, *closed_forms.STUDIES, *solvers.STUDIES, *convergence.STUDIES, *fits.STUDIES)
+    for study in (
+        *figures.STUDIES,
+        *closed_forms.STUDIES,
+        *solvers.STUDIES,
+        *convergence.STUDIES,
+        *fits.STUDIES,
+        *advice.STUDIES,
+    )
 }
 """The studies by name, in the order of the report."""
 

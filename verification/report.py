@@ -14,6 +14,7 @@ import stickslip
 from stickslip.io import files
 from stickslip.paper import Claim
 from verification import STUDIES
+from verification.sources import fingerprint
 
 _TEMPLATE = Path(__file__).with_name("template.html")
 
@@ -51,6 +52,7 @@ class Report:
 
     outcomes: Sequence[Outcome]
     version: str = stickslip.__version__
+    sources: str = field(default_factory=fingerprint)
     python: str = platform.python_version()
     when: str = field(default_factory=lambda: datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"))
 
@@ -63,6 +65,7 @@ class Report:
         """Return what JSON can hold."""
         return {
             "stickslip": self.version,
+            "sources": self.sources,
             "python": self.python,
             "when": self.when,
             "ok": self.ok,

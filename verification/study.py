@@ -34,10 +34,8 @@ class Study:
 def finding(statement: str, *measured: Measured, evidence: str) -> Claim:
     """Return a statement of ours, which holds if every number lies in its band."""
     return Claim(
-        number=None,
         statement=statement,
         verdict="reproduced" if all(m.ok for m in measured) else "not reproduced",
-        settled="reproduced",
         measured=measured,
         evidence=evidence,
     )

@@ -14,6 +14,9 @@ from unittest import mock
 from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
+from sphinx.util.logging import getLogger
+
+logger = getLogger(__name__)
 
 ROOT = Path(__file__).parents[2]
 REPORT = ROOT / "verification" / "report.json"
@@ -107,9 +110,9 @@ def _left_out(key: Any) -> str:
 
 
 def _si(key: Any) -> str:
-    from stickslip.model.units import SI_NAMES
+    from stickslip.model.units import si_unit
 
-    return str(SI_NAMES[key.unit])
+    return si_unit(key.unit)
 
 
 def _kind(key: Any) -> str:
@@ -144,7 +147,7 @@ def claims(report: Path = REPORT) -> str:
         )
     content: dict[str, Any] = json.loads(report.read_text(encoding="utf-8"))
     studies: list[dict[str, Any]] = content["studies"]
-    lines = [f"Made by version {_cell(content['stickslip'])} on {content['when']}.", ""]
+    lines: list[str] = []
     for group in dict.fromkeys(study["group"] for study in studies):
         lines += [f"### {group}", "", "| study | verdict | what was found |", "|---|---|---|"]
         for study in studies:
@@ -152,6 +155,30 @@ def claims(report: Path = REPORT) -> str:
                 lines += [f"| {study['study']} | {_verdict(claim)} | {_found(claim)} |" for claim in study["findings"]]
         lines.append("")
     return "\n".join(lines)
+
+
+def made_by(report: Path = REPORT) -> str:
+    """Which version made the report, and whether it is stale; apart from `claims`, as its headings would go before."""
+    if not report.exists():
+        return ""
+    content = json.loads(report.read_text(encoding="utf-8"))
+    stale = stale_report(report)
+    note = f":::{{warning}}\n{stale}\n:::\n\n" if stale else ""
+    return f"{note}Made by version {_cell(content['stickslip'])} on {content['when']}."
+
+
+def stale_report(report: Path = REPORT) -> str:
+    """Say that the report is about other sources than these; nothing if it is not, or if there is none."""
+    if not report.exists():
+        return ""
+    if str(ROOT) not in sys.path:
+        sys.path.append(str(ROOT))
+    from verification.sources import fingerprint
+
+    made_of = json.loads(report.read_text(encoding="utf-8")).get("sources")
+    if made_of == fingerprint():
+        return ""
+    return "This report was made before the solvers were changed last: run `make verify`, which makes it again."
 
 
 def _verdict(claim: dict[str, Any]) -> str:
@@ -175,6 +202,16 @@ def _found(claim: dict[str, Any]) -> str:
 def _cell(value: object) -> str:
     text = ", ".join(map(str, value)) if isinstance(value, list) else str(value)
     return re.sub(r"([|*_`<>\\$])", r"\\\1", " ".join(text.split()))
+
+
+class MadeBy(_Made):
+    """``{made-by}``"""
+
+    def text(self) -> str:
+        self.env.note_dependency(str(REPORT))
+        if stale := stale_report():  # make docs ends in an error
+            logger.warning("verification/report.json: %s", stale, type="house", subtype="stale")
+        return made_by()
 
 
 class Claims(_Made):
@@ -265,6 +302,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("commands", Commands)
     app.add_directive("rig-keys", RigKeys)
     app.add_directive("claims", Claims)
+    app.add_directive("made-by", MadeBy)
     app.connect("builder-inited", _bring_mathjax)
     app.connect("autodoc-process-docstring", _one_name_each, priority=400)  # before napoleon
     app.connect("builder-inited", _show_kernels_plain, priority=900)

@@ -48,7 +48,7 @@ def string(friction: float) -> Modes:
 
 FRICTION = Parameter(
     name="friction",
-    unit="N",
+    unit="1",  # N: the rig is in natural units
     get=lambda setting: string(1.0).masses[0] / setting.slider.masses[0],
     set=lambda setting, value: replace(setting, slider=string(value)),
 )

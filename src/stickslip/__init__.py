@@ -3,9 +3,13 @@
 The public names load what they need on first use; `__init__.pyi` beside this file says where each one lives.
 """
 
+import sys
 from importlib.metadata import version
 
 import lazy_loader
+
+if sys.platform == "win32":
+    raise ImportError("stickslip needs the file locks and signals of Linux or macOS; under Windows, use WSL")
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 __version__ = version("stickslip")

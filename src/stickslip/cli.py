@@ -8,10 +8,11 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
-from cyclopts import App, CycloptsError, Parameter, Token
+from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, Token
 
 from stickslip import __version__, console
 from stickslip.answers import plain
@@ -72,13 +73,19 @@ Plot = Annotated[Path | None, Parameter(help="Also draw a picture: .png, .svg or
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code: 2 for input that cannot be used, 1 for a claim or case that fails."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
     try:
         with console.stoppable():
-            result = app(list(sys.argv[1:] if arguments is None else arguments), exit_on_error=False, print_error=False)
+            result = app(given, exit_on_error=False, print_error=False)
+    except MissingArgumentError as error:
+        for name, value in pairwise(given):
+            if name.startswith("--") and re.match(r"-[.\d]", value):
+                return _fail(f"{name} {value}: begins with '-' and is read as an option; write {name}={shown(value)}")
+        return _refused(error)
     except (InputError, UndecidedError) as error:
         return _fail(str(error))
     except CycloptsError as error:
-        return _fail(f"{' '.join(str(error).split())} (see stickslip --help)")
+        return _refused(error)
     except KeyboardInterrupt:
         return _fail("interrupted; no half-written file was left behind", code=130)
     except BrokenPipeError:  # the reader went away, as `head` does
@@ -87,6 +94,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except MemoryError:
         return _fail("not enough memory for this case; take fewer contacts or samples")
     return result if isinstance(result, int) else 0
+
+
+def _refused(error: CycloptsError) -> int:
+    return _fail(f"{' '.join(str(error).split())} (see stickslip --help)")
 
 
 def _fail(message: str, code: int = 2) -> int:
@@ -124,7 +135,7 @@ def predict(
     from stickslip import advise
     from stickslip.io import rig_files as rigs
 
-    _check_outputs(plot, read=rig)
+    _check_outputs(picture=plot, read=rig)
     described = rigs.read_rig(rig)
     with console.working("predicting") as progress:
         found = advise.predict(described, fast=True, progress=progress)
@@ -190,11 +201,12 @@ def simulate(
     from stickslip.io import rig_files as rigs
     from stickslip.simulation import simulate as run_case
 
-    _check_outputs(output, plot, read=rig)
+    _check_outputs(output, picture=plot, read=rig)
     described = rigs.read_rig(rig)
+    text = rigs.to_toml(described)  # what can be refused is refused before the run
     with console.working("simulating") as progress:
         result = run_case(described, progress=progress, long=long)
-    result.attrs["rig"] = rigs.to_toml(described)
+    result.attrs["rig"] = text
     _keep_run(result, output, plot, json=json)
 
 
@@ -216,7 +228,7 @@ def rerun(
     from stickslip import simulation
     from stickslip.io import datasets as store
 
-    _check_outputs(output, plot, read=run)
+    _check_outputs(output, picture=plot, read=run)
     before = store.load(run)
     with console.working("simulating") as progress:
         result = simulation.rerun(before, progress=progress)
@@ -228,7 +240,7 @@ def _keep_run(run: xr.Dataset, output: Path | None, plot: Path | None, *, json: 
     """Write a run and its picture, and say what it did."""
     from stickslip import measure
     from stickslip.io import datasets as store
-    from stickslip.measure import front_map
+    from stickslip.measure import front_map, ramps
 
     if output is not None:
         store.save(run, output)
@@ -240,7 +252,7 @@ def _keep_run(run: xr.Dataset, output: Path | None, plot: Path | None, *, json: 
     if json:
         console.print_json({"regime": plain(seen), "output": str(output) if output else None})
         return
-    print(seen, *front_map.in_words(run), sep="\n")
+    print(ramps.in_words(run) or seen, *front_map.in_words(run), sep="\n")
     for what, where in (("run", output), ("picture", plot)):
         if where is not None:
             print(f"{what}: {where}")
@@ -257,11 +269,9 @@ def measure(
     load: Annotated[str | None, Parameter(help="Column of the normal load, or the load itself: '20 N'.")] = None,
     flip: Annotated[bool, Parameter(help="Change the sign of the force.", negative="")] = False,
     minimum_drop: Annotated[
-        float | None, Parameter(help="Smallest drop that counts as a slip.", converter=_number)
+        str | None, Parameter(help="Smallest drop that counts as a slip: '5 mN', or in N (of a coefficient, bare).")
     ] = None,
-    after: Annotated[
-        float | None, Parameter(help="Look at what comes after this time only.", converter=_number)
-    ] = None,
+    after: Annotated[str | None, Parameter(help="Look at what comes after this time only: '10 ms', or in s.")] = None,
     events: Annotated[Path | None, Parameter(help="Write the catalogue of slips as CSV.")] = None,
     json: Json = False,
     plot: Plot = None,
@@ -275,12 +285,14 @@ def measure(
     """
     from stickslip import measure as measures
     from stickslip.io import files
-    from stickslip.measure import front_map
+    from stickslip.measure import front_map, ramps
+    from stickslip.words import engineering
 
-    _check_outputs(events, plot, read=data)
+    _check_outputs(events, picture=plot, read=data)
     trace = _read_data(data, force, time, step, displacement=displacement, load=load, flip=flip)
-    catalogue = measures.drops(trace, minimum_drop=minimum_drop, after=after)
-    seen = measures.regime(trace, after=after)
+    since = _in_unit_of(trace["time"], "--after", after, "s", "10 s")
+    smallest = _in_unit_of(trace["spring_force"], "--minimum-drop", minimum_drop, "N", "5 mN")
+    seen, catalogue = measures.regime_and_drops(trace, minimum_drop=smallest, after=since)
     if events is not None:
         from stickslip.io import datasets as store
 
@@ -288,7 +300,7 @@ def measure(
     if plot is not None:
         from stickslip import plot as drawing
 
-        drawing.save(drawing.overview(trace, events=catalogue), plot)
+        drawing.save(drawing.overview(trace, events=catalogue, seen=seen), plot)
     try:
         unreadable = jsonlib.loads(trace.attrs.get("unreadable", "[]"))
     except (ValueError, TypeError, RecursionError):
@@ -308,10 +320,15 @@ def measure(
             }
         )
         return
-    print(seen, *front_map.in_words(trace), sep="\n")
+    print(ramps.in_words(trace) or seen, *front_map.in_words(trace), sep="\n")
     print()
     statistics = measures.statistics(catalogue)
-    print(measures.counted(catalogue) + ("; mean ± standard deviation:" if statistics else ""))
+    where = (
+        "in all of the data"
+        if since is None
+        else f"after t = {engineering(since, str(trace['time'].attrs.get('units', '')))}"
+    )
+    print(measures.counted(catalogue) + (f" {where}; mean ± standard deviation:" if statistics else ""))
     for name, text in statistics:
         print(f"{name}: {text}")
     if note := trace.attrs.get("note"):
@@ -319,6 +336,20 @@ def measure(
     for what, where in ((str(catalogue.attrs["drops_are"]), events), ("picture", plot)):
         if where is not None:
             print(f"{what}: {where}")
+
+
+def _in_unit_of(variable: xr.DataArray, option: str, text: str | None, si: str, example: str) -> float | None:
+    """Read a quantity, bare in SI units, in the unit of the data; a plain number where that is none of SI."""
+    from stickslip.measure.headings import ratio
+    from stickslip.model.quantities import read_number, read_quantity
+
+    if text is None:
+        return None
+    size = ratio(si, str(variable.attrs.get("units", "")))
+    try:
+        return read_number(text) if size is None else size * read_quantity(text, si, example, bare=True)
+    except InputError as error:
+        raise InputError(f"{option}: {shown(text)}: {error}") from None
 
 
 @app.command
@@ -350,7 +381,7 @@ def plot(
     from stickslip import plot as drawing
     from stickslip.sweep import is_store
 
-    _check_outputs(output, read=data)
+    _check_outputs(picture=output, read=data)
     if is_store(data):
         from stickslip.sweep.plan import open_plan
 
@@ -399,7 +430,7 @@ def fit(
     """
     from stickslip.fitting.command import fit_file
 
-    _check_outputs(output, plot, read=trace)
+    _check_outputs(output, picture=plot, read=trace)
     data = _read_data(trace, force, time, step, flip=flip)
     with console.working("simulating") as progress:
         found, written = fit_file(
@@ -436,7 +467,7 @@ def map(
     from stickslip import plot as drawing
     from stickslip.io import rig_files as rigs
 
-    _check_outputs(output, read=rig)
+    _check_outputs(picture=output, read=rig)
     names = tuple(part.strip() for part in over.split(","))
     if len(names) != 2:
         raise InputError(
@@ -484,7 +515,7 @@ def sweep(
     from stickslip.sweep import plan as plans
     from stickslip.sweep import status_of
 
-    _check_outputs(plot, read=file)
+    _check_outputs(picture=plot, read=file)
     if status:
         found = status_of(store)
         if json:
@@ -655,12 +686,12 @@ def _report_sweep(result: xr.Dataset, store: Path, picture: Path | None, theory:
 _FAILURES_SHOWN = 5
 
 
-def _check_outputs(*outputs: Path | None, read: Path | None = None) -> None:
+def _check_outputs(*outputs: Path | None, picture: Path | None = None, read: Path | None = None) -> None:
     """Complain before any work is done of a place that cannot be written, or that holds the file that is read."""
     from stickslip.io import files
 
     taken: set[Path] = set()
-    for output in outputs:
+    for output in (*outputs, picture):
         if output is None:
             continue
         place = files.target(output)
@@ -670,6 +701,10 @@ def _check_outputs(*outputs: Path | None, read: Path | None = None) -> None:
         if place in taken:
             raise InputError(f"{output}: is given for two outputs; choose another name for one of them")
         taken.add(place)
+    if picture is not None:
+        from stickslip.plot.style import format_of
+
+        format_of(picture)
 
 
 def _read_data(

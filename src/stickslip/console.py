@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stickslip.errors import InputError
+from stickslip.errors import InputError, printable
 from stickslip.progress import bar, in_time
 
 if TYPE_CHECKING:
@@ -150,7 +150,8 @@ def print_prediction(found: Prediction | ElasticPrediction, picture: Path | None
 
     def say(line: str, bold: str = "") -> None:
         indent = "  " if line.startswith("- ") else ""
-        for text in Text.assemble((bold, "bold"), line).wrap(console, console.width - len(indent)):
+        whole = Text.assemble((printable(bold), "bold"), printable(line))
+        for text in whole.wrap(console, console.width - len(indent)):
             text.rstrip()
             console.print(text if text.plain.startswith("- ") or not indent else Text(indent) + text, soft_wrap=True)
 
@@ -176,7 +177,7 @@ def print_prediction(found: Prediction | ElasticPrediction, picture: Path | None
             table.add_column("assumed", width=max(said_width, len("assumed")))
             table.add_column("how to measure it", width=max(console.width - key_width - said_width - 4, 17))
             for key, item in rig.assumed.items():
-                table.add_row(Text(key), Text(item.said), Text(item.how))
+                table.add_row(*(Text(printable(text)) for text in (key, item.said, item.how)))
             console.print(table)
         bullets("Fitted", " to a trace, with 90 % intervals", (f"{key}: {item}" for key, item in rig.fitted.items()))
         if picture is not None:
@@ -201,7 +202,7 @@ def print_prediction(found: Prediction | ElasticPrediction, picture: Path | None
     tables.print(numbers)
     if found.margins:
         console.print()
-        say(" of smooth sliding, one parameter varied at a time (linear stability)", "Margins")
+        say(" of smooth sliding, one parameter varied at a time (linear stability, without noise)", "Margins")
         table = Table(box=None, pad_edge=False)
         for title in ("parameter", "now", "stability limit below", "stability limit above"):
             table.add_column(title)

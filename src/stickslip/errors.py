@@ -13,6 +13,7 @@ from itertools import accumulate
 from numbers import Integral, Real
 from types import UnionType
 from typing import TYPE_CHECKING, Any
+from unicodedata import category
 
 if TYPE_CHECKING:
     import numpy as np
@@ -30,7 +31,12 @@ def one_line(message: str) -> str:
     end = LONGEST_MESSAGE // 3
     if len(message) > LONGEST_MESSAGE:
         message = f"{message[: LONGEST_MESSAGE - end - 5]} ... {message[-end:]}"
-    return " ".join(message.split())
+    return printable(" ".join(message.split()))
+
+
+def printable(text: str) -> str:
+    """Return a text with a sign in place of what would steer a terminal: control characters, marks of direction."""
+    return "".join("\N{REPLACEMENT CHARACTER}" if category(c) in ("Cc", "Cf", "Zl", "Zp") else c for c in text)
 
 
 class InputError(ValueError):
@@ -90,7 +96,7 @@ def shown(value: object) -> str:
     """Return a value as a message shows it: as in Python, cut where it is long, large or deep."""
     if isinstance(value, str):  # a long one is cut before it is turned into its form in Python
         return shortened(repr(value[:LONGEST_SHOWN])) if len(value) <= LONGEST_SHOWN else f"{value[:40]!r}..."
-    if isinstance(value, Integral) and abs(int(value)) >= 10**LONGEST_SHOWN:
+    if isinstance(value, Integral) and not _is_span(value) and abs(int(value)) >= 10**LONGEST_SHOWN:
         return f"an integer of about {math.floor(int(value).bit_length() * math.log10(2)) + 1} digits"
     try:
         return shortened(reprlib.repr(value))
@@ -131,7 +137,7 @@ def number(
         though neither 0 nor a quantity that may be negative.
     """
     wanted = _range_in_words(above, at_least, below, at_most) + (f" ({hint})" if hint else "")
-    if isinstance(value, bool) or not isinstance(value, Real):
+    if isinstance(value, bool) or not isinstance(value, Real) or _is_span(value):
         raise InputError(f"{place} = {shown(value)}: must be a number{wanted}", place)
     try:
         result = float(value) + 0.0  # minus zero becomes zero: equal numbers are to look alike in a file, too
@@ -152,6 +158,11 @@ def number(
     if (refusal := extreme(result)) and not (signed and abs(result) < SMALLEST):
         raise InputError(f"{place} = {result:g}: {refusal}" + (f" ({hint})" if hint else ""), place)
     return result
+
+
+def _is_span(value: Any) -> bool:
+    """Whether a value is a numpy.timedelta64, which passes for a whole number."""
+    return getattr(getattr(value, "dtype", None), "kind", "") == "m"
 
 
 def numbers(
@@ -194,7 +205,8 @@ def extreme(value: float) -> str:
 
 def whole(place: str, value: object, *, at_least: int, at_most: int | None = None, hint: str = "") -> int:
     """Return `value` as an int if it is a whole number in the range, else raise `InputError`."""
-    if isinstance(value, Integral) and not isinstance(value, bool):  # a float does not hold every large seed
+    # A float does not hold every large seed.
+    if isinstance(value, Integral) and not _is_span(value) and not isinstance(value, bool):
         exact = int(value)
         if exact >= at_least and (at_most is None or exact <= at_most):
             return exact

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from stickslip.errors import InputError, shown
+from stickslip.words import number
 
 Progress = Callable[[float], None]
 """Called with the fraction of the work that is done."""
@@ -56,8 +57,8 @@ def in_time(seconds: float) -> str:
     """Say a time as a person would: ``"14 min"``."""
     for size, name in ((31_557_600.0, "years"), (86_400.0, "days"), (3600.0, "h"), (60.0, "min")):
         if seconds >= 2 * size:
-            return f"{seconds / size:.2g} {name}"
-    return f"{seconds:.2g} s"
+            return f"{number(seconds / size, 2)} {name}"
+    return f"{number(seconds, 2)} s"
 
 
 @contextmanager

@@ -5,14 +5,15 @@ from __future__ import annotations
 import html
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from stickslip.advise.mitigations import Attempt, Mitigation
-from stickslip.advise.speeds import Band
+from stickslip.advise.speeds import Band, joined
 from stickslip.answers import Answer, plain
 from stickslip.measure import Regime
+from stickslip.model import Slider
 from stickslip.model.parameters import PARAMETERS, UNITS_OF_A_RIG, parameter_named
 from stickslip.model.rig import Rig
 from stickslip.model.units import Quantity, quantity
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 
 _TITLES = {parameter.name: parameter.title for parameter in (*PARAMETERS, *UNITS_OF_A_RIG)}
 _OSCILLATES = ("stick-slip", "sustained oscillation")
+_DRAG = 0.05
+"""Part of the kinetic friction from which on the drag of the damping is told (a convention)."""
 _KINDS = {"unstable": "linearly unstable", "stable": "linearly stable", "unknown": "not known"}
 """What bands are called in a sentence, where that is not their kind."""
 
@@ -85,6 +88,12 @@ class Prediction(Answer):
         Whether mitigations, and the speeds from rest, have been looked for.
     delays : tuple of Band
         Where the rig names no mechanism by which contacts strengthen: what it would do with which delay.
+    noise : float or None
+        Standard deviation of the spring force over its mean, where linear theory is stable and a run from sliding
+        fluctuates as the run from rest does: then it is noise of the contacts, and the regime is smooth sliding,
+        whatever `regime` of the run alone would say.
+    stays : bool
+        False where a run of the rig's own contacts leaves linearly stable smooth sliding.
     """
 
     rig: Rig
@@ -106,6 +115,8 @@ class Prediction(Answer):
     not_searched: tuple[str, ...] = ()
     complete: bool = False
     delays: tuple[Band, ...] = ()
+    noise: float | None = None
+    stays: bool = True
 
     # ------------------------------------------------------------------------------------------------------ the answer
 
@@ -134,8 +145,8 @@ class Prediction(Answer):
 
     @property
     def bistable(self) -> bool:
-        """Whether smooth sliding is stable although the run shows sustained stick-slip."""
-        return self.judged and self.unstable_modes == 0 and self.regime.kind in _OSCILLATES
+        """Whether smooth sliding is stable, and stays, although the run from rest shows sustained stick-slip."""
+        return self.judged and self.unstable_modes == 0 and self.regime.kind in _OSCILLATES and self.stays
 
     @property
     def ill(self) -> bool:
@@ -161,27 +172,23 @@ class Prediction(Answer):
         return self.regime.peak_to_peak / self.static_friction
 
     @property
-    def verdict(self) -> str:
-        """The answer in one sentence."""
-        speed = self._said(self.rig.velocity, "velocity")
+    def headline(self) -> str:
+        """What the rig does at its own speed."""
         if not self.judged:
             return f"cannot be judged: nothing says how contacts strengthen with rest; {self._by_delay()}"
-        how = ""
-        if self.regime.kind in _OSCILLATES:
-            how = "" if self.frequency is None else f", {self._frequency(self.frequency)}"
-            how += (
-                f", force ±{self._said(self.amplitude, 'force', digits=3)} ({100 * self.relative_amplitude:.0f} % of "
-            )
-            how += "static friction peak to peak)"
-        parts = [f"{self._at_which_speeds()}{how}", *self._not_known(), f"at {speed}: {self._here()}"]
-        if not self.complete:  # only the run at the rig's speed has been made: the rest is linear theory
-            parts = [f"at {speed}: {self._here()}{how}", self._at_which_speeds(), *self._not_known()]
-        parts = [part for part in parts if part]
+        return f"at {self._said(self.rig.velocity, 'velocity')}: {self._here()}"
+
+    @property
+    def verdict(self) -> str:
+        """The answer in one sentence."""
+        if not self.judged:
+            return self.headline
+        parts = [self.headline, self._at_which_speeds(), *self._not_known()]
         others = [pair for pair in self.at_speeds if pair[0] != self.rig.velocity]
         parts += [f"at {self._speed(other)}: {kind}" for other, kind in others]
         if self.between is not None:
             parts.append(self._over_its_range(*self.between))
-        return "; ".join(parts)
+        return "; ".join(part for part in parts if part)
 
     @property
     def at_speeds(self) -> tuple[tuple[float, str], ...]:
@@ -212,7 +219,7 @@ class Prediction(Answer):
     def _over_its_range(self, low: float, high: float) -> str:
         """The motion over the range of speeds at which the rig works, were each of them to last."""
         parts: list[tuple[float, str]] = []
-        for band in self.bands:
+        for band in self._spans():
             if band.high > low and band.low < high:
                 kind = _KINDS.get(band.kind, band.kind) + (" from rest only" if band.bistable else "")
                 if not parts or parts[-1][1] != kind:
@@ -225,75 +232,92 @@ class Prediction(Answer):
 
     def _here(self) -> str:
         kind = self.regime.kind
-        if self.bistable:
-            return f"{kind} from this start, but smooth sliding, once reached, is linearly stable: bistable"
+        if self.noise is not None:
+            return f"smooth sliding; the force fluctuates by {100 * self.noise:.2g} % rms, noise of {self._contacts()}"
         if kind == "undecided":
             theory = {None: "", 0: "; linearly stable"}.get(
                 self.unstable_modes, "; smooth sliding is linearly unstable"
             )
             return f"undecided, {self.regime.reason}{theory}"
-        if kind == "smooth sliding" and self.unstable_modes:
-            return (
-                "linearly unstable, though the run is smooth: an oscillation grows slowly or is hidden by the noise of "
-                "the contacts"
-            )
-        return str(kind)
+        if kind == "smooth sliding":
+            if self.unstable_modes:
+                return (
+                    "linearly unstable, but smooth in this run: the instability grows slowly, or is hidden by the "
+                    f"noise of {self._contacts()}"
+                )
+            return str(kind)
+        frequency = "" if self.frequency is None else f", {self._frequency(self.frequency)}"
+        here = (
+            f"{kind}{frequency}, force ±{self._said(self.amplitude, 'force', digits=3)} "
+            f"({100 * self.relative_amplitude:.0f} % of static friction peak to peak)"
+        )
+        if self.bistable:
+            here += " from this start, although smooth sliding, once reached, is linearly stable: bistable"
+        elif self.unstable_modes == 0:
+            here += f"; no mode grows, but {self._contacts()} leave smooth sliding by their noise"
+        return here
+
+    def _contacts(self) -> str:
+        return f"{getattr(self.recording.rig.method, 'count', 'its')} contacts"
+
+    def _spans(self) -> list[Band]:
+        """Bands whose ends were looked for: what was seen at one speed only is no range, and theory has the word."""
+
+        def by_theory(band: Band) -> Band:
+            if not band.single:
+                return band
+            stable = band.bistable or band.kind == "smooth sliding"
+            kind = "unknown" if self.theory_note else "stable" if stable else "unstable"
+            return replace(band, kind=kind, bistable=False)
+
+        return joined([by_theory(band) for band in self.bands])
 
     def _at_which_speeds(self) -> str:
-        """Ranges of speed with oscillation, each with how far it also persists from rest."""
-        rough = [band for band in self.bands if band.kind not in ("smooth sliding", "stable", "unknown")]
-        if not rough:
-            if self.theory_note:
-                return self.theory_note
-            known = [band for band in self.bands if band.kind != "unknown"]
+        """Ranges of speed with oscillation, those that only starts at rest reach, and single speeds."""
+        spans = self._spans()
+        words = [self._band(band) for band in spans if band.kind not in ("smooth sliding", "stable", "unknown")]
+        for band in self.bands:
+            middle = math.sqrt(band.low * band.high)
+            if band.single and not math.isclose(middle, self.rig.velocity, rel_tol=1e-6):
+                words.append(f"{band.kind} seen at {self._speed(middle)} only")
+        if self.theory_note:
+            words.append(self.theory_note)
+        known = [band for band in self.bands if band.kind != "unknown"]
+        if not words and known:
             simulated = self.complete and all(band.kind != "stable" for band in known)
             kind = "smooth sliding" if simulated else "linearly stable"
-            return f"{kind} at all speeds from {self._span(known[0].low, known[-1].high)}"
-        regions: list[list[Band]] = []
-        for band in rough:
-            if regions and regions[-1][-1].high == band.low:
-                regions[-1].append(band)
-            else:
-                regions.append([band])
-        return " and ".join(self._region(region) for region in regions)
+            words.append(f"{kind} at all speeds from {self._span(known[0].low, known[-1].high)}")
+        return ", ".join(words)
+
+    def _band(self, band: Band) -> str:
+        start = " if started from rest" if band.bistable else ""
+        return f"{_KINDS.get(band.kind, band.kind)} from {self._span_of(band)}{start}"
 
     def _not_known(self) -> Iterator[str]:
         """Where starts at rest were not judged, but for a fast answer, and where not even linear theory can tell."""
-        rest = ", and starts at rest were not judged" if self.complete else ""
-        if rest and (where := self._where("stable")):
-            yield f"{where} smooth sliding is linearly stable{rest}"
-        if where := self._where("unknown"):
-            yield f"{where} linear theory cannot tell{rest}"
+        if self.complete and (where := self._where("stable")):
+            yield f"linearly stable {where} (starts from rest not judged)"
+        if not self.theory_note and (where := self._where("unknown")):
+            yield f"{where} linear theory cannot tell"
 
     def _where(self, kind: str) -> str:
-        return " and ".join(f"from {self._span(band.low, band.high)}" for band in self.bands if band.kind == kind)
+        spans = [band for band in self._spans() if band.kind == kind]
+        return " and ".join(f"from {self._span(band.low, band.high)}" for band in spans)
 
-    def _region(self, region: list[Band]) -> str:
-        core = [band for band in region if not band.bistable] or region
-        begin, end = core[0].low, core[-1].high
-        words = [f"{_KINDS.get(band.kind, band.kind)} from {self._span(band.low, band.high)}" for band in core]
-        beyond = []
-        if region[0].low < begin:
-            beyond.append(f"down to {self._speed(region[0].low)}")
-            beyond[-1] += " or less" if region[0].low <= self.speeds_searched[0] else ""
-        if region[-1].high > end:
-            beyond.append(f"up to {self._speed(region[-1].high)}")
-            beyond[-1] += " or more" if region[-1].high >= self.speeds_searched[1] else ""
-        rest = f" (from rest also {' and '.join(beyond)})" if beyond else ""
-        return ", ".join(words) + rest + (" from rest only" if core[0].bistable else "")
+    def _span_of(self, band: Band) -> str:
+        """A range of speeds; an end that was not looked for is none of the motion."""
+        low, high = self.speeds_searched
+        return self._span(band.low, band.high, band.low_found and band.low > low, band.high_found and band.high < high)
 
-    def _span(self, low: float, high: float) -> str:
-        """Two speeds; the ends of the search say that they are."""
+    def _span(self, low: float, high: float, low_found: bool | None = None, high_found: bool | None = None) -> str:
+        """Two speeds; an end that is no limit, such as one of the search, says so."""
+        low_found = low > self.speeds_searched[0] if low_found is None else low_found
+        high_found = high < self.speeds_searched[1] if high_found is None else high_found
         first, last = self._speed(low), self._speed(high)
         one, other = (text.split(" ", 1) for text in (first, last))
-        if len(one) == len(other) == 2 and one[1] == other[1] and low > self.speeds_searched[0]:
+        if len(one) == len(other) == 2 and one[1] == other[1] and low_found:
             first = one[0]
-        return (
-            first
-            + (" (or less)" if low <= self.speeds_searched[0] else "")
-            + f" to {last}"
-            + (" (or more)" if high >= self.speeds_searched[1] else "")
-        )
+        return first + ("" if low_found else " (or less)") + f" to {last}" + ("" if high_found else " (or more)")
 
     def _speed(self, value: float) -> str:
         return self._said(value, "velocity", digits=3)
@@ -316,6 +340,8 @@ class Prediction(Answer):
         yield "total contact strength N f_s", rig.in_units(1.0, "force")
         yield f"static friction F_s (slow rigid motion{aged})", self._said(self.static_friction, "force")
         yield "kinetic friction F_k at this speed", self._said(self.kinetic_friction, "force")
+        if (drag := self._drag()) > _DRAG * self.kinetic_friction:
+            yield "drag of the damping at this speed, M eta v", f"{self._said(drag, 'force')}, part of the spring force"
         yield "stiffness K of the driving spring", self._said(rig.value("stiffness"), "stiffness")
         without = self._said(self.critical_stiffness_without_reattachment, "stiffness")
         yield (
@@ -334,6 +360,12 @@ class Prediction(Answer):
             state += f"; fastest mode: growth rate {self.growth_rate:.4g} {per}{oscillation}"
         yield "linear stability of smooth sliding", state
 
+    def _drag(self) -> float:
+        slider, setting = self.rig.natural.slider, self.rig.natural
+        if not isinstance(slider, Slider):
+            return 0.0
+        return slider.mass * slider.damping * setting.velocity * self.rig.unit("f_s")
+
     def margin_rows(self) -> Iterator[tuple[str, str, str, str]]:
         """Parameter, value and stability limits, in words."""
         for margin in self.margins:
@@ -350,7 +382,10 @@ class Prediction(Answer):
         for mitigation in self.mitigations:
 
             def to(values: tuple[float, ...], names: tuple[str, ...] = mitigation.parameters) -> str:
-                return " and ".join(amount(self.rig, name, value) for name, value in zip(names, values, strict=True))
+                said = " and ".join(amount(self.rig, name, value) for name, value in zip(names, values, strict=True))
+                return said + (
+                    f" (damping ratio {self._damping_ratio(values[0]):.3g})" if names == ("damping",) else ""
+                )
 
             words = f"{' and '.join(_TITLES[name] for name in mitigation.parameters)}: from {to(mitigation.values)}"
             if mitigation.keeps is not None:
@@ -362,6 +397,9 @@ class Prediction(Answer):
                 words += "; from rest, no value was found at which it decays"
             yield words
 
+    def _damping_ratio(self, damping: float) -> float:
+        return float(damping / self.rig.unit("1/time") / (2.0 * self.rig.natural.slider.frequency))
+
     @property
     def where(self) -> str:
         """At which of several speeds changes were tried, in words; nothing for a rig that works at one."""
@@ -372,24 +410,33 @@ class Prediction(Answer):
         """How far each parameter goes that does not give smooth sliding within the range searched."""
         for each in self.attempts:
             name, now, reached = each.parameter, each.value, each.reached
-            way = "up" if reached > now else "down"
+            there = f"{'up' if reached > now else 'down'} to {amount(self.rig, name, reached)}"
+            if each.amplitude is None:
+                theory = _KINDS.get(each.kind, each.kind)
+                yield f"{_TITLES[name]}: {there} {theory}; not simulated there, as runs take long"
+                continue
             after = (
                 f"{100 * each.amplitude:.0f} % of static friction peak to peak, now {100 * each.amplitude_before:.0f} %"
             )
-            there = f"{way} to {amount(self.rig, name, reached)}"
             if each.kind == "smooth sliding":  # an oscillation too small to be seen
-                yield f"{_TITLES[name]}: {there} smooth sliding is not stable, but what is left is slight ({after})"
+                yield f"{_TITLES[name]}: {there} still unstable, but the remaining oscillation is small ({after})"
                 continue
             better = "better" if each.amplitude < 0.9 * each.amplitude_before else "no better"
             yield f"{_TITLES[name]}: no smooth sliding found {there}; there it is {better} ({each.kind}, {after})"
 
     def search_note(self) -> str:
         """What was not looked for, or nothing."""
-        if not self.not_searched:
+        if self.not_searched:
+            return f"not searched to the end, as runs of this rig take long: {', '.join(self.not_searched)}"
+        if not (self.complete and self.ill) or self.mitigations or self.attempts:
             return ""
-        return f"not searched to the end, as runs of this rig take long: {', '.join(self.not_searched)}"
+        if self.theory_note:
+            return "no change was tried: the search starts where linear theory says that smooth sliding is stable"
+        return "no change was tried: nothing that could be turned may be varied (feasible)"
 
     def _trouble(self) -> str:
+        if self.regime.kind == "smooth sliding":
+            return "the instability"
         return "the oscillation" if self.regime.kind == "sustained oscillation" else "stick-slip"
 
     def measure_note(self) -> str:
@@ -404,7 +451,8 @@ class Prediction(Answer):
         lines = [f"{self.rig.name}: {self.verdict}"]
         if not self.judged:
             return "\n".join([*lines, self.measure_note()])
-        advice = [f"- {line}" for line in (*self.mitigation_lines(), *self.attempt_lines())]
+        note = [self.search_note()] if self.search_note() else []
+        advice = [f"- {line}" for line in (*self.mitigation_lines(), *self.attempt_lines(), *note)]
         if advice and self.where:
             lines.append(f"what would stop it{self.where}:")
         return "\n".join([*lines, *advice])
@@ -413,8 +461,8 @@ class Prediction(Answer):
         rows = "".join(
             f"<tr><td>{html.escape(name)}</td><td>{html.escape(value)}</td></tr>" for name, value in self.numbers()
         )
-        lines = (*self.mitigation_lines(), *self.attempt_lines())
-        items = "".join(f"<li>{html.escape(line)}</li>" for line in lines)
+        lines = [*self.mitigation_lines(), *self.attempt_lines(), self.search_note()]
+        items = "".join(f"<li>{html.escape(line)}</li>" for line in lines if line)
         items = f"<ul>{items}</ul>" if items else ""
         return f"<p><b>{html.escape(self.rig.name)}</b>: {html.escape(self.verdict)}</p><table>{rows}</table>{items}"
 

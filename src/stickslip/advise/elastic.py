@@ -7,7 +7,7 @@ from collections import Counter
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from stickslip.advise.linear import is_dear, stability_along
+from stickslip.advise.linear import CANNOT_GROW, is_dear, stability_along
 from stickslip.answers import Answer, plain
 from stickslip.errors import InputError, UndecidedError
 from stickslip.model import Chain, ElasticBody
@@ -17,7 +17,8 @@ from stickslip.model.rig import Rig
 from stickslip.progress import Progress
 from stickslip.stability import count_unstable
 from stickslip.stability.impedances import SpringMassDamper
-from stickslip.stability.modes import rightmost_root
+from stickslip.stability.modes import respond, rightmost_root
+from stickslip.words import engineering, number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -109,7 +110,7 @@ class ElasticPrediction(Answer):
             first = max(self.waves, key=lambda wave: wave.growth if wave.growth is not None else -math.inf)
             count = f"{self.growing}{' or more' if self.growing == _MOST else ''}"
             here += f"{count} mode{'s' * (self.growing > 1)} of smooth sliding grow{'s' * (self.growing == 1)}, "
-            here += f"{first.name} fastest"
+            here += f"fastest: {first.name}"
         else:
             here += "smooth sliding is linearly stable at every wavelength"
         return f"{where}; {here}"
@@ -122,8 +123,8 @@ class ElasticPrediction(Answer):
         for wave in self.waves:
             rate = "no exponential decay"
             if wave.growth is not None and wave.frequency is not None:
-                rate = f"{'growth' if wave.growth > 0 else 'decay'} rate {abs(wave.growth):.4g} {per}"
-                rate += f" at {wave.frequency:.4g} {hertz}" if wave.frequency else ", non-oscillatory"
+                rate = f"{'growth' if wave.growth > 0 else 'decay'} rate {number(abs(wave.growth))} {per}"
+                rate += f" at {engineering(wave.frequency, hertz)}" if wave.frequency else ", non-oscillatory"
             spans = f"unstable {' and '.join(map(self._span, wave.speeds))}" if wave.speeds else "stable at all speeds"
             stiffness = rig.in_units(wave.stiffness / rig.unit("k"), "stiffness")
             said.append(f"{wave.name} (stiffness {stiffness}): {rate}; {spans}")
@@ -179,7 +180,8 @@ def predict_waves(rig: Rig, report: Progress = lambda _share: None) -> ElasticPr
     body, interface, velocity = setting.slider, setting.interface, setting.velocity
     assert isinstance(body, ElasticBody)
     if velocity <= 0:
-        raise InputError(f"drive: the speed is {velocity:g}: a prediction needs a speed above 0")
+        backwards = f"{rig.velocity:g} {rig.unit_name('x_s/time')}"
+        raise InputError(f"drive: the speed is {backwards}: a prediction needs a speed above 0")
     stiffness, coupling, wavelength, sliders = sliders_of(body, _MOST)
     through = [abs(v) for piece in setting.drive.pieces for v in (piece.start, piece.end) if v != 0]
     through += [*setting.operation.speeds, *(setting.operation.between or ())]
@@ -192,8 +194,8 @@ def predict_waves(rig: Rig, report: Progress = lambda _share: None) -> ElasticPr
         return replace(setting, slider=slider, drive=constant(velocity))
 
     try:
-        if interface.ageing is None and interface.delay.moment(1) == 0:
-            raise UndecidedError("contacts re-attach at once and do not age: nothing can grow at any speed")
+        if respond(interface).inert:
+            raise UndecidedError(CANNOT_GROW)
         alike = Counter(sliders)  # modes come in pairs of one stiffness
         growing = sum(count for slider, count in alike.items() if count_unstable(slides(slider)))
         told: set[SpringMassDamper] = set()
@@ -205,7 +207,7 @@ def predict_waves(rig: Rig, report: Progress = lambda _share: None) -> ElasticPr
             parts = stability_along(VELOCITY, slides(slider), low, high)
             waves.append(
                 WaveAnswer(
-                    name=_name(float(wavelength[i]), float(coupling[i])),
+                    name=_name(float(wavelength[i]), float(coupling[i]), body),
                     wavelength=float(wavelength[i]),
                     stiffness=float(stiffness[i]) * rig.unit("k"),
                     growth=None if root is None else root.real * rig.unit("1/time"),
@@ -236,9 +238,12 @@ def _root(rig: Rig) -> complex | None:
         return None
 
 
-def _name(wavelength: float, coupling: float) -> str:
+def _name(wavelength: float, coupling: float, body: ElasticBody) -> str:
     if math.isnan(wavelength):
-        return "a wave held to the end with the spring"
+        return "a mode localised at the driven end"
+    if isinstance(body, Chain) and body.size < wavelength < math.inf:
+        # No wave is longer than what carries it.
+        return "the bar nearly as a whole" if wavelength > 3.0 * body.size else "half a wave along the bar"
     if math.isfinite(wavelength):
         return f"waves of {wavelength:.3g} blocks"
-    return "all blocks alike" if coupling == 0.0 else "waves across the drive"
+    return "the uniform mode" if coupling == 0.0 else "waves across the drive"

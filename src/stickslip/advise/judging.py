@@ -5,14 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Literal
 
+import numpy as np
+
+from stickslip.advise import linear
 from stickslip.errors import InputError, UndecidedError
 from stickslip.measure import Regime, regime_of
+from stickslip.measure.arrays import Trace
 from stickslip.measure.slips import SLIP_VELOCITY
-from stickslip.model import Contacts, FromRest, Method, Start
+from stickslip.model import Contacts, FromRest, FromSliding, Method, Start
 from stickslip.model.drive import constant
 from stickslip.model.rig import Rig
-from stickslip.simulation import estimate, record
+from stickslip.simulation import Recording, estimate, record
 from stickslip.stability import growth_rate
 
 CYCLES = 12.0
@@ -26,6 +31,8 @@ _LONGER = 2
 """How often a run that cannot be judged is made again, twice as long."""
 _NO_NOISE = 2.0 * SLIP_VELOCITY
 """Times the velocity of the drive that no noise of contacts in smooth sliding reaches."""
+_PARTS = 10
+"""Parts of a run over which the error of a variance is told."""
 _READING = 0.006
 """Seconds that it takes to set up a run and to read it."""
 PRECISION = 0.05
@@ -101,12 +108,57 @@ def judge(
             if seen is None:
                 raise
             break
-        seen = regime_of(record(rig, long=True))
+        run = record(rig, long=True)
+        seen = regime_of(run)
         if seen.kind != "undecided":
             break
         distance *= 2.0
     assert seen is not None
+    if seen.kind in ("smooth sliding", "stick-slip") or not isinstance(method, Contacts):
+        return seen
+    try:
+        if linear.is_stable(setting) and steady_state(run, seen, budget) == "noise":
+            return replace(seen, kind="smooth sliding", reason=f"noise of {method.count} contacts, as from sliding")
+    except Spent:
+        return replace(seen, kind="undecided", reason="noise of the contacts or an oscillation: not looked for")
     return seen
+
+
+def steady_state(run: Recording, seen: Regime, budget: Budget) -> Literal["noise", "leaves", "stays"]:
+    """What a linearly stable rig does that does not look smooth from rest, told by runs from smooth sliding.
+
+    A rig that does the same from rest and from sliding is in its steady state. Noise of its contacts has a quarter of
+    the variance with four times as many of them: then that is what it does. Otherwise, or where it slips, its contacts
+    leave smooth sliding. Where the run from sliding fluctuates less, smooth sliding stays, once reached.
+    """
+    method = run.rig.method
+    assert isinstance(method, Contacts)
+    own = replace(run.rig, start=FromSliding(), method=again(method, 1))
+    more = replace(own, method=replace(method, count=4 * method.count, seed=method.seed + 2))
+    budget.pay(cost_of(own))
+    from_rest, from_sliding = _variance(run, seen.window[0]), _variance(record(own, long=True), seen.window[0])
+    if from_rest[0] - from_sliding[0] > max(math.log(2.0), 3.0 * math.hypot(from_rest[1], from_sliding[1])):
+        return "stays"
+    if seen.kind == "stick-slip":
+        return "leaves"
+    budget.pay(cost_of(more))
+    fallen = 0.5 * (from_rest[0] + from_sliding[0]) - _variance(record(more, long=True), seen.window[0])[0]
+    return "noise" if fallen > math.log(2.0) else "leaves"  # half of the variance lies between a quarter and all of it
+
+
+def _variance(run: Recording, begin: float) -> tuple[float, float]:
+    """Logarithm of the variance of the force from a time on, with its standard error over parts of the run."""
+    trace = Trace.of_recording(run).part(begin)
+    squares = (trace.force - trace.force.mean()) ** 2
+    parts = np.array([part.mean() for part in np.array_split(squares, _PARTS)])
+    mean = max(float(parts.mean()), 1e-300)
+    return math.log(mean), float(parts.std(ddof=1)) / mean / math.sqrt(_PARTS)
+
+
+def rms_over_mean(run: Recording, begin: float) -> float:
+    """Standard deviation of the force from a time on, over its mean."""
+    force = Trace.of_recording(run).part(begin).force
+    return float(force.std() / abs(force.mean()))
 
 
 def slides_smoothly(setting: Rig, method: Contacts, budget: Budget, start: Start, other: int) -> bool:

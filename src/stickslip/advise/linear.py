@@ -47,6 +47,10 @@ def is_stable(setting: Rig) -> bool | None:
         return None
 
 
+CANNOT_GROW = "without delay or ageing smooth sliding cannot become unstable"
+"""What is said of contacts whose linear response is 0."""
+
+
 class Part(NamedTuple):
     """A range of a parameter in which smooth sliding is stable, or not (linear); None where the theory cannot tell."""
 

@@ -9,7 +9,9 @@ from itertools import combinations
 
 from stickslip.advise.judging import Budget, Spent, contacts_of, first_smooth, judge, slides_smoothly
 from stickslip.advise.linear import is_dear, is_stable, stability_along, together
+from stickslip.advise.speeds import BY_THEORY
 from stickslip.errors import InputError
+from stickslip.measure.slips import SLIP_VELOCITY
 from stickslip.model import FromRest, FromSliding
 from stickslip.model.parameters import (
     AGEING,
@@ -29,6 +31,8 @@ from stickslip.model.rig import Rig
 
 RANGE, DEAR_RANGE = 30.0, 10.0
 """Changes are looked for up to this factor."""
+_SLIGHT = 0.05
+"""Peak to peak over static friction up to which an oscillation is slight (a convention)."""
 _CLEARANCE = 1.03
 _CLEARANCES = (_CLEARANCE, 1.1, 1.25)
 """How far past a linear boundary runs begin; and those that test whether smooth sliding stays."""
@@ -99,16 +103,18 @@ class Attempt:
     value, reached : float
         Where it stands, and the end of the range in the better direction; in the rig's own units.
     amplitude_before, amplitude : float
-        Peak-to-peak force from rest, as a fraction of static friction, now and at `reached`.
+        Peak-to-peak force from rest, as a fraction of static friction, now and at `reached`; None where that was not
+        simulated.
     kind : str
-        Of the motion at `reached`.
+        Of the motion at `reached`: "smooth sliding" only of an unstable rig whose oscillation is slight; where it was
+        not simulated, what linear theory says.
     """
 
     parameter: str
     value: float
     reached: float
     amplitude_before: float
-    amplitude: float
+    amplitude: float | None
     kind: str
 
 
@@ -167,12 +173,17 @@ class Search:
                 furthest = self._furthest(((parameter, side),))
                 if furthest <= 1.0:
                     continue
+                there = parameter.set(self.setting, value * furthest**side)
                 try:
-                    there = parameter.set(self.setting, value * furthest**side)
                     seen = judge(there, self.method, self.budget)
-                except (Spent, InputError):
+                except (Spent, InputError):  # theory alone
+                    ends.append((math.inf, value * furthest**side, BY_THEORY[is_stable(there)], side))
                     continue
-                ends.append((seen.peak_to_peak, value * furthest**side, seen.kind, side))
+                fast = (seen.largest_velocity or 0.0) > SLIP_VELOCITY
+                kind, large = str(seen.kind), seen.peak_to_peak > _SLIGHT * static_friction
+                if kind == "smooth sliding" and (fast or large or is_stable(there) is not False):
+                    kind = "undecided"
+                ends.append((seen.peak_to_peak, value * furthest**side, kind, side))
             if ends:
                 amplitude, reached, kind, side = min(ends)
                 yield (
@@ -181,7 +192,7 @@ class Search:
                         value=value,
                         reached=reached,
                         amplitude_before=before,
-                        amplitude=amplitude / static_friction,
+                        amplitude=amplitude / static_friction if amplitude < math.inf else None,
                         kind=kind,
                     ),
                     side,

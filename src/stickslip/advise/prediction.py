@@ -11,22 +11,34 @@ from stickslip.advise import mitigations as changes
 from stickslip.advise import speeds
 from stickslip.advise.answer import Margin, Prediction
 from stickslip.advise.elastic import ElasticPrediction, predict_waves
-from stickslip.advise.judging import Budget, at_speed, cost_of, cycle_of, length_of
-from stickslip.advise.linear import Part, is_dear, stability_along
+from stickslip.advise.judging import (
+    Budget,
+    Spent,
+    at_speed,
+    contacts_of,
+    cost_of,
+    cycle_of,
+    length_of,
+    rms_over_mean,
+    steady_state,
+)
+from stickslip.advise.linear import CANNOT_GROW, Part, is_dear, stability_along
 from stickslip.advise.mitigations import Attempt, Mitigation
 from stickslip.advise.speeds import Band
 from stickslip.errors import InputError, UndecidedError, instance
 from stickslip.measure import Regime, regime_of
-from stickslip.model import Delay, ElasticBody
+from stickslip.model import Contacts, Delay, ElasticBody, OnArrest
+from stickslip.model.delays import DelayModel
 from stickslip.model.drive import constant
 from stickslip.model.parameters import DELAY, PARAMETERS, VELOCITY, Parameter, parameter_named
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress, reporting
 from stickslip.rigid import critical_stiffness, static_friction
 from stickslip.simulation import Recording, record
+from stickslip.stability.modes import respond
 from stickslip.theory import kinetic_friction
 
-_FIRST, _ALL, _FOR_SPEEDS = 0.8, 4.0, 0.25
+_FIRST, _ALL, _FOR_SPEEDS = 0.8, 6.0, 0.25
 """Seconds, by estimate, for the first run and for all runs; the part of what is then left that goes to other speeds."""
 _DEARER = 10.0
 """How much more contacts may take that age or break by heat, whose runs cost up to a hundred times as much."""
@@ -39,6 +51,10 @@ _LONGEST = 40.0
 _RANGE, _DEAR_RANGE = 30.0, 10.0
 """Margins are looked for within this factor on either side of a parameter's value."""
 _STABLE = {kind: stable for stable, kind in speeds.BY_THEORY.items()}
+NO_THEORY_OF_ARREST = (
+    "contacts re-attach only when the slider stops, so there is no smooth sliding for linear theory to judge: speeds "
+    "are judged by runs"
+)
 _DELAYS = (0.01, 10.0)
 """Delays tried where a rig names no mechanism, in breaking displacements over the speed."""
 
@@ -84,17 +100,36 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
     """Linear theory and one run."""
     setting = rig.natural
     if setting.velocity <= 0:
-        raise InputError(f"drive: the speed is {setting.velocity:g}: a prediction needs a speed above 0")
-    without = setting.interface.ageing is None and setting.interface.delay.moment(1) == 0
+        backwards = f"{rig.velocity:g} {rig.unit_name('x_s/time')}"
+        raise InputError(f"drive: the speed is {backwards}: a prediction needs a speed above 0")
     modes, growth, note = _linear(setting)
+    without = note == CANNOT_GROW
     low, high = _range_of_speeds(setting)
-    bands: tuple[Band, ...] = ()
+    bands: tuple[Band, ...] = (Band(kind="unknown", bistable=False, low=low, high=high),)
     if not note:
         bands = speeds.bands_by_theory(VELOCITY, at_speed(setting, low), low, high)
     report(0.2)
     recording, seen = _watch(rig, lambda share: report(0.2 + 0.8 * share))
-    # Rigid motion from contacts at rest finds thresholds that have grown up, and is over before heat breaks any.
-    aged = replace(rig.interface, ageing=None, temperature=None)
+    noise, stays = None, True
+    if modes == 0 and not without and seen.kind != "smooth sliding" and isinstance(recording.rig.method, Contacts):
+        try:
+            state = steady_state(recording, seen, Budget(_LONGEST))
+        except Spent:  # linear theory alone has the word
+            state = "stays"
+        stays = state != "leaves"
+        if state == "noise":
+            noise = rms_over_mean(recording, seen.window[0])
+            reason = (
+                f"the force fluctuates by {100 * noise:.2g} % rms, noise of {recording.rig.method.count} contacts: as "
+                "much from sliding as from rest, and less with four times as many"
+            )
+            seen = replace(seen, kind="smooth sliding", reason=reason)
+    if modes:  # what grows is no transient
+        seen = replace(seen, reason=seen.reason.split(" (seen for")[0])
+    # Rigid motion from contacts at rest finds thresholds that have grown up, and is over before heat breaks any; a
+    # slider that never stops attaches none that wait for its arrest.
+    lasting = replace(rig.interface, delay=_without_arrest(rig.interface.delay), track_scatter=0.0)
+    aged = replace(lasting, ageing=None, temperature=None)
     force, stiffness, rate = rig.unit("f_s"), rig.unit("k"), rig.unit("1/time")
     speed = rig.unit("x_s/time")
     return Prediction(
@@ -102,7 +137,7 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
         recording=recording,
         regime=seen,
         static_friction=static_friction(aged)[0] * force,
-        kinetic_friction=float(kinetic_friction(rig.interface, setting.velocity)) * force,
+        kinetic_friction=float(kinetic_friction(lasting, setting.velocity)) * force,
         critical_stiffness=critical_stiffness(aged) * stiffness,
         critical_stiffness_without_reattachment=critical_stiffness(aged, reattachment=False) * stiffness,
         unstable_modes=modes,
@@ -112,7 +147,13 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
         speeds_searched=(low * speed, high * speed),
         bands=tuple(_scaled(band, speed) for band in bands),
         delays=_over_delays(rig) if without else (),
+        noise=noise,
+        stays=stays,
     )
+
+
+def _without_arrest(delay: DelayModel) -> DelayModel:
+    return Delay(math.inf) if isinstance(delay, OnArrest) else delay
 
 
 def complete(found: Prediction, *, progress: Progress | None = None) -> Prediction:
@@ -120,7 +161,7 @@ def complete(found: Prediction, *, progress: Progress | None = None) -> Predicti
     report = progress or (lambda _share: None)
     rig = found.rig
     setting = _at_its_speed(rig.natural)
-    if not found.judged or found.theory_note:
+    if not found.judged or (found.theory_note and not isinstance(rig.interface.delay, OnArrest)):
         report(1.0)
         return replace(found, complete=True)
     spent = min(cost_of(found.recording.rig), 0.7 * _ALL)
@@ -130,9 +171,9 @@ def complete(found: Prediction, *, progress: Progress | None = None) -> Predicti
     survey = speeds.Survey(setting, linear, found.regime)
     allowed = Budget(_FOR_SPEEDS * left)
     survey.look(allowed, lambda share: report(0.3 * share))
-    found = replace(found, margins=tuple(_margins(rig, linear)), complete=True)
+    found = replace(found, margins=() if found.theory_note else tuple(_margins(rig, linear)), complete=True)
     report(0.4)
-    if found.ill:
+    if found.ill and not found.theory_note:
         changing = Budget((1.0 - _FOR_SPEEDS) * left)
         found = _with_mitigations(found, setting, changing, lambda share: report(0.4 + 0.5 * share))
         for change in found.mitigations:
@@ -160,15 +201,19 @@ def _with_mitigations(found: Prediction, setting: Rig, budget: Budget, report: P
         single = [m for m in single if m.parameters[0] not in {p.name for p, _ in again}] + more
     mitigated = {m.parameters[0] for m in single if m.stops is not None}
     turnable = [parameter.name for parameter, _ in changes.TURNABLE]
-    attempts: list[Attempt] = []
     pairs: list[Mitigation] = []
+
+    def attempts() -> list[tuple[Attempt, int]]:
+        return list(search.attempts(found.relative_amplitude, found.static_friction / rig.unit("f_s"), mitigated))
+
+    tried: list[tuple[Attempt, int]] | None = None
     if not mitigated & set(turnable):
-        tried = list(search.attempts(found.relative_amplitude, found.static_friction / rig.unit("f_s"), mitigated))
-        attempts = [each for each, _ in tried]
+        tried = attempts()
         sides = changes.NATURAL_SIDES | {each.parameter: side for each, side in tried}
         report(0.6)
         pairs = search.pairs(sides)
     single += search.single(changes.OTHERS, lambda share: report(0.7 + 0.3 * share))
+    tried = attempts() if tried is None else tried
 
     def order(mitigation: Mitigation) -> tuple[bool, bool, float]:
         hard = any(name not in turnable for name in mitigation.parameters)
@@ -179,7 +224,7 @@ def _with_mitigations(found: Prediction, setting: Rig, budget: Budget, report: P
     return replace(
         found,
         mitigations=tuple(changes.in_units(each, rig) for each in ranked),
-        attempts=tuple(_attempt_in_units(each, rig) for each in attempts),
+        attempts=tuple(_attempt_in_units(each, rig) for each, _ in tried),
         not_searched=tuple(name for name in dict.fromkeys(search.left_out) if name not in helped),
     )
 
@@ -220,22 +265,26 @@ def _watch(rig: Rig, progress: Progress) -> tuple[Recording, Regime]:
         enough = max(part * drive.duration, _FEWEST_CYCLES * cycle_of(setting) / setting.velocity)
         if part < 1.0 and drive.duration > enough:
             drive = constant(setting.velocity, enough)
+    fewest = _FEWEST_CYCLES * cycle_of(setting) / setting.velocity
     case, long = replace(rig, drive=drive), False
     while True:
         run = record(case, progress=progress, long=long)
         seen = regime_of(run)
-        drive = drive.then(constant(drive.pieces[-1].end, drive.duration))
-        case, long = replace(rig, drive=drive), True
-        if seen.kind != "undecided" or cost_of(case) > _LONGEST:
+        speed = drive.pieces[-1].end
+        drive = drive.then(constant(speed, max(drive.duration, fewest - drive.duration)))
+        fewer = contacts_of(rig) if isinstance(rig.method, Contacts) else rig.method
+        case, long = replace(rig, drive=drive, method=fewer), True
+        if seen.kind != "undecided" or cost_of(case) > _LONGEST * dearer:
             return run, seen
 
 
 def _linear(setting: Rig) -> tuple[int | None, complex | None, str]:
     """Growing modes, the fastest of them, and a note where the theory has nothing to say."""
-    interface = setting.interface
-    if interface.ageing is None and interface.delay.moment(1) == 0:
-        return 0, None, "contacts re-attach at once and do not age: nothing can grow at any speed"
+    if isinstance(setting.interface.delay, OnArrest):
+        return None, None, NO_THEORY_OF_ARREST
     try:
+        if respond(setting.interface).inert:
+            return 0, None, CANNOT_GROW
         modes = stability.count_unstable(setting)
     except (InputError, UndecidedError) as reason:
         return None, None, str(reason)

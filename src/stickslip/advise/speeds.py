@@ -45,14 +45,23 @@ class Band:
         From a start at rest; "stable" or "unstable" where linear theory says that of smooth sliding, and what comes of
         a start at rest was not simulated or could not be judged; "unknown" where the theory cannot tell either.
     bistable : bool
-        Whether smooth sliding, once reached, is stable as well (linear).
+        Whether smooth sliding, once reached, is stable as well (linear, so without the noise of contacts).
     low, high : float
+    low_found, high_found : bool
+        Whether the motion changes at that end; False where it was seen that far, and not looked for beyond.
     """
 
     kind: str
     bistable: bool
     low: float
     high: float
+    low_found: bool = True
+    high_found: bool = True
+
+    @property
+    def single(self) -> bool:
+        """Whether its motion was seen at one speed only, about which no end was looked for."""
+        return not (self.low_found or self.high_found) and self.high < (1.0 + 3.0 * PRECISION) * self.low
 
 
 def bands_by_theory(parameter: Parameter, setting: Rig, low: float, high: float) -> tuple[Band, ...]:
@@ -76,7 +85,8 @@ class Survey:
         own = self._setting.velocity
         operation = self._setting.operation
         grid = [speed for i in range(len(self._linear)) for speed in self._grid(i)]
-        near = sorted(grid, key=lambda speed: abs(math.log(speed / own)))
+        near = [speed for speed in grid if not math.isclose(speed, own, rel_tol=PRECISION)]
+        near.sort(key=lambda speed: abs(math.log(speed / own)))
         places = [*operation.speeds, *(operation.between or ()), *near]
         for i, speed in enumerate(places):
             report(0.7 * i / len(places))
@@ -94,7 +104,7 @@ class Survey:
 
     def bands(self) -> tuple[Band, ...]:
         """The motion at each speed, as far as it was seen."""
-        return tuple(_joined([part for band in self._linear for part in self._parts(band)]))
+        return tuple(joined([part for band in self._linear for part in self._parts(band)]))
 
     def _grid(self, i: int) -> list[float]:
         """Speeds in a range, evenly by their logarithm; next to a limit of stability, just on its stable side."""
@@ -162,32 +172,35 @@ class Survey:
         seen = self._seen(band)
         if not seen:
             return [band]
-        parts, begin = [], band.low
+        parts, begin, found = list[Band](), band.low, True
         for (left, one), (right, two) in pairwise(seen):
             if one == two:
                 continue
             first = last = math.sqrt(left * right)
             oscillates = one in _OSCILLATES and two in _OSCILLATES  # one passes into the other little by little
-            if math.log(right / left) > (4.0 if oscillates else 2.0) * PRECISION:
+            near = math.log(right / left) <= (4.0 if oscillates else 2.0) * PRECISION
+            if not near:
                 first = right / (1.0 + PRECISION) if one == band.kind else left * (1.0 + PRECISION)
                 last = first if two == band.kind else right / (1.0 + PRECISION)
-            parts += [_part(band, one, begin, first), _part(band, band.kind, first, last)]
-            begin = last
-        return [*parts, _part(band, seen[-1][1], begin, band.high)]
+            parts += [_part(band, one, (begin, first), (found, near)), _part(band, band.kind, (first, last))]
+            begin, found = last, near
+        return [*parts, _part(band, seen[-1][1], (begin, band.high), (found, True))]
 
 
-def _part(band: Band, kind: str, low: float, high: float) -> Band:
-    return Band(kind=kind, bistable=band.kind == "stable" and kind in _OSCILLATES, low=low, high=high)
+def _part(band: Band, kind: str, ends: tuple[float, float], found: tuple[bool, bool] = (True, True)) -> Band:
+    bistable = band.kind == "stable" and kind in _OSCILLATES
+    found = (True, True) if kind == band.kind else found
+    return Band(kind=kind, bistable=bistable, low=ends[0], high=ends[1], low_found=found[0], high_found=found[1])
 
 
-def _joined(bands: list[Band]) -> list[Band]:
+def joined(bands: list[Band]) -> list[Band]:
     """Neighbours of one kind as one."""
     found: list[Band] = []
     for band in bands:
         if band.high <= band.low:
             continue
         if found and (found[-1].kind, found[-1].bistable) == (band.kind, band.bistable):
-            found[-1] = replace(found[-1], high=band.high)
+            found[-1] = replace(found[-1], high=band.high, high_found=band.high_found)
         else:
             found.append(band)
     return found

@@ -15,7 +15,7 @@ from stickslip.cycles.edges import Edge, Interval, scaled
 from stickslip.cycles.fold import FINEST
 from stickslip.cycles.ride import METHOD, Range
 from stickslip.cycles.verdict import settle
-from stickslip.errors import InputError, UndecidedError
+from stickslip.errors import InputError, UndecidedError, number
 from stickslip.model import FromRest, MasterEquation, Start
 from stickslip.model.parameters import VELOCITY, Parameter, parameter_named
 from stickslip.model.rig import Rig
@@ -129,6 +129,7 @@ def bistable_range(
     >>> [(band.low.kind, band.high.kind) for band in found], 1.0 in found
     ([('fold', 'linear')], True)
     """
+    tolerance = number("tolerance", tolerance, above=0, below=1)
     span = Range.of(rig, parameter, between, start, method)
     crossings = critical(span.rig, span.parameter, between=(span.low, span.high))
     if crossings.edges:

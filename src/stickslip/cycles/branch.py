@@ -89,6 +89,7 @@ def cycle_branch(
     """
     span = Range.of(rig, parameter, between, start, method)
     size = rig.unit(span.parameter.unit)
+    tolerance = number("tolerance", tolerance, above=0, below=1)
     first = first_point(span, None if begin is None else number("begin", begin, above=0) / size)
     down, low = carried(span.parameter, first, span.low, step, tolerance)
     up, high = carried(span.parameter, first, span.high, step, tolerance)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from stickslip.answers import Answer
 from stickslip.cycles.ride import METHOD, Look, Ride, natural_rig
-from stickslip.errors import InputError, UndecidedError
+from stickslip.errors import InputError, UndecidedError, whole
 from stickslip.measure.slips import SLIP_VELOCITY
 from stickslip.measure.verdict import TINY, Kind
 from stickslip.model import Delay, FromRest, MasterEquation, Start
@@ -133,6 +133,7 @@ def is_sustained(
     ('stick-slip', 'smooth sliding')
     """
     natural = natural_rig(rig, start, method)
+    whole("patience", patience, at_least=1)
     return settle(Ride.begin(natural, start, method), patience)[0].in_units(rig)
 
 

@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from stickslip import advise, cycles, measure, plot, rigid, stability, theory
+from stickslip import advise, cycles, plot, rigid, stability, theory
 from stickslip.errors import InputError, UndecidedError, instance, number, shown
 from stickslip.explorer import bars, documents, measured, replay
 from stickslip.explorer.packing import Array, Plain, along_path, packed
-from stickslip.explorer.plain import PREFIXES, axis, floats, force_trace, name_of
+from stickslip.explorer.plain import axis, floats, force_trace, name_of
 from stickslip.friction_law import turning_velocities
 from stickslip.io import datasets as store
 from stickslip.io import rig_files as rigs
@@ -68,7 +68,7 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
             notes = [f"The run was undecided at its end and went on by itself, {times} as long as asked for."]
         made = _run(rig, watch, seconds, snapshots=(_look(request, rig),))
         watch(1.0)
-        answer = force_trace(made, _width(request), _transitions(made, rig) if _is_ramp(made) else None)
+        answer = force_trace(made, _width(request))
         longer = None
         if answer["regime"]["kind"] == "undecided" and extension < _EXTENSIONS and "pieces" not in _drive(request):
             longer = documents.extended(rig, seconds)
@@ -134,7 +134,7 @@ def law(request: Plain, watch: Watch) -> Iterator[Plain]:
         watch(i / count)
         forces.append(float(theory.kinetic_friction(rig.interface, float(speed))))
     turning = () if rig.interface.ageing is not None else turning_velocities(rig.interface, between=(low, high))
-    v, F = rig.unit("velocity"), rig.unit("force")
+    v, F = rig.unit("x_s/time"), rig.unit("f_s")
     unit = "x_s/time" if rig.scales is None else "m/s"
     yield {
         "speed": {"title": "speed", "unit": unit, "values": packed(speeds * v), "ends": [low * v, high * v]},
@@ -204,39 +204,6 @@ def _unit(rig: Rig, parameter: str) -> float:
 def _run(rig: Rig, watch: Watch, seconds: float, snapshots: tuple[float, ...] = ()) -> xr.Dataset:
     documents.check_size(rig, seconds)
     return simulate(replace(rig, output=replace(rig.output, snapshots=snapshots)), progress=watch)
-
-
-def _is_ramp(data: xr.Dataset) -> bool:
-    """Whether the speed of the drive changes, so that one regime cannot be told."""
-    speed = data["drive_velocity"].to_numpy()
-    return bool(np.ptp(speed) > 1e-6 * np.abs(speed).max())
-
-
-def _transitions(data: xr.Dataset, rig: Rig) -> str:
-    """Between which speeds a rig stick-slips while its drive speeds up and slows down, in words."""
-    unit = str(data["drive_velocity"].attrs.get("units"))
-    window = max(4.0, 2.5 * (1.0 + 1.0 / rig.slider.stiffness))  # two cycles of loading, in x_s
-    try:
-        found = measure.transitions(data, level=0.4 * rig.unit("f_s"), window=window * rig.unit("x_s"))
-    except (InputError, UndecidedError) as error:
-        return f"the speed of the drive changes; {error}"
-    words = []
-    for way, names in (("speeding up", ("v1", "v2")), ("slowing down", ("v2_down", "v1_down"))):
-        first, last = (float(found[name]) for name in names)
-        if math.isfinite(first) or math.isfinite(last):
-            begins = f"sets in at {_speed(first, unit)}" if math.isfinite(first) else "is there from the beginning"
-            ends = f"ends at {_speed(last, unit)}" if math.isfinite(last) else "is there to the end"
-            words.append(f"{way} it {begins} and {ends}")
-    if not words:
-        return "the speed of the drive changes, and stick-slip neither sets in nor ends on the way"
-    return f"the speed of the drive changes; stick-slip: {'; '.join(words)}"
-
-
-def _speed(value: float, unit: str) -> str:
-    if unit != "m/s":
-        return f"{value:.3g}"
-    factor, prefix = next((p for p in PREFIXES if value >= 0.5 * p[0]), PREFIXES[-1])
-    return f"{value / factor:.3g} {prefix}m/s"
 
 
 def _phase(data: xr.Dataset) -> Plain:
@@ -410,7 +377,7 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
     found = advise.predict(rig, progress=watch)
     assert isinstance(found, advise.Prediction)  # elastic sliders have a page of their own
     mitigations = []
-    for mitigation, words in zip(found.mitigations, found.mitigation_lines(), strict=True):
+    for mitigation in found.mitigations:
         trouble = "stick-slip" if found.regime.kind == "stick-slip" else "the oscillation"
         outcomes = (
             (mitigation.stops, f"smooth: {trouble} decays even from a start at rest"),
@@ -420,14 +387,15 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
             {
                 "title": f"{_change(mitigation.parameters, mitigation.values, values)}: {outcome}",
                 "to": ", ".join(
-                    advise.amount(rig, name, value) for name, value in zip(mitigation.parameters, values, strict=True)
+                    f"{advise.amount(rig, name, before)} to {advise.amount(rig, name, value)}"
+                    for name, before, value in zip(mitigation.parameters, mitigation.values, values, strict=True)
                 ),
                 "values": dict(zip(mitigation.parameters, values, strict=True)),
             }
             for values, outcome in outcomes
             if values is not None
         ]
-        mitigations.append({"parameters": list(mitigation.parameters), "words": words, "steps": steps})
+        mitigations.append({"parameters": list(mitigation.parameters), "steps": steps})
     yield {
         "name": rig.name,
         "verdict": found.verdict,

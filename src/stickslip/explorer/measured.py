@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -22,7 +23,7 @@ from stickslip.explorer.plain import force_trace
 from stickslip.fitting.arrest import simulate as slips_of
 from stickslip.fitting.known import Known, Scale
 from stickslip.fitting.summary import FITTED
-from stickslip.fitting.tables import DRAWS, SLIPS, folder_of, simulate_block
+from stickslip.fitting.tables import DRAWS, SLIPS, draws_kept, simulate_block
 from stickslip.io import rig_files as rigs
 from stickslip.model import Contacts, constant
 from stickslip.model.quantities import read_quantity
@@ -40,7 +41,6 @@ _SHOWN = 8  # slips in the overlay
 _SERIES = 60  # of slips, for the distribution of drops
 _OVERLAID = 3  # of them, drawn beside the trace
 _TIMED = 20  # draws, to say how long a table takes
-_BLOCK = 250  # draws in a file of the table
 _DAMPING = 0.15
 
 
@@ -79,7 +79,13 @@ def _read(content: bytes, name: str, options: Options) -> xr.Dataset:
                 file, force=columns.get("force"), time=None if step is not None else columns.get("time"), step=step
             )
         except InputError as error:
-            raise InputError(str(error).replace(str(file), name)) from None
+            words = str(error).replace(str(file), name)
+            raise InputError(re.sub(r"\(--(force|time|step)\b[^)]*\)", _field_of, words)) from None
+
+
+def _field_of(option: re.Match[str]) -> str:
+    """The field of the page that stands for an option of the command line."""
+    return f"(in the field {'seconds per row' if option[1] == 'step' else f'{option[1]} column'})"
 
 
 def sample(watch: Watch) -> Iterator[bytes]:
@@ -258,16 +264,6 @@ def line(x: Array, y: Array) -> Plain:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _slips(events: fitting.Events) -> int:
-    """Slips of each draw of the table that a trace is compared with."""
-    return SLIPS * math.ceil(1.25 * min(len(events), 2_000) / SLIPS)
-
-
-def _ready(slips: int) -> int:
-    """Draws that are kept already."""
-    return _BLOCK * len(list(folder_of(fitting.Prior(), slips, 0).glob("*.npz")))
-
-
 @lru_cache(maxsize=8)
 def _cost(slips: int) -> float:
     """Seconds of one core for a draw of the table, measured."""
@@ -283,8 +279,7 @@ def _plan(events: fitting.Events) -> Plain:
         fitting.check(events)
     except InputError as error:
         return {"refused": str(error)}
-    slips = _slips(events)
-    ready, each = _ready(slips), _cost(slips) / (os.cpu_count() or 1)
+    ready, each = draws_kept(fitting.Prior(), SLIPS), _cost(SLIPS) / (os.cpu_count() or 1)
     return {"sizes": [{"draws": draws, "seconds": max(draws - ready, 0) * each} for draws in (_COARSE, DRAWS)]}
 
 
@@ -298,7 +293,7 @@ def posterior(content: bytes, name: str, options: Options, may_simulate: bool, w
     draws = whole(
         "draws", int(text) if (text := options.get("draws", "")).isdecimal() else text, at_least=_COARSE, at_most=DRAWS
     )
-    if not may_simulate and _ready(_slips(events)) < draws:
+    if not may_simulate and draws_kept(fitting.Prior(), SLIPS) < draws:
         raise InputError(
             "intervals need a table of simulations that takes minutes; a shared explorer does not make it: run "
             "`stickslip fit` on this machine once, or a fit in an explorer that is not shared"

@@ -9,15 +9,16 @@ import xarray as xr
 
 from stickslip import measure
 from stickslip.explorer.packing import Array, Plain, envelope, packed
+from stickslip.measure import ramps
 
 PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 _MOST_MARKED = 2_000  # slips; more cannot be told apart on a screen
 
 
-def force_trace(data: xr.Dataset, width: int, words: str | None = None) -> Plain:
+def force_trace(data: xr.Dataset, width: int) -> Plain:
     """Force against time, thinned to the width of the screen, with regime in words, and slips if it has any."""
-    seen = measure.regime(data)
-    slips = measure.drops(data) if seen.kind == "stick-slip" or words is not None else None
+    seen, words = measure.regime(data), ramps.in_words(data)
+    slips = measure.drops(data) if seen.kind == "stick-slip" or words else None
     times, force = axis(data["time"]), axis(data["spring_force"])
     t, f = envelope(data["time"].to_numpy() / times["factor"], data["spring_force"].to_numpy() / force["factor"], width)
     start, end, before = (
@@ -36,10 +37,10 @@ def force_trace(data: xr.Dataset, width: int, words: str | None = None) -> Plain
             "before": floats(before / force["factor"]),
         },
         "regime": {
-            "kind": seen.kind if words is None else "speed sweep",
-            "reason": seen.reason if words is None else words,
-            "evidence": str(seen).splitlines()[1:] if words is None else [],
-            "period": seen.period if math.isfinite(seen.period) else None,
+            "kind": seen.kind if not words else "speed sweep",
+            "reason": words or seen.reason,
+            "evidence": str(seen).splitlines()[1:] if not words else [],
+            "period": seen.period if math.isfinite(seen.period) and not words else None,
         },
         "window": [edge / times["factor"] for edge in seen.window],
     }

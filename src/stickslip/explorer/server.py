@@ -16,7 +16,7 @@ import secrets
 import socket
 import threading
 from collections import Counter
-from collections.abc import AsyncIterator, Callable, Collection, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Iterator
 from contextlib import asynccontextmanager, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
@@ -65,7 +65,7 @@ class Limits:
     run : float
         Seconds of a run, by estimate; longer ones are cut short.
     quick, slow : float
-        Seconds after which an answer is given up: a run; a map, a bistable band, mitigations.
+        Seconds after which an answer is given up: a run, a file on its way; a map, a bistable band, mitigations.
     trace : int
         Bytes of a measured trace.
     fit : float
@@ -77,7 +77,7 @@ class Limits:
     windows : int
         Windows from one address.
     files : int
-        Traces and downloads from one address at the same time.
+        Traces, fits and downloads from one address at the same time.
     """
 
     run: float
@@ -180,15 +180,16 @@ class _House:
             count[who] -= room
             count += Counter()  # forget those that have left
 
-    async def file(self, job: Job) -> list[Any]:
-        """Do a job that comes with a request of its own."""
+    async def file(self, job: Job) -> Any:
+        """Do a job that comes with a request of its own, and return its one answer."""
         replies: list[Any] = []
         dropped = threading.Event()
         try:
             await self.quick.work(job, replies.append, dropped)
         finally:
             dropped.set()
-        return [reply for reply in replies if not isinstance(reply, dict) or not reply.keys() & {"progress", "done"}]
+        told = (reply for reply in replies if not isinstance(reply, dict) or not reply.keys() & {"progress", "done"})
+        return next(told, _CLOSING)
 
 
 def application(begin: documents.Document, port: int, *, host: str = HOST, token: str = "") -> ASGIApp:
@@ -209,10 +210,10 @@ def application(begin: documents.Document, port: int, *, host: str = HOST, token
             Route("/", _page),
             Route("/plotly.min.js", _plotly),
             Mount("/static", StaticFiles(directory=_STATIC)),
-            Route("/sample.csv", partial(_sample, house)),
-            Route("/download/{form}", partial(_download, house), methods=["POST"]),
-            Route("/trace", partial(_trace, house), methods=["POST"]),
-            Route("/fit", partial(_fit, house), methods=["POST"]),
+            Route("/sample.csv", _Files(house, _sample), methods=["GET"]),
+            Route("/download/{form}", _Files(house, _download), methods=["POST"]),
+            Route("/trace", _Files(house, _trace), methods=["POST"]),
+            Route("/fit", _Files(house, _fit), methods=["POST"]),
             WebSocketRoute("/session", partial(_session, house)),
         ],
         lifespan=lifespan,
@@ -290,56 +291,60 @@ async def _plotly(_request: Request) -> Response:
     return FileResponse(Path(spec.origin).parent / "package_data" / "plotly.min.js", media_type="text/javascript")
 
 
-async def _sample(house: _House, request: Request) -> Response:
-    with house.let_in(house.files, house.limits.files, request) as room:
-        if not room:
-            return _refused(429, "too many files at once for this address; try again in a moment")
-        (reply,) = await house.file(Job("sample", (), house.limits.quick))
+class _Files:
+    """Counts who sends or gets a file, before any of it is read and until the last of the answer is sent."""
+
+    def __init__(self, house: _House, answer: Callable[[_House, Request], Awaitable[Response]]) -> None:
+        self._house, self._answer = house, answer
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request, if there is room."""
+        request = Request(scope, receive)
+        with self._house.let_in(self._house.files, self._house.limits.files, request) as room:
+            if not room:
+                response = _refused(429, "too many files at once from this address; try again in a moment")
+            else:
+                try:
+                    response = await self._answer(self._house, request)
+                except ClientDisconnect:
+                    return
+            await response(scope, receive, send)
+
+
+async def _sample(house: _House, _request: Request) -> Response:
+    reply = await house.file(Job("sample", (), house.limits.quick))
     return JSONResponse(reply, status_code=500) if isinstance(reply, dict) else Response(reply, media_type="text/csv")
 
 
 async def _download(house: _House, request: Request) -> Response:
-    form = request.path_params["form"]
+    form, limits = request.path_params["form"], house.limits
     if form not in answers.FORMATS:
         return _refused(404, f"{form}: there are {', '.join(answers.FORMATS)}")
-    with house.let_in(house.files, house.limits.files, request) as room:
-        if not room:
-            return _refused(429, "too many downloads at once from this address; try again in a moment")
-        try:
-            asked = documents.from_json(await _body(request, documents.LARGEST_REQUEST))
-            asked = asked if isinstance(asked, dict) else {}
-            document, duration = asked.get("document", asked), asked.get("duration")
-        except InputError as error:
-            return _refused(400, str(error))
-        except ClientDisconnect:
-            return Response(status_code=400)
-        limits = house.limits
-        (reply,) = await house.file(Job("download", (document, form, duration, limits.run), limits.quick))
+    try:
+        asked = documents.from_json(await _body(request, documents.LARGEST_REQUEST, limits.quick))
+    except InputError as error:
+        return _refused(400, str(error))
+    asked = asked if isinstance(asked, dict) else {}
+    document, duration = asked.get("document", asked), asked.get("duration")
+    reply = await house.file(Job("download", (document, form, duration, limits.run), limits.quick))
     if isinstance(reply, dict):
         return JSONResponse(reply, status_code=400)
     return Response(reply, media_type=answers.FORMATS[form])
 
 
 async def _trace(house: _House, request: Request) -> Response:
-    with house.let_in(house.files, house.limits.files, request) as room:
-        if not room:
-            return _refused(429, "too many traces at once from this address; try again in a moment")
-        try:
-            content, name, width = await _file(house, request)
-        except InputError as error:
-            return _refused(
-                200, str(error)
-            )  # what is wrong with a file is the answer; 400 would be a fault of the page
-        except ClientDisconnect:
-            return Response(status_code=400)
-        job = Job("trace", (content, name, dict(request.query_params), width), house.limits.quick)
-        (reply,) = await house.file(job)
-    return JSONResponse(reply)
+    try:
+        content, name, width = await _file(house, request)
+    except InputError as error:
+        return _refused(200, str(error))  # what is wrong with a file is the answer; 400 would be a fault of the page
+    return JSONResponse(
+        await house.file(Job("trace", (content, name, dict(request.query_params), width), house.limits.quick))
+    )
 
 
 async def _file(house: _House, request: Request) -> tuple[bytes, str, int]:
     """A measured trace as it was sent, its name, and the width of the screen."""
-    content = await _body(request, house.limits.trace)
+    content = await _body(request, house.limits.trace, house.limits.quick)
     name = Path(request.query_params.get("name", "trace")).name[:100] or "trace"
     asked = request.query_params.get("width", "")
     return content, name, min(max(int(asked), 100), 4_000) if asked.isdecimal() and len(asked) < 6 else 1_000
@@ -351,8 +356,6 @@ async def _fit(house: _House, request: Request) -> Response:
         content, name, _ = await _file(house, request)
     except InputError as error:
         return _refused(200, str(error))
-    except ClientDisconnect:
-        return Response(status_code=400)
     options, limits = dict(request.query_params), house.limits
     if options.pop("intervals", ""):
         crew, job = house.slow, Job("posterior", (content, name, options, limits.table), limits.fit)
@@ -360,31 +363,29 @@ async def _fit(house: _House, request: Request) -> Response:
         crew, job = house.quick, Job("fit", (content, name, options, limits.run), limits.quick)
 
     async def lines() -> AsyncIterator[str]:
-        with house.let_in(house.files, limits.files, request) as room:
-            if not room:
-                yield _line({"errors": [{"key": "", "message": "too many fits at once from this address; try again"}]})
-                return
-            dropped, replies = threading.Event(), asyncio.Queue[Plain]()
-            loop = asyncio.get_running_loop()
+        dropped, replies = threading.Event(), asyncio.Queue[Plain]()
+        loop = asyncio.get_running_loop()
 
-            def hand_on(reply: Plain) -> None:  # from another thread
-                loop.call_soon_threadsafe(replies.put_nowait, reply)
+        def hand_on(reply: Plain) -> None:  # from another thread
+            loop.call_soon_threadsafe(replies.put_nowait, reply)
 
-            work = asyncio.create_task(crew.work(job, hand_on, dropped))
-            try:
-                while True:
-                    try:
-                        reply = await asyncio.wait_for(replies.get(), 0.5)
-                    except TimeoutError:
-                        if await request.is_disconnected():
-                            return
-                        continue
-                    yield _line(reply)
-                    if reply.get("done") or "errors" in reply:
+        work = asyncio.create_task(crew.work(job, hand_on, dropped))
+        try:
+            while True:
+                try:
+                    reply = await asyncio.wait_for(replies.get(), 0.5)
+                except TimeoutError:
+                    if await request.is_disconnected():
                         return
-            finally:
-                dropped.set()
-                work.cancel()
+                    if not work.done() or replies.qsize():
+                        continue
+                    reply = _CLOSING
+                yield _line(reply)
+                if reply.get("done") or "errors" in reply:
+                    return
+        finally:
+            dropped.set()
+            work.cancel()
 
     return StreamingResponse(lines(), media_type="application/x-ndjson")
 
@@ -393,21 +394,28 @@ def _line(reply: Plain) -> str:
     return json.dumps(reply, allow_nan=False) + "\n"
 
 
-async def _body(request: Request, most: int) -> bytes:
-    """Read the body of a request, and no more of it than allowed."""
+async def _body(request: Request, most: int, seconds: float) -> bytes:
+    """Read the body of a request, no more of it and no longer than allowed."""
     announced = request.headers.get("content-length", "")
     if re.fullmatch("[0-9]{1,18}", announced) and int(announced) > most:
         raise InputError(measured.too_large(int(announced), most))
     content = bytearray()
-    async for chunk in request.stream():
-        content += chunk
-        if len(content) > most:
-            raise InputError(measured.too_large(len(content), most))
+    try:
+        async with asyncio.timeout(seconds):
+            async for chunk in request.stream():
+                content += chunk
+                if len(content) > most:
+                    raise InputError(measured.too_large(len(content), most))
+    except TimeoutError:
+        raise InputError(f"what was sent did not arrive within {seconds:g} s; send it again") from None
     return bytes(content)
 
 
+_CLOSING = workers.errors("this was not finished: the explorer is closing")
+
+
 def _refused(status: int, message: str) -> Response:
-    return JSONResponse({"errors": [{"key": "", "message": message}]}, status_code=status)
+    return JSONResponse(workers.errors(message), status_code=status)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -485,7 +493,7 @@ async def _serve(house: _House, websocket: WebSocket) -> None:
             try:
                 request = _question(message.get("text"), lanes)
             except InputError as error:
-                send(json.dumps({"kind": "error", "id": None, "errors": [{"key": "", "message": str(error)}]}))
+                send(json.dumps({"kind": "error", "id": None, **workers.errors(str(error))}))
                 continue
             lane = lanes[request["kind"]]
             if request.get("drop"):

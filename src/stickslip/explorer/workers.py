@@ -105,7 +105,7 @@ class Crew:
     ) -> None:
         """Do a job; `reply` is called, in another thread, with each answer, at last with ``{"done": True}`` or errors.
 
-        After `dropped` is set there is no reply, and the worker is free again within `GRACE`. Visitors have turns.
+        After `dropped` is set there is no reply, and the worker is free again within `GRACE`. Visitors take turns.
         """
         loop, dropped = asyncio.get_running_loop(), dropped or threading.Event()
         async with self._turns.of(visitor or Visitor()):
@@ -166,12 +166,12 @@ class _Worker:
                 elif dropped.is_set() or now > deadline:
                     late = not dropped.is_set()
                     if late:
-                        reply(_errors(f"given up after {job.seconds:g} s; take a shorter run, or fewer contacts"))
+                        reply(errors(f"given up after {job.seconds:g} s; take a shorter run, or fewer contacts"))
                     self._line.send(_STOP)
                     stopping = now + GRACE
         except (EOFError, OSError):  # killed from outside, for its memory as a rule
             if not dropped.is_set():
-                reply(_errors("the computation was ended by the system, for want of memory as a rule"))
+                reply(errors("the computation was killed, most likely for lack of memory"))
             return False
         return True
 
@@ -253,10 +253,11 @@ def _answer(line: Connection, job: Job) -> None:
         raise
     except Exception as error:  # the page is to stay alive whatever happens; the terminal is told, too
         traceback.print_exc()
-        line.send(("reply", _errors(f"this failed: {type(error).__name__}: {error}")))
+        line.send(("reply", errors(f"this failed: {type(error).__name__}: {error}")))
 
 
-def _errors(message: str) -> Plain:
+def errors(message: str) -> Plain:
+    """An answer that says what is wrong."""
     return {"errors": [{"key": "", "message": message}]}
 
 
@@ -264,5 +265,6 @@ def _complaints(error: Exception) -> list[dict[str, str]]:
     if isinstance(error, MemoryError):
         return [{"key": "", "message": "not enough memory for this case; take fewer contacts"}]
     if not isinstance(error, (InputError, UndecidedError)):
-        return [{"key": "", "message": f"cannot be computed, its numbers are too far apart ({type(error).__name__})"}]
+        what = "cannot be computed: its parameters span too many orders of magnitude"
+        return [{"key": "", "message": f"{what} ({type(error).__name__})"}]
     return documents.complaints(error)

@@ -12,7 +12,7 @@ from stickslip.fitting.rates import Delays, Strengthening
 from stickslip.fitting.recipe import quick_fit
 from stickslip.fitting.rigs import Uncertain, over_draws
 from stickslip.fitting.summary import FITTED, HELD_OUT, covariance, statistics
-from stickslip.fitting.synthetic import random_truth, synthetic_trace
+from stickslip.fitting.synthetic import synthetic_trace
 from stickslip.fitting.tables import Table, table
 
 __all__ = [
@@ -34,7 +34,6 @@ __all__ = [
     "over_draws",
     "pick_events",
     "quick_fit",
-    "random_truth",
     "statistics",
     "synthetic_trace",
     "table",

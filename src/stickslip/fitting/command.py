@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from stickslip.errors import InputError
 
@@ -64,6 +65,10 @@ def fit_file(
     return found, written
 
 
+_NUMBER = re.compile(r"[-+]?\d*[.]?\d+.*")
+"""What begins as a number does: a line of names has none."""
+
+
 def _pairs(path: Path | None) -> tuple[tuple[object, object], ...]:
     """Two columns of a text file: a speed in m/s or a time in s, and a force in N."""
     if path is None:
@@ -73,15 +78,19 @@ def _pairs(path: Path | None) -> tuple[tuple[object, object], ...]:
     rows: list[tuple[object, object]] = []
     text = files.read(path, "table of two columns", largest=1_000_000).decode("utf-8", "replace")
     for at, line in enumerate(text.splitlines(), start=1):
-        cells: list[Any] = line.split("#")[0].replace(",", " ").replace(";", " ").split()
-        if not cells:
+        line = line.split("#")[0].strip()
+        heading = not any(_NUMBER.fullmatch(cell) for cell in re.split(r"[\s,;]+", line))
+        if not line or (heading and not rows):
             continue
         try:
-            first, second = (float(cell) for cell in cells)
+            if re.search(r"\d,\d.*[\s;]", line):  # a decimal comma
+                raise ValueError
+            first, second = (float(cell) for cell in re.split(r"\s*[,;]\s*|\s+", line))
         except ValueError:
-            if not rows:  # a line of names
-                continue
-            raise InputError(f"{path}: line {at}: {line[:60]!r}: must be two numbers") from None
+            raise InputError(
+                f"{path}: line {at}: {line[:60]!r}: must be two numbers without units, with decimal points, such as "
+                "'0.001 12.5'"
+            ) from None
         rows.append((first, second))
     if not rows:
         raise InputError(f"{path}: holds no rows of two numbers, such as '0.001 12.5'")

@@ -15,6 +15,7 @@ from stickslip.errors import InputError, instance, number
 from stickslip.fitting.arrest import FLOOR
 from stickslip.fitting.summary import FITTED, comparable, resampled, statistics
 from stickslip.measure.arrays import Array, Trace
+from stickslip.measure.bench import about_the_sensor
 from stickslip.measure.slips import white_noise
 
 if TYPE_CHECKING:
@@ -293,6 +294,8 @@ def check(events: Events) -> tuple[str, ...]:
     """Raise `InputError` where a fit would mislead, with the figure that decided; return what a reader should know."""
     f = events.force_unit and f" {events.force_unit}"
     peak, smallest = events.mean_peak, events.smallest
+    for fault in about_the_sensor(events.force):
+        raise InputError(f"fit: {fault}; reduce its gain, and record again")
     if events.gap > LONGEST_GAP:
         raise InputError(
             f"fit: {events.gap} samples in a row are missing: at most {LONGEST_GAP} are filled in; cut the trace there"
@@ -360,7 +363,7 @@ def _notes(events: Events) -> list[str]:
         notes.append(f"rises last only {events.sawtooth:.2g} times as long as drops: hardly stick-slip")
     if events.slip_samples < RESOLVED:
         notes.append(
-            f"a slip lasts {events.slip_samples:.2g} samples: not resolved, so that mass and delay have bounds only"
+            f"slips are not resolved (samples in each: {events.slip_samples:.2g}): only bounds on mass and delay"
         )
     return notes
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -13,12 +13,13 @@ import xarray as xr
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError, instance, whole
-from stickslip.fitting.arrest import KEYS, UNKNOWNS, Prior
+from stickslip.fitting.arrest import KEYS, UNKNOWNS, Prior, simulate
 from stickslip.fitting.events import Events, check, pick_events
 from stickslip.fitting.inference import EDGE, infer, see
 from stickslip.fitting.known import QUANTITIES, Known, likelihood_of, quantity_of
 from stickslip.fitting.observation import Observation
 from stickslip.fitting.summary import FITTED, NAMES
+from stickslip.fitting.synthetic import sampled
 from stickslip.fitting.tables import DRAWS, SLIPS, Table, table
 from stickslip.measure.arrays import Array
 from stickslip.model.units import engineering
@@ -31,12 +32,13 @@ if TYPE_CHECKING:
     from stickslip.model.rig import Rig
 
 POSTERIOR = 300
-MOST_SLIPS = 2_000
+MOST_SLIPS = int(SLIPS / 1.25)
+"""Slips fitted, at most: a fifth of those in the table may be too small to be seen."""
 Verdict = Literal["identified", "weak", "not identified", "at a bound"]
 _IDENTIFIED, _WEAK = 0.5, 0.7
+_WIDE = 10.0
+"""An interval whose ends differ by more than this, a factor of three either way, identifies no size."""
 _AT_BOUND, _NEAR = 0.1, 0.02
-_LOST = 1.25
-"""Slips in the table over those of the trace, at least: some are too small to be seen."""
 _LOW = 0.02
 """p-values below this are told of."""
 
@@ -51,7 +53,8 @@ class Interval:
     low, median, high : float
         Quantiles of 5, 50 and 95 %.
     verdict : {"identified", "weak", "not identified", "at a bound"} or None
-        By the width of the interval over that of the prior: below .5 identified, below .7 weak. At a bound: a tenth of
+        By the width of the interval over that of the prior: below .5 identified, below .7 weak; weak at best
+        where it is of decades and its ends differ by more than a factor of ten. At a bound: a tenth of
         the draws lie within 2 % of an end of the prior. None for what is no parameter of the model.
     width : float or None
         Width of the interval over that of the prior, in decades where the prior is.
@@ -67,10 +70,18 @@ class Interval:
     width: float | None = None
 
     def __str__(self) -> str:
-        if self.unit in ("", "1"):
-            return f"{self.median:.2g} ({self.low:.2g} to {self.high:.2g})"
-        low, median, high = (engineering(value, self.unit, 2) for value in (self.low, self.median, self.high))
-        return f"{median} ({low} to {high})"
+        for digits in (2, 3, 4):  # as many as show that the ends differ
+            if self.unit in ("", "1"):
+                low, median, high = (f"{value:.{digits}g}" for value in (self.low, self.median, self.high))
+            else:
+                low, median, high = (
+                    engineering(value, self.unit, digits) for value in (self.low, self.median, self.high)
+                )
+            if low != high:
+                break
+        wide = 0.0 < self.low * _WIDE < self.high
+        factor = f", to a factor {math.sqrt(self.high / self.low):.2g} either way" if wide else ""
+        return f"{median} ({low} to {high}){factor}"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -119,7 +130,6 @@ class Fit(Answer):
     notes: tuple[str, ...]
     delays: Delays | None = None
     strengthening: Strengthening | None = None
-    _kept: dict[str, Any] = field(default_factory=dict, compare=False)
 
     # ----------------------------------------------------------------------------------------------------- parameters
 
@@ -139,7 +149,7 @@ class Fit(Answer):
                 "at a bound"
                 if bound
                 else "identified"
-                if width < _IDENTIFIED
+                if width < _IDENTIFIED and not (unknown.decades and high > _WIDE * low)
                 else "weak"
                 if width < _WEAK
                 else "not identified"
@@ -192,6 +202,14 @@ class Fit(Answer):
             return ()
         return tuple(self[name] for name in names)
 
+    def simulated(self, slips: int = 40) -> xr.Dataset:
+        """A trace that the draw nearest to the medians makes, loaded and sampled as the measured one was."""
+        parts = self.prior.parts(self.values)
+        i = int(np.argmin(((parts - np.median(parts, axis=0)) ** 2).sum(axis=1)))
+        rng, events = np.random.default_rng(i), self.events
+        peaks, troughs = (self.strength[i] * each for each in simulate(self.values[i], slips, rng))
+        return sampled(peaks, troughs, events.loading_rate, events.step, events.noise, rng)
+
     # ------------------------------------------------------------------------------------------------------- the test
 
     @property
@@ -210,20 +228,39 @@ class Fit(Answer):
 
     # --------------------------------------------------------------------------------------------------- what to do
 
+    @property
+    def next_experiments(self) -> tuple[str, ...]:
+        """Measurements that would tell what this trace does not, and which intervals they would narrow."""
+        done = {one.key for one in self.parameters if one.verdict == "identified"}
+        wanted = (
+            (
+                self.delays is None,
+                "mean friction at four speeds or more (--speeds): the delay, of which nothing is known",
+            ),
+            (self.strengthening is None, "static friction after three holds or more (--holds): ageing"),
+            (
+                "stiffness_ratio" not in done,
+                "a slow push too small for a slip: the stiffness of the interface, and with it the stiffness ratio and "
+                "the breaking displacement",
+            ),
+            ("damping_ratio" not in done, "a tap on the free slider: the damping ratio"),
+        )
+        return tuple(what for missing, what in wanted if missing)
+
     def rig(self, *, name: str = "fitted rig", mass: object = None, speed: object = None) -> Rig:
-        """The rig: medians, its fitted values marked with their intervals and draws.
+        """The rig: the most central draw whose own run makes the trace; what was fitted has its interval and draws.
 
         Raises
         ------
         InputError
-            If the stiffness is not known: then no length is.
+            If the stiffness is not known: then no length is. If no draw makes the drops and the period of the trace.
         """
         from stickslip.fitting.rigs import rig_of
 
         return rig_of(self, name=name, mass=mass, speed=speed)
 
     def plot(self) -> Figure:
-        """Draw the trace beside simulated ones, distributions, the test, and the parameters within their prior."""
+        """Draw the trace above a simulated one, the test, and the parameters within their prior."""
         from stickslip import plot
 
         return plot.fitted(self)
@@ -255,8 +292,9 @@ class Fit(Answer):
 
     def __str__(self) -> str:
         width = max(len(one.title) for one in (*self.parameters, *self.quantities))
+        wide = max(len(str(one)) for one in self.parameters)
         lines = [str(self.events), "", "Parameters of the model, medians and 90 % intervals:"]
-        lines += [f"  {one.title:{width}}  {one!s:26}  {one.verdict}" for one in self.parameters]
+        lines += [f"  {one.title:{width}}  {one!s:{wide}}  {one.verdict}" for one in self.parameters]
         if self.quantities:
             lines += ["In SI units:"]
             lines += [f"  {one.title:{width}}  {one!s}" for one in self.quantities]
@@ -271,6 +309,7 @@ class Fit(Answer):
             if more is not None:
                 lines.append(str(more))
         lines += [f"note: {note}" for note in self.notes]
+        lines += [f"next: {what}" for what in self.next_experiments]
         return "\n".join(lines)
 
 
@@ -348,7 +387,6 @@ def fit(
         made: Table = table(
             prior=prior,
             draws=draws,
-            slips=SLIPS * math.ceil(_LOST * len(events) / SLIPS),
             executor=executor,
             progress=report,
         )
@@ -358,7 +396,8 @@ def fit(
     valid = again.valid
     if valid.sum() < POSTERIOR // 10:
         raise InputError(
-            f"fit: only {valid.sum()} of {POSTERIOR} draws stick-slip as the trace does: it is made by something else"
+            f"fit: only {valid.sum()} of {POSTERIOR} posterior draws reproduce this kind of trace: the model does not "
+            "describe it"
         )
     if not sample.adjusted:
         notes.append(
@@ -386,18 +425,20 @@ def _completed(
     found: Fit, notes: list[str], speeds: tuple[tuple[object, object], ...], holds: tuple[tuple[object, object], ...]
 ) -> Fit:
     """Add what other speeds and holds say, and notes on what was found."""
-    from dataclasses import replace
-
     from stickslip.fitting.rates import delays_of, strengthening_of
 
     for one in found.parameters:
         if one.verdict == "at a bound":
             notes.append(f"{one.title}: at a bound of its prior")
     if surprises := found.surprises():
-        notes.append(f"the model does not make these of the trace's statistics (p < {_LOW:g}): {', '.join(surprises)}")
+        notes.append(
+            f"the model does not make these of the trace's {len(NAMES)} statistics (p < {_LOW:g}; by chance "
+            f"{_LOW * len(NAMES):.1g} of them): {', '.join(surprises)}"
+        )
     if found["contacts"].high < 100:
         notes.append(
-            "the contacts are counted by the scatter of the slips: independent units of strength, not asperities"
+            "N is an effective number of independent strength units, inferred from the scatter; not a count of "
+            "asperities"
         )
     return replace(
         found,

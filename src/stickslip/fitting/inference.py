@@ -126,9 +126,10 @@ def infer(
     edge = _edge(found / scale, target / scale, np.random.default_rng([seed, 1]))
     if edge > BEYOND:
         raise InputError(
-            f"fit: no simulation comes near this trace: its distance from them lies at the {edge:.4g} percentile of "
-            "what it makes. It knows slow stick-slip, in which contacts re-attach where the slider stops: drive slower "
-            "if the force falls between its slips or their size varies widely; else something else made the trace"
+            f"fit: no simulation comes near this trace: it lies farther from its nearest simulations than {edge:.4g} "
+            "percent of the draws from the prior. The model knows slow stick-slip, in which contacts re-attach where "
+            "the slider stops: drive slower if the force falls between its slips or their size varies widely; else "
+            "something else made the trace"
         )
     weights = np.ones(len(parts)) if likelihood is None else likelihood(table.prior.values(parts))
     if (weights > _LITTLE).sum() < nearest:

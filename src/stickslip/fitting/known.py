@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -24,13 +25,13 @@ _USUAL_ERROR = 0.02
 
 QUANTITIES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
     "contact_strength": ("N", "total contact strength N f_s", ()),
-    "static_friction": ("N", "mean force before a slip", ()),
+    "static_friction": ("N", "mean force before a slip, as measured", ()),
     "sliding_friction": ("N", "force of all contacts while they slide", ()),
     "interface_stiffness": ("N/m", "stiffness of all contacts together, N k", ("stiffness",)),
     "breaking_displacement": ("m", "breaking displacement x_s", ("stiffness",)),
     "speed": ("m/s", "speed of the drive", ("stiffness",)),
-    "friction_coefficient": ("1", "mean force before a slip over the load", ("load",)),
-    "frequency": ("Hz", "natural frequency of the slider on its spring", ("stiffness", "mass")),
+    "friction_coefficient": ("1", "mean force before a slip over the load, as measured", ("load",)),
+    "frequency": ("Hz", "natural frequency of the slider on its spring, as given", ("stiffness", "mass")),
 }
 """Unit and title of each quantity, and what must be known for it."""
 
@@ -67,6 +68,16 @@ class Known:
             found[name] = (middle, _USUAL_ERROR * middle if pair[1] is None else read(pair[1]))
         return cls(**found)
 
+    def drawn(self, name: str, count: int) -> Array:
+        """So many values of what is known, scattered by its error; the same each time, for what depends on it twice."""
+        middle, error = getattr(self, name)
+        scatter = np.random.default_rng([list(_UNITS).index(name), count]).standard_normal(count)
+        return np.asarray(middle * np.exp(error / middle * scatter))
+
+    def exact(self) -> Known:
+        """The same values, taken as exact."""
+        return Known(**{name: (middle, 0.0) for name, (middle, _) in self.to_dict().items()})
+
     def has(self, names: tuple[str, ...]) -> bool:
         """Whether all of these are known."""
         return all(getattr(self, name) is not None for name in names)
@@ -97,6 +108,12 @@ class Scale:
         return events.loading_rate * self.of_force() / (self.time or 1.0)
 
 
+def rate_error(events: Events) -> float:
+    """Relative error of the loading rate: half of what it drifts by from the first third to the last."""
+    third = max(len(events.slopes) // 3, 1)
+    return abs(float(np.median(events.slopes[-third:]) - np.median(events.slopes[:third]))) / 2.0 / events.loading_rate
+
+
 def likelihood_of(events: Events, known: Known) -> Callable[[Array], Array] | None:
     """What stiffness and speed say of the stiffness ratio, ``K v = R (1 + K/(N k))``; None if they say nothing.
 
@@ -111,14 +128,12 @@ def likelihood_of(events: Events, known: Known) -> Callable[[Array], Array] | No
     assert known.speed is not None
     loading = Scale(events, known).rate(events)
     product = known.stiffness[0] * known.speed[0]
-    third = max(len(events.slopes) // 3, 1)
-    drift = abs(float(np.median(events.slopes[-third:]) - np.median(events.slopes[:third]))) / 2.0
     error = np.hypot(known.stiffness[1] / known.stiffness[0], known.speed[1] / known.speed[0])
-    error = float(np.hypot(error, drift / events.loading_rate))
+    error = float(np.hypot(error, rate_error(events)))
     if product * (1.0 + 3.0 * error) < loading:
         raise InputError(
-            f"known: stiffness times speed is {product:.4g} N/s, but the force rises at {loading:.4g} N/s: it cannot "
-            "rise faster than the spring is wound up; check both"
+            f"known: stiffness times speed is {product:.4g} N/s, but the force rises at {loading:.4g} N/s: the "
+            "force cannot rise faster than stiffness times speed; check both"
         )
 
     def likelihood(values: Array) -> Array:
@@ -149,30 +164,29 @@ def quantity_of(name: str, values: Array, strength: Array, events: Events, known
             f"fit: {name}: a force trace alone does not tell it; give {' and '.join(missing)}, as in "
             f"known={{{', '.join(f'{need!r}: {_UNITS[need][1]!r}' for need in missing)}}}"
         )
-    kappa = values[:, 3]
-    if name == "friction_coefficient":
-        assert known.load is not None
-        size = (
-            events.mean_peak
-            if events.force_unit == "1"
-            else events.mean_peak * Scale(events, known).of_force() / known.load[0]
-        )
-        return np.full(len(values), size)
+    kappa, count = values[:, 3], len(values)
     scale = Scale(events, known)
-    force = strength * scale.of_force()
+    of_load = known.drawn("load", count) if known.load is not None else np.ones(count)
+    unit = of_load if events.force_unit == "1" else np.full(count, scale.of_force())
+    force = strength * unit
+    error = float(np.std(events.peaks)) / math.sqrt(len(events))
+    before = (events.mean_peak + error * np.random.default_rng([4, count]).standard_normal(count)) * unit
+    if name == "friction_coefficient":
+        return np.asarray(before / of_load)
     if name == "contact_strength":
         return np.asarray(force)
     if name == "static_friction":
-        return np.full(len(values), events.mean_peak * scale.of_force())
+        return np.asarray(before)
     if name == "sliding_friction":
         return np.asarray(force * values[:, 2])
-    assert known.stiffness is not None
-    K = known.stiffness[0]
+    K = known.drawn("stiffness", count)
     if name == "interface_stiffness":
         return np.asarray(K / kappa)
     if name == "breaking_displacement":
         return np.asarray(force * kappa / K)
     if name == "speed":
-        return np.asarray(scale.rate(events) * (1.0 + kappa) / K)
-    assert known.mass is not None
-    return np.full(len(values), np.sqrt(K / known.mass[0]) / (2.0 * np.pi))
+        rate = scale.rate(events) * np.exp(
+            rate_error(events) * np.random.default_rng([5, count]).standard_normal(count)
+        )
+        return np.asarray(rate * (1.0 + kappa) / K)
+    return np.asarray(np.sqrt(K / known.drawn("mass", count)) / (2.0 * np.pi))

@@ -26,7 +26,7 @@ class Seen:
         NaN where fewer slips were seen than in the trace, or their number depends on the smallest drop so much that
         a fit would be refused: what is fitted was not.
     mean_peak : (series,) array
-        Mean peak, in the unit of the simulation.
+        Mean peak as it was picked, in the unit of the simulation.
     """
 
     statistics: Array
@@ -128,4 +128,5 @@ class Observation:
         found = np.full((len(count), len(NAMES)), np.nan)
         if whole.any():
             found[whole] = statistics(seen[whole, 0], seen[whole, 1])
+            size[whole] = seen[whole, 0].mean(axis=-1)  # as picked, with what the noise adds to a peak
         return found, size

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import stdtrit
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError, number, sequence
@@ -18,7 +19,8 @@ from stickslip.model.units import engineering
 if TYPE_CHECKING:
     from stickslip.fitting.fits import Fit
 
-_FEWEST_SPEEDS, _FEWEST_HOLDS = 3, 3
+_FEWEST_SPEEDS, _FEWEST_HOLDS = 4, 3
+"""One more than the unknowns of the curve: else nothing is left to tell an error by."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -48,8 +50,9 @@ class Delays(Answer):
         found = self.to_dict()
         low, median, high = (engineering(found[name], "s", 2) for name in ("low", "median", "high"))
         return (
-            f"The speeds add the delay of re-attachment, {median} ({low} to {high}): the friction of attached contacts "
-            f"halves at {engineering(self.half_speed, 'm/s', 3)}; misfit {100 * self.misfit:.2g} % of the range"
+            f"From friction at several speeds: re-attachment delay {median} ({low} to {high}): the friction of "
+            f"attached contacts halves at {engineering(self.half_speed, 'm/s', 3)}; misfit {100 * self.misfit:.2g} % "
+            "of the range"
         )
 
 
@@ -61,31 +64,34 @@ class Strengthening(Answer):
     ----------
     per_decade, error : float
         Growth per decade of the time, over the static friction at the shortest hold, and its standard error.
+    freedom : int
+        Degrees of freedom of the error: holds less two.
     """
 
     per_decade: float
     error: float
+    freedom: int
 
     def to_dict(self) -> dict[str, Any]:
         """As plain numbers."""
-        return {"per_decade": self.per_decade, "error": self.error}
+        return {"per_decade": self.per_decade, "error": self.error, "freedom": self.freedom}
 
     def __str__(self) -> str:
-        clear = abs(self.per_decade) > 2.0 * self.error
-        words = "contacts age" if clear and self.per_decade > 0 else "no ageing is seen"
+        clear = self.per_decade > float(stdtrit(self.freedom, 0.975)) * self.error  # Student's t, 5 % two-sided
+        words = "contacts age" if clear else "no ageing is seen"
         return (
-            f"The holds add that static friction changes by {100 * self.per_decade:.2g} ± {100 * self.error:.1g} % per "
+            f"From the holds: static friction changes by {100 * self.per_decade:.2g} ± {100 * self.error:.1g} % per "
             f"decade of rest: {words}"
         )
 
 
 def half_speed_of(speeds: ArrayLike, forces: ArrayLike) -> tuple[float, float, float, float]:
-    """Half-speed, force that falls, force that stays, and root mean square misfit of ``F = stays + falls/(1 + v/v_h)``.
+    """Half-speed, its relative standard error, force that falls, and rms misfit of ``F = stays + falls/(1 + v/v_h)``.
 
     Raises
     ------
     InputError
-        If there are fewer than three speeds, or the force does not fall over them.
+        If there are fewer than four speeds, or the force does not fall over them.
     """
     from scipy.optimize import minimize_scalar
 
@@ -105,7 +111,7 @@ def half_speed_of(speeds: ArrayLike, forces: ArrayLike) -> tuple[float, float, f
     grid = np.linspace(low, high, 60)
     best = grid[int(np.argmin([solved(at)[1] for at in grid]))]
     at = float(minimize_scalar(lambda x: solved(x)[1], bounds=(best - 0.3, best + 0.3), method="bounded").x)
-    (falls, stays), square = solved(at)
+    (falls, _), square = solved(at)
     if falls <= 0:
         raise InputError(
             f"speeds: the force does not fall with the speed, from {F[np.argmin(v)]:.4g} at the lowest to "
@@ -118,7 +124,10 @@ def half_speed_of(speeds: ArrayLike, forces: ArrayLike) -> tuple[float, float, f
             "measure over a wider range",
             "speeds",
         )
-    return math.exp(at), float(falls), float(stays), math.sqrt(square / len(F))
+    ratio = v / math.exp(at)
+    slopes = np.column_stack([falls * ratio / (1.0 + ratio) ** 2, 1.0 / (1.0 + ratio), np.ones_like(v)])
+    error = math.sqrt(float(np.linalg.pinv(slopes.T @ slopes)[0, 0]) * square / (len(F) - slopes.shape[1]))
+    return math.exp(at), error, float(falls), math.sqrt(square / len(F))
 
 
 def delays_of(found: Fit, speeds: tuple[tuple[object, object], ...]) -> Delays:
@@ -128,9 +137,14 @@ def delays_of(found: Fit, speeds: tuple[tuple[object, object], ...]) -> Delays:
     contacts add halves where the two take equal times.
     """
     v, F = _pairs("speeds", speeds, ("m/s", "0.1 mm/s"), ("N", "12 N"))
-    half, _, _, misfit = half_speed_of(v, F)
+    half, error, _, misfit = half_speed_of(v, F)
     margin = _margins(found.values) * found.draws("breaking_displacement")
-    return Delays(draws=np.asarray(margin / half), half_speed=half, misfit=misfit / max(float(np.ptp(F)), 1e-300))
+    scatter = np.random.default_rng([6, len(margin)]).standard_t(len(F) - 3, len(margin))
+    return Delays(
+        draws=np.asarray(margin / half * np.exp(error * scatter)),
+        half_speed=half,
+        misfit=misfit / max(float(np.ptp(F)), 1e-300),
+    )
 
 
 def _margins(values: Array) -> Array:
@@ -152,7 +166,7 @@ def strengthening_of(holds: tuple[tuple[object, object], ...]) -> Strengthening:
     slope = float(decades @ F / (decades @ decades))
     rest = F - F.mean() - slope * decades
     error = math.sqrt(float(rest @ rest) / max(len(F) - 2, 1) / float(decades @ decades))
-    return Strengthening(per_decade=slope / size, error=error / size)
+    return Strengthening(per_decade=slope / size, error=error / size, freedom=max(len(F) - 2, 1))
 
 
 def _pairs(place: str, given: object, first: tuple[str, str], second: tuple[str, str]) -> tuple[Array, Array]:

@@ -37,7 +37,8 @@ def quick_fit(
     strength (slow rigid motion, Eqs. (1)-(4)). The loading rate ``R`` between slips gives the stiffness of the
     interface, ``K v = R (1 + K/(N k))``, and so the breaking displacement; it is useful only where the driving spring
     is stiff, else give the breaking displacement itself. The speed at which kinetic friction has halved gives the
-    delay.
+    delay. Sliding contacts are taken to carry no force: where slips are smaller than those of the rig, they do, and it
+    does not fit the bench; `fit` tells that force.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """From a fit to a rig, and from a fitted rig to a verdict with its uncertainty.
 
-The rig holds what was fitted: contacts that slide with a force and re-attach with it. Two things are left out, and the
-rig says so: re-attachment on arrest is a delay within bounds, as theory needs one, and the track has no scatter.
+The rig holds what was fitted: contacts that slide with a force and re-attach with it on arrest, on a track that
+scatters. It is run before it is written, and read as the trace was: its drops and its period are those of the trace.
 """
 
 from __future__ import annotations
@@ -9,19 +9,24 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError, UndecidedError, instance, whole
-from stickslip.fitting.events import RESOLVED
-from stickslip.fitting.known import Known
+from stickslip.fitting.events import RESOLVED, Events, pick_events
+from stickslip.fitting.known import Known, Scale, quantity_of, rate_error
 from stickslip.io.rig_files import from_document, to_document
 from stickslip.measure.arrays import Array
+from stickslip.model import OnArrest, Output
+from stickslip.model.drive import constant
 from stickslip.model.rig import Rig
 from stickslip.model.units import engineering
+from stickslip.simulation import simulate
 
 if TYPE_CHECKING:
     from stickslip.fitting.fits import Fit
@@ -29,6 +34,8 @@ if TYPE_CHECKING:
 DRAWS_KEPT = 100
 _LIGHTEST = 0.01
 """Where slips are not resolved, the mass lies anywhere between this part of its bound and the bound."""
+_TRIED, _SLIPS, _SETTLED, _NINETY = 60, 60, 5, 1.645
+"""Draws run, at most; slips of a run, after those in which it settles; standard errors in half a 90 % interval."""
 _SPEEDS = (0.1, 0.3, 1.0, 3.0, 10.0)
 
 UNITS: Mapping[str, str] = {
@@ -40,6 +47,7 @@ UNITS: Mapping[str, str] = {
     "interface.thresholds.std": "",
     "interface.sliding_force": "N",
     "interface.newborn.mean": "",
+    "interface.track_scatter": "",
     "interface.delay": "s",
     "drive.velocity": "m/s",
 }
@@ -47,7 +55,7 @@ UNITS: Mapping[str, str] = {
 
 
 def rig_of(found: Fit, *, name: str, mass: object = None, speed: object = None) -> Rig:
-    """The rig behind a trace, at the draw nearest to the medians; what is not known has its interval and draws."""
+    """The rig behind a trace, at the draw nearest to the medians whose own run makes its drops and period."""
     given = {**found.known.to_dict()}
     extra = Known.read({key: value for key, value in (("mass", mass), ("speed", speed)) if value is not None})
     known = Known(**(given | extra.to_dict()))
@@ -56,31 +64,58 @@ def rig_of(found: Fit, *, name: str, mass: object = None, speed: object = None) 
             "fit: a rig needs the stiffness of the driving spring, without which a force trace tells no length; give "
             "it as known={'stiffness': '350 N/m'}, or --stiffness on the command line"
         )
-    draws = _draws(found, known)
-    middle = _central(draws)
-    at = {path: float(values[middle]) for path, values in draws.items()}
+    draws, nearest = _draws(found, known), ""
+    exact = _draws(found, known.exact())
+    order = _from_the_centre(exact)[:_TRIED]
+    measured = found.delays.draws if found.delays is not None else None
+    for delays in (measured, None) if measured is not None else (None,):
+        for i in order:
+            rig = _rig_at(found, known, name, exact, draws, int(i), delays)
+            words, agrees = _against(rig, found, known)
+            if agrees:
+                return replace(rig, source=f"{rig.source}; {words}")
+            nearest = nearest or words
+    raise InputError(
+        f"fit: no rig is written: runs of {len(order)} draws all miss the drops or the period of the trace by more "
+        f"than their errors; of the most central one, {nearest}. Check the mass, stiffness and speed, or drive slower"
+    )
+
+
+def _rig_at(
+    found: Fit,
+    known: Known,
+    name: str,
+    exact: Mapping[str, Array],
+    draws: Mapping[str, Array],
+    i: int,
+    delays: Array | None,
+) -> Rig:
+    """The rig of one draw, with the intervals and draws of what was fitted."""
     held = {"slider.stiffness": known.stiffness, "slider.mass": known.mass, "drive.velocity": known.speed}
-    fixed = {path for path, value in held.items() if value is not None}
-    scatter = found["track_scatter"]
     document: dict[str, Any] = {
         "name": name,
-        "source": (
-            f"fitted to {found.events.source or 'a trace'}, {len(found.events)} slips; the scatter of the thresholds "
-            f"from slip to slip, {scatter}, is left out"
-        ),
+        "source": f"fitted to {found.events.source or 'a trace'}, {len(found.events)} slips",
         "slider": {},
         "interface": {
             "thresholds": {"distribution": "gaussian"},
             "newborn": {"distribution": "gaussian", "std": 0.0},
+            "delay": "on arrest",
         },
         "drive": {},
-        "simulation": {"contacts": max(round(float(found.values[middle, 0])), 1)},
+        "simulation": {"contacts": max(round(float(found.values[i, 0])), 1)},
         "fitted": {},
         "assumed": {},
     }
-    for path, value in at.items():
-        _put(document, path, _written(path, value, 8))
-        if path in fixed:
+    if delays is None:
+        document["assumed"]["interface.delay"] = (
+            "stands for any delay longer than a slip and shorter than the time between slips; friction at several "
+            "speeds (--speeds) tells it"
+        )
+    else:
+        exact, draws = ({**each, "interface.delay": _rounded(delays)} for each in (exact, draws))
+    for path, values in exact.items():
+        _put(document, path, _written(path, float(values[i]), 8))
+        if held.get(path) is not None:
             continue
         verdict = _said(found, path)
         if verdict.startswith("assumed"):
@@ -93,6 +128,45 @@ def rig_of(found: Fit, *, name: str, mass: object = None, speed: object = None) 
     return from_document(document, "fitted rig")
 
 
+def remade(rig: Rig, events: Events, known: Known = Known()) -> Events:
+    """The slips of a rig's own run, recorded and picked as those of a trace were."""
+    scale = Scale(events, known)
+    force, second = scale.of_force(), scale.time or 1.0
+    lasts = (min(len(events), _SLIPS) + _SETTLED) * events.recurrence
+    unit = rig.unit("time") / second
+    drive, output = constant(rig.natural.velocity, lasts / unit), Output(interval=events.step / unit)
+    run = simulate(replace(rig, drive=drive, output=output))
+    values = np.asarray(run["spring_force"].values) / force
+    values = values + events.noise * np.random.default_rng(1).standard_normal(values.size)
+    if events.resolution > 0:
+        values = events.resolution * np.round(values / events.resolution)
+    data = xr.Dataset(
+        {"spring_force": ("time", values, {"units": events.force_unit})},
+        coords={"time": ("time", run["time"].values / second, {"units": events.time_unit})},
+    )
+    return pick_events(data, smallest=events.smallest, after=_SETTLED * events.recurrence)
+
+
+def _against(rig: Rig, found: Fit, known: Known) -> tuple[str, bool]:
+    """What a rig's own run makes beside the trace, in words; and whether its mean drop and period agree within 90 %."""
+    events = found.events
+    f, t = events.force_unit and f" {events.force_unit}", events.time_unit and f" {events.time_unit}"
+    trace = f"the trace {events.drops.mean():.3g}{f} every {events.recurrence:.3g}{t}"
+    try:
+        made = remade(rig, events, known)
+    except InputError:
+        return f"its own run hardly slips, {trace}", False
+    words = f"its own run drops {made.drops.mean():.3g}{f} every {made.recurrence:.3g}{t}, {trace}"
+
+    def apart(one: Array, other: Array, more: float = 0.0) -> float:
+        error = math.hypot(more, *(float(x.std()) / (float(x.mean()) * math.sqrt(x.size)) for x in (one, other)))
+        return abs(math.log(float(one.mean() / other.mean()))) / max(error, 1e-9)
+
+    one, other = (np.diff(each.time[each.peak_at]) for each in (made, events))
+    agrees = max(apart(made.drops, events.drops), apart(one, other, rate_error(events))) <= _NINETY
+    return words, agrees
+
+
 def _rounded(values: Array) -> Array:
     """To four digits, so that products of two are written without an error."""
     return np.array([float(f"{value:.4g}") for value in values])
@@ -102,35 +176,32 @@ def _draws(found: Fit, known: Known) -> dict[str, Array]:
     """Draws of every key, in SI units."""
     rng = np.random.default_rng(len(found.events))
     values, count = found.values, len(found)
-    strength, residual = _rounded(found.draws("contact_strength")), _rounded(values[:, 2])
-    assert known.stiffness is not None
-    K = np.full(count, known.stiffness[0])
+
+    def quantity(name: str) -> Array:
+        return quantity_of(name, values, found.strength, found.events, known)
+
+    strength, residual = _rounded(quantity("contact_strength")), _rounded(values[:, 2])
+    K = known.drawn("stiffness", count)
     scale_time = 1.0 if found.events.time_unit == "" else _seconds(found)
     slip = found.events.slip_samples * found.events.step * scale_time
     heaviest = K * (slip / math.pi) ** 2 * (1.0 - values[:, 4] ** 2)
     if known.mass is not None:
-        mass = np.full(count, known.mass[0])
+        mass = known.drawn("mass", count)
     elif found.events.slip_samples >= RESOLVED:
         mass = heaviest
     else:
         mass = heaviest * _LIGHTEST ** rng.random(count)
-    if found.delays is not None:
-        delay = found.delays.draws
-    else:
-        took = found.events.time[found.events.peak_at[1:]] - found.events.time[found.events.trough_at[:-1]]
-        shortest = max(float(np.quantile(took, 0.05)) * scale_time, 1.01 * slip)
-        delay = slip * (shortest / slip) ** rng.random(count)
-    speed = found.draws("speed") if known.speed is None else np.full(count, known.speed[0])
+    speed = quantity("speed") if known.speed is None else known.drawn("speed", count)
     return {
         "slider.mass": _rounded(mass),
         "slider.stiffness": K,
         "slider.damping_ratio": _rounded(values[:, 4]),
         "interface.contact_strength": strength,
-        "interface.breaking_displacement": _rounded(found.draws("breaking_displacement")),
+        "interface.breaking_displacement": _rounded(quantity("breaking_displacement")),
         "interface.thresholds.std": _rounded(values[:, 1]),
         "interface.sliding_force": strength * residual,
         "interface.newborn.mean": residual,
-        "interface.delay": _rounded(delay),
+        "interface.track_scatter": _rounded(values[:, 5]),
         "drive.velocity": _rounded(speed),
     }
 
@@ -158,24 +229,21 @@ def _said(found: Fit, path: str) -> str:
             return verdicts["sliding_force"]
         case "interface.breaking_displacement" | "drive.velocity":
             return verdicts["stiffness_ratio"]
-        case "interface.delay" if found.delays is not None:
-            return "identified by the force at several speeds"
+        case "interface.track_scatter":
+            return verdicts["track_scatter"]
         case "interface.delay":
-            return (
-                "assumed: longer than a slip and shorter than the shortest time between slips; the force at several "
-                "speeds tells it"
-            )
+            return "identified by the force at several speeds"
         case _ if found.events.slip_samples >= RESOLVED:
             return "identified by the time of a slip"
         case _:
             return "assumed: at most what lets a slip be as short as it was recorded; weigh the slider"
 
 
-def _central(draws: Mapping[str, Array]) -> int:
-    """The draw nearest to the medians, on logarithmic scales."""
+def _from_the_centre(draws: Mapping[str, Array]) -> NDArray[np.int64]:
+    """Numbers of the draws, those nearest to the medians first, on logarithmic scales."""
     log = np.log(np.maximum(np.column_stack(list(draws.values())), 1e-30))
     scale = np.maximum(np.subtract(*np.quantile(log, (0.75, 0.25), axis=0)), 1e-9)
-    return int(np.argmin((((log - np.median(log, axis=0)) / scale) ** 2).sum(axis=1)))
+    return np.asarray(np.argsort((((log - np.median(log, axis=0)) / scale) ** 2).sum(axis=1)))
 
 
 def _written(path: str, value: float, digits: int = 3) -> Any:
@@ -231,6 +299,11 @@ class Uncertain(Answer):
             for v, part in zip(self.speeds, self.unstable, strict=True)
         ]
         most = max(self.undecided)
+        if min(self.undecided) == 1.0:
+            return (
+                "Not judged over the draws: contacts re-attach on arrest, so there is no smooth sliding for linear "
+                "theory; friction at several speeds (fit --speeds) would tell the delay"
+            )
         return (
             f"Over {self.draws} draws of what was fitted, smooth sliding is linearly unstable in "
             f"{100 * self.here:.0f} % at this speed; {', '.join(odd)}"
@@ -273,7 +346,9 @@ def over_draws(rig: Rig, *, most: int = 40, progress: Callable[[float], None] | 
     count = min(most, *(len(draws) for draws in columns.values()))
     document = to_document(rig)
     unstable, undecided = np.zeros(len(_SPEEDS)), np.zeros(len(_SPEEDS))
-    for i in range(count):
+    if isinstance(rig.interface.delay, OnArrest):
+        undecided += count
+    for i in range(0 if undecided.any() else count):
         one = copy.deepcopy(document)
         for path, draws in columns.items():
             unit = UNITS.get(path, "")

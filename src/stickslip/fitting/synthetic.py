@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from stickslip.errors import InputError, number, whole
-from stickslip.fitting.arrest import KEYS, Prior, simulate
+from stickslip.fitting.arrest import KEYS, simulate
 from stickslip.measure.arrays import Array
 
 _SLIP = 0.4
@@ -91,8 +91,3 @@ def sampled(
         coords={"time": ("time", time, {"units": "s", "long_name": "time"})},
         attrs={"source": "synthetic trace"},
     )
-
-
-def random_truth(prior: Prior, rng: np.random.Generator) -> dict[str, float]:
-    """Parameters drawn from a prior."""
-    return dict(zip(KEYS, prior.values(rng.random(len(KEYS))).tolist(), strict=True))

@@ -9,12 +9,12 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import shutil
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from io import BytesIO
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from stickslip.io import files
 from stickslip.measure.arrays import Array
 
 DRAWS, SLIPS = 20_000, 384
-"""Usual size: draws from the prior, and slips of each. More slips are simulated for traces that have more."""
+"""Usual size: draws from the prior, and slips of each."""
 
 _BLOCK = 250
 _LARGEST = 1 << 30
@@ -75,6 +75,11 @@ def folder_of(prior: Prior, slips: int, seed: int) -> Path:
     """Where the table of a prior is kept; its name is a key of all that decides what it holds, but for its length."""
     key = json.dumps([VERSION, FLOOR, KEYS, asdict(prior), slips, seed, _BLOCK], sort_keys=True)
     return cache_folder() / f"fit-{hashlib.sha256(key.encode()).hexdigest()[:16]}"
+
+
+def draws_kept(prior: Prior, slips: int, seed: int = 0) -> int:
+    """How many draws of the table of a prior the cache holds."""
+    return _BLOCK * len(list(folder_of(prior, slips, seed).glob("*.npz")))
 
 
 def table(
@@ -130,14 +135,6 @@ def table(
 _FIELDS = ("parts", "count", "peaks", "troughs")
 
 
-def forget() -> int:
-    """Remove all tables from the cache; return how many there were."""
-    found = list(cache_folder().glob("fit-*"))
-    for place in found:
-        shutil.rmtree(place, ignore_errors=True)
-    return len(found)
-
-
 def _make(
     place: Path,
     missing: list[int],
@@ -191,6 +188,6 @@ def _read(path: Path, slips: int) -> dict[str, NDArray[np.generic]]:
     try:
         with np.load(BytesIO(files.read(path, "table", largest=_LARGEST)), allow_pickle=False) as found:
             block = {name: found[name] for name in _FIELDS}
-    except (InputError, OSError, ValueError, KeyError, EOFError, Exception):
+    except (InputError, OSError, ValueError, KeyError, EOFError, NotImplementedError, BadZipFile):
         return {}
     return block if block["peaks"].shape == (_BLOCK, slips) else {}

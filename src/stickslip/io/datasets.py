@@ -26,6 +26,7 @@ from stickslip.io import files
 from stickslip.model.activation import ACTIVATIONS
 from stickslip.model.ageing import AGEING_MODELS
 from stickslip.model.delays import DELAYS
+from stickslip.model.distribution import Positive
 from stickslip.model.distributions import DISTRIBUTIONS
 from stickslip.model.methods import METHODS
 
@@ -41,11 +42,17 @@ Plain = Any
 
 def records() -> dict[str, type]:
     """Return the records of `stickslip.model`, and those registered by a user, by name, for `decode`."""
-    kinds = {name: kind for name, kind in vars(model).items() if isinstance(kind, type) and is_dataclass(kind)}
-    for table in (DISTRIBUTIONS, DELAYS, AGEING_MODELS, ACTIVATIONS, METHODS):
-        kinds.update({kind.__name__: kind for kind in table.values()})
-    del kinds["Parameter"]  # it holds functions
-    return kinds
+    ours = {name: kind for name, kind in vars(model).items() if isinstance(kind, type) and is_dataclass(kind)}
+    del ours["Parameter"]  # it holds functions
+    ours[Positive.__name__] = Positive  # what a SteadyState of a guest's distribution may hold
+    tables = (DISTRIBUTIONS, DELAYS, AGEING_MODELS, ACTIVATIONS, METHODS)
+    return {_name_of(kind): kind for table in tables for kind in table.values()} | ours
+
+
+def _name_of(kind: type) -> str:
+    """Name of a record in a file: that of its class, with its module where it is not ours."""
+    is_ours = kind.__module__.partition(".")[0] == __name__.partition(".")[0]
+    return kind.__name__ if is_ours else f"{kind.__module__}.{kind.__qualname__}"
 
 
 def encode(value: object) -> Plain:
@@ -58,7 +65,7 @@ def encode(value: object) -> Plain:
         content = {
             field.name: encode(getattr(value, field.name)) for field in fields(value) if field.init and field.compare
         }
-        return {"class": type(value).__name__, **content}
+        return {"class": _name_of(type(value)), **content}
     if isinstance(value, Mapping):
         return {str(key): encode(item) for key, item in value.items()}
     if isinstance(value, (tuple, list)):
@@ -159,7 +166,9 @@ def as_csv(catalogue: xr.Dataset) -> str:
     writer = csv.writer(text)
     names = [str(name) for name in catalogue.data_vars]
     writer.writerow([f"{name} [{catalogue[name].attrs.get('units', '')}]" for name in names])
-    writer.writerows(zip(*(catalogue[name].to_numpy().tolist() for name in names), strict=True))
+    # Ten digits: what a difference of times has beyond them is rounding.
+    columns = ([type(v)(f"{v:.10g}") for v in catalogue[name].to_numpy().tolist()] for name in names)
+    writer.writerows(zip(*columns, strict=True))
     return text.getvalue()
 
 

@@ -57,7 +57,8 @@ def size(path: str | os.PathLike[str], kind: str, *, largest: int) -> int:
     if not stat.S_ISREG(found.st_mode):
         raise InputError(f"{path}: is {_KINDS[stat.S_IFMT(found.st_mode)]}, not a {kind}")
     if found.st_size > largest:
-        raise InputError(f"{path}: has {found.st_size / 1e6:.3g} MB, more than a {kind} may have ({largest / 1e6:g})")
+        most = f"{largest / 1e6:g} MB"
+        raise InputError(f"{path}: has {found.st_size / 1e6:.3g} MB, more than a {kind} may have ({most})")
     return found.st_size
 
 

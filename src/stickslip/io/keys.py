@@ -9,7 +9,7 @@ from typing import Any
 
 from stickslip.errors import InputError, number, shown
 from stickslip.io.validation import Sign, quantity_of
-from stickslip.model.units import SI_NAMES
+from stickslip.model.units import si_unit
 
 DECADES = 15
 """Powers of ten of a pure number: beyond, squares and quotients of doubles overflow in the distributions."""
@@ -97,7 +97,7 @@ class Key:
                 wrong = str(error)
         elif self.unit:
             try:
-                return quantity_of(value, SI_NAMES[self.unit], str(self.example), self.sign, natural=natural)
+                return quantity_of(value, si_unit(self.unit), str(self.example), self.sign, natural=natural)
             except InputError as error:
                 wrong = str(error)
         elif self.choices:

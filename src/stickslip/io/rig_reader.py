@@ -35,7 +35,7 @@ from stickslip.model.operation import Operation
 from stickslip.model.parameters import Parameter, parameter_named
 from stickslip.model.records import declared
 from stickslip.model.rig import Assumption, Fitted, Rig
-from stickslip.model.units import SI_NAMES, Scales
+from stickslip.model.units import Scales, si_unit
 
 Made = TypeVar("Made")
 
@@ -169,7 +169,7 @@ class Reader:
         scales = None if self.natural else self._scales(interface, drive, pieces)
 
         def natural(value: float, unit: str) -> float:
-            return value if scales is None else value / scales.size(unit)
+            return value if scales is None else value / scales.unit(unit)
 
         if scales is not None:
             parts["delay"] = _in(parts["delay"], natural)
@@ -222,6 +222,9 @@ class Reader:
         given = top.get("simulation", {})
         method = given.get("method") if isinstance(given, Mapping) else None
         keys = {**rig_keys.TABLES, "simulation": rig_keys.keys_of_simulation(method)}
+        made = METHODS.get(str(method or rig_keys.SIMULATION["method"].default))
+        if isinstance(given, Mapping) and "rtol" in given and made and "rtol" not in rig_keys.fields_of_method(made):
+            self.wrong("simulation.rtol", "belongs to the master equation and population; leave it out")
         return (self.table(top.get(name, {}), keys[name], name) for name in (kind, "interface", "drive", "simulation"))
 
     def _parts(self, interface: Mapping[str, Any], document: Mapping[str, Any]) -> dict[str, Any]:
@@ -237,7 +240,9 @@ class Reader:
         }
         given = {"delay": 0.0, **interface}
         parts = {name: self._part(reader, given.get(name), f"interface.{name}") for name, reader in read.items()}
-        if "thresholds" not in interface and not coefficients:
+        content = document.get("interface")
+        written: Mapping[str, Any] = content if isinstance(content, Mapping) else {}
+        if "thresholds" not in interface and not (coefficients or _of_coefficients(written)):
             self.mistakes.append(_MissingError("interface.thresholds", rig_keys.INTERFACE["thresholds"].example))
         if coefficients and "thresholds" in interface:
             self.wrong("interface.thresholds", "leave it out beside mu_s and mu_k, which say how wide it is")
@@ -249,8 +254,7 @@ class Reader:
             self.wrong(
                 "interface.areas", "leave it out beside mu_s, mu_k and v_half, which are read as of equal contacts"
             )
-        written = document.get("interface", {})
-        if isinstance(written, Mapping) and "delay" in written and "v_half" in written:
+        if "delay" in written and "v_half" in written:
             self.wrong("interface", "give delay or v_half, not both")
         return parts
 
@@ -275,8 +279,9 @@ class Reader:
         )
         if "v_half" not in interface:
             return made
-        half_speed = natural(interface["v_half"], "x_s/time")
-        delay = self.make("interface.v_half", lambda: Delay(half_distance(made) / half_speed))
+        seconds = half_distance(made) / interface["v_half"] / natural(1.0, "x_s")
+        # By way of seconds, so that a file in SI units can hold exactly this delay.
+        delay = self.make("interface.v_half", lambda: Delay(natural(seconds, "time")))
         return replace(made, delay=delay)
 
     def _part(self, read: Callable[[Any, str], Made], content: Any, place: str) -> Any:
@@ -327,7 +332,7 @@ class Reader:
                 parameter = parameter_named(str(name), place="feasible")
                 if not isinstance(given, list) or len(given) != 2:
                     raise InputError(f"{place} = {shown(given)}: must be two values, lowest and highest", place)
-                key = Key("", f"2 {SI_NAMES.get(parameter.unit, '')}", unit=parameter.unit, sign="above 0")
+                key = Key("", f"2 {si_unit(parameter.unit)}", unit=parameter.unit, sign="above 0")
                 key = Key("", 1.0, sign="above 0") if parameter.unit == "1" else key
                 low, high = (key.read(item, f"{place}[{i}]", natural=self.natural) for i, item in enumerate(given))
                 if low > high:
@@ -551,6 +556,8 @@ class Reader:
                 self.mistakes.append(error)
                 continue
             values = self.table(entry, rig_keys.FITTED, f"fitted.{path}")
+            if len(values.get("draws", ())) > _MOST_DRAWS:
+                self.wrong(f"fitted.{path}.draws", f"more than {_MOST_DRAWS} values; give every tenth, say")
             if len(values) == len(rig_keys.FITTED):
                 found[path] = Fitted(_value_at(document, path), **values)
         if len({len(one.draws) for one in found.values() if one.draws}) > 1:
@@ -604,6 +611,8 @@ class Reader:
 
 _ENDS = ("start", "end")
 _START = "simulation.start"
+_MOST_DRAWS = 10_000
+"""Draws of a fitted value: their 90 % interval is then known to 1 % of its width, and predictions take seconds."""
 
 
 def method_from(simulation: Mapping[str, Any]) -> Method:

@@ -23,11 +23,12 @@ from stickslip.model.activation import ACTIVATIONS
 from stickslip.model.ageing import AGEING_MODELS
 from stickslip.model.delays import DELAYS, OnArrest
 from stickslip.model.distributions import DISTRIBUTIONS, Distribution
+from stickslip.model.drive import USUAL_DISTANCE
 from stickslip.model.methods import METHODS
 from stickslip.model.parameters import parameter_named
 from stickslip.model.quantities import read_quantity
 from stickslip.model.rig import Rig
-from stickslip.model.units import SI_NAMES, engineering
+from stickslip.model.units import engineering, si_unit
 
 Made = TypeVar("Made")
 Document = dict[str, Any]
@@ -158,7 +159,7 @@ class RigWriter:
         return found
 
     def _rate(self, record: Any, si: float) -> bool:
-        time = si if self.scales is None else si / self.scales.size("time")
+        time = si if self.scales is None else si / self.scales.unit("time")
         return bool(rig_keys.rate_of(type(record), time) == record.rate)
 
     def _delay(self) -> Any:
@@ -187,8 +188,10 @@ class RigWriter:
             }
         velocity, duration = pieces[0].start, pieces[0].duration
         found = {"velocity": self._speeds(velocity)}
+        if self.digits is None and velocity and duration == USUAL_DISTANCE / abs(velocity):
+            return found  # a default, too
         if velocity:
-            size = 1.0 if self.scales is None else self.scales.size("x_s")
+            size = 1.0 if self.scales is None else self.scales.unit("x_s")
             distance = self._quantity(
                 abs(velocity) * duration, "x_s", lambda si: si / size / abs(velocity) == duration, or_none=True
             )
@@ -206,7 +209,7 @@ class RigWriter:
         """A velocity; the fastest one of a drive is also what the unit of time comes from."""
         if self.scales is None:
             return self._quantity(value, "x_s/time")
-        size, x_s, time = self.scales.size("x_s/time"), self.scales.stretching, self.scales.time
+        size, x_s, time = self.scales.unit("x_s/time"), self.scales.stretching, self.scales.time
         both = self._quantity(
             value, "x_s/time", lambda si: si / size == value and (not si or x_s / abs(si) == time), or_none=True
         )
@@ -266,12 +269,12 @@ class RigWriter:
         or_none : bool
             Return None if no text reads back as the same; by default the nearest that there is.
         """
-        size = 1.0 if self.scales is None else self.scales.size(unit)
+        size = 1.0 if self.scales is None else self.scales.unit(unit)
         if self.scales is None or unit == "1":
             if self.digits is not None:
                 return self._number(value)
             return next((at for at in _roundings(value) if (same or value.__eq__)(at)), None if or_none else value)
-        name = SI_NAMES[unit]
+        name = si_unit(unit)
         if self.digits is not None:
             return engineering(value * size, name, self.digits)
         fits = same or (lambda si: si / size == value)

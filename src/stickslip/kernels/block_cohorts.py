@@ -126,7 +126,7 @@ def make_state(
     n, count = births.shape
     cohort = np.zeros((n, 4, max(room, count + 1)))
     reach = np.abs(motion.blocks.X[:, None] - births)
-    held = np.array([[value_at(thresholds.table, x) for x in row] for row in reach])
+    held = values_at(thresholds.table, reach.ravel()).reshape(reach.shape)
     cohort[:, BIRTH, :count], cohort[:, REACH, :count] = births, reach
     cohort[:, ALIVE, :count], cohort[:, MASS, :count] = alive, alive / np.maximum(held, EXTINCT)
     motion.blocks.held[:] = alive.sum(axis=1)

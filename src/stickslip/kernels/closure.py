@@ -224,9 +224,12 @@ def advance_closure(
     reached = here.X  # where the contacts have been moved to
     samples = np.empty((course.times.size, COLUMNS))
     load = Load(F, 1.0, state[LOSS], 0.0)
-    filled = fill(course, samples, 0, here, load, here.time, np.sum(weight[:count]))
-    while count < place.size and goes_on(course, samples, filled):
+    filled, taken = fill(course, samples, 0, here, load, here.time, np.sum(weight[:count])), 0
+    while count < place.size and goes_on(course, samples, filled, taken):
         guess, stroke = plan(course, filled, here, load, _ANGLE)
+        if stroke.end > course.look:
+            break
+        taken += 1
         relax(mass, rates, stroke.dt)
         count, broken, swept = _break(cohorts, count, reached, guess.X, thresholds)
         for i in range(mass.size):  # as e^-swept: what stays is positive

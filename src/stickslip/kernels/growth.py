@@ -22,7 +22,7 @@ class Growth(NamedTuple):
     """How thresholds grow with age.
 
     `kind` `EXPONENTIAL`: from a newborn's threshold to the strength, ``f = s - (s - second) exp(-first age)``;
-    `LOGARITHMIC`: from the strength, ``f = s + first ln(1 + age/second)``.
+    `LOGARITHMIC`: from the strength, ``f = s + first ln(1 + age/second)``; any other: not at all.
     """
 
     kind: int
@@ -47,7 +47,7 @@ def grown(growth: Growth, age: float) -> tuple[float, float]:
     if growth.kind == EXPONENTIAL:
         young = np.exp(-growth.first * age)
         return 1.0 - young, growth.second * young
-    return 1.0, growth.first * np.log1p(age / growth.second)
+    return 1.0, growth.first * np.log1p(age / growth.second) if growth.kind == LOGARITHMIC else 0.0
 
 
 @inlined
@@ -147,9 +147,12 @@ def advance_growing(
     total, count = attached_now(x, attach, here.time)
     samples = np.empty((course.times.size, COLUMNS))
     load = Load(total / n, count / n, state[LOSS], 0.0)
-    filled = fill(course, samples, 0, here, load, here.time, count / n)
-    while goes_on(course, samples, filled):
+    filled, taken = fill(course, samples, 0, here, load, here.time, count / n), 0
+    while goes_on(course, samples, filled, taken):
         guess, stroke = plan(course, filled, here, load, _ANGLE)
+        if stroke.end > course.look:
+            break
+        taken += 1
         hopeless = bool(unready and strongest * growth.first <= abs(stroke.dX / stroke.dt))
         total, count = 0.0, 0
         for i in range(n):
@@ -159,10 +162,11 @@ def advance_growing(
         loss = (load.force + load.stiffness * stroke.dX - total / n) / stroke.dt
         load = Load(load.force, load.stiffness, loss, 0.0)
         there = settle(course, here, guess, load, stroke.dt)
-        total += count * (there.X - guess.X)
+        total = 0.0
         for i in range(n):
             if attach[i] <= there.time:
                 x[i] += there.X - guess.X
+                total += x[i]
         filled = fill(course, samples, filled, here, load, there.time, count / n)
         here, load = there, Load(total / n, count / n, loss, 0.0)
     keep(state, here, load.loss)

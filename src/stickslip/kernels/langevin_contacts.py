@@ -1,13 +1,18 @@
-"""N contacts whose thresholds age by a Langevin equation, sampled in steps of time, under a slider; see `langevin`."""
+"""N contacts whose thresholds age by a Langevin equation, sampled in steps of time, under a slider; see `langevin`.
 
+At a temperature they break before they meet their thresholds, too.
+"""
+
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import inlined, jit
+from .hazard import NONE, Hazard, log_rate, rate
 from .langevin import Langevin
-from .oscillator import Load
+from .oscillator import Load, Motion
 from .stepping import COLUMNS, LOSS, Course, Stroke, attached_now, begin, fill, goes_on, keep, plan, settle
 
 Floats = NDArray[np.float64]
@@ -22,6 +27,11 @@ SLEEP = (2.0 / 3.0 / 4.0) ** 2
 # Largest step of a free oscillation of the slider, in radians.
 _ANGLE = 0.7
 
+FINE = 0.5
+"""Change of the logarithm of the rate in a step of a contact near breaking, and its standard deviation."""
+_SELDOM = 1e-6
+"""Breaks that may be expected in a step that is not as fine."""
+
 
 class Contacts(NamedTuple):
     """Stretchings, thresholds, and the times from which contacts hold (``-inf`` for attached ones), shape (N,)."""
@@ -31,16 +41,18 @@ class Contacts(NamedTuple):
     attach: Floats
 
 
-class _Sleep(NamedTuple):
+class Sleep(NamedTuple):
     """Contacts far from breaking sleep: nothing is done about them until they must be looked at.
 
     The threshold is that of the time ``seen``. To be looked at is a contact from the time ``until`` on, or once the
-    slider leaves the range ``room`` (low and high end for each contact).
+    slider leaves the range ``room`` (low and high end for each contact). Their stretchings are kept less the position
+    of the slider; ``total`` is the sum over those attached, shape (1,).
     """
 
     seen: Floats
     until: Floats
     room: Floats
+    total: Floats
 
 
 class _Step(NamedTuple):
@@ -215,12 +227,80 @@ def _live(
     return x, f, left
 
 
+@inlined
+def _at_once(hazard: Hazard, langevin: Langevin, x: float, f: float, v: float, left: float) -> float:
+    """How long a contact may be followed at once, of the time that is left."""
+    square = langevin.rate * langevin.rate
+    noise = 2.0 * square * langevin.std * langevin.std
+    h = left
+    while True:
+        far = abs(x) + abs(v) * h
+        low = f - 4.0 * math.sqrt(noise * h) - square * max(f - langevin.mean, 0.0) * h
+        if low > far and rate(hazard, far, low) * h < _SELDOM:
+            return h
+        _, along, hard = log_rate(hazard, abs(x), max(f, abs(x)))
+        coarse = noise * h * hard * hard > FINE * FINE or abs(v) * h * abs(along) > FINE
+        if not coarse:
+            return h
+        h *= 0.5
+
+
+@inlined
+def _live_hot(
+    x: float,
+    f: float,
+    left: float,
+    v: float,
+    langevin: Langevin,
+    hazard: Hazard,
+    delays: Floats,
+    rng: np.random.Generator,
+) -> tuple[float, float, float]:
+    """Stretching and threshold at the end of a step of which a time `left` is left, whatever breaks in it.
+
+    Below 0, `left` says how long after the end a contact that has broken is attached again.
+
+    The rate of breaking follows the threshold of the moment, which is noisy: a contact breaks where the integral of the
+    rate along its own path reaches a number drawn from ``exp(-E)``, or where it meets its threshold. It takes steps of
+    its own: far from breaking one long step, near it steps in which the logarithm of the rate changes by no more than
+    `FINE`. The threshold at the end of each is exact; within it the rate goes as an exponential, times what the noise
+    adds to its mean.
+    """
+    mean, std, square = langevin.mean, langevin.std, langevin.rate * langevin.rate
+    while left > 0.0:
+        h = _at_once(hazard, langevin, x, f, v, left)
+        decay = math.exp(-square * h)
+        new_x = x + v * h
+        new_f = mean + (f - mean) * decay + std * math.sqrt(1.0 - decay * decay) * rng.standard_normal()
+        variance = 2.0 * std * std * math.sinh(square * h)
+        margin, new_margin = max(f - abs(x), 0.0), new_f - abs(new_x)
+        met = np.inf
+        if new_margin <= 0.0 or rng.standard_exponential() * variance > 2.0 * margin * new_margin:
+            met = h * crossing(margin, new_margin, variance, rng)
+        here, _, hard = log_rate(hazard, abs(x), max(f, abs(x)))
+        there = log_rate(hazard, abs(new_x), max(new_f, abs(new_x)))[0]
+        pace = hazard.attempts * math.exp(here) * (1.0 + variance * hard * hard / 12.0)
+        wait = rng.standard_exponential() / max(pace, 1e-300)
+        rise = (there - here) / h
+        if abs(rise) * h > 1e-9:
+            grown = rise * wait
+            wait = math.log1p(grown) / rise if grown > -1.0 else np.inf
+        broken = min(met, wait)
+        if broken >= h:
+            x, f, left = new_x, new_f, left - h
+            continue
+        left -= broken + delays[int(rng.random() * delays.size)]
+        x, f = 0.0, langevin.newborn
+    return x, f, min(left, 0.0)
+
+
 @jit
 def _age(
     contacts: Contacts,
-    sleep: _Sleep,
+    sleep: Sleep,
     stroke: Stroke,
     langevin: Langevin,
+    hazard: Hazard,
     delays: Floats,
     rng: np.random.Generator,
 ) -> tuple[float, int]:
@@ -233,7 +313,7 @@ def _age(
     base, threshold, attach = contacts.stretching, contacts.threshold, contacts.attach
     now, X, dX, v, noise = stroke.time, stroke.X, stroke.dX, step.v, step.noise
     end, new_X = now + stroke.dt, X + dX
-    lost, more = 0.0, 0
+    lost, more, hot = 0.0, 0, hazard.attempts > 0.0
     for i in range(base.size):
         if end <= sleep.until[i] and sleep.room[i, 0] <= new_X <= sleep.room[i, 1]:
             continue
@@ -250,10 +330,12 @@ def _age(
             more -= 1
         else:
             left, x, f = end - attach[i], 0.0, langevin.newborn
-            if left <= 0.0:
+            if left < 0.0:
                 continue
         margin = f - abs(x)
-        if margin < step.certain:
+        if hot:
+            x, f, left = _live_hot(x, f, left, v, langevin, hazard, delays, rng)
+        elif margin < step.certain:
             margin, age = reflected(0.0, step.drift, noise, stroke.dt, rng)
             x, left = v * age, 0.0
             f = abs(x) + margin
@@ -274,7 +356,7 @@ def _age(
         attach[i] = -np.inf
         base[i], threshold[i], sleep.seen[i] = x - new_X, f, end
         margin = f - abs(x) - max(f - mean, 0.0)
-        if margin > 0.0:
+        if margin > 0.0 and not hot:
             sleep.until[i] = end + SLEEP * margin * margin / noise if noise > 0.0 else np.inf
             sleep.room[i, 0], sleep.room[i, 1] = new_X - margin / 3.0, new_X + margin / 3.0
         else:
@@ -283,8 +365,82 @@ def _age(
 
 
 @jit
+def awake(contacts: Contacts, time: float, X: float) -> Sleep:
+    """Take stretchings less the position of the slider; nobody sleeps yet."""
+    n, x = contacts.stretching.size, contacts.stretching
+    total, _ = attached_now(x, contacts.attach, time)
+    sleep = Sleep(np.full(n, time), np.full(n, -np.inf), np.zeros((n, 2)), np.array([total]))
+    for i in range(n):
+        if contacts.attach[i] > time:
+            sleep.until[i], sleep.room[i, 0], sleep.room[i, 1] = contacts.attach[i], -np.inf, np.inf
+        x[i] -= X
+    return sleep
+
+
+@jit
+def _wake(contacts: Contacts, sleep: Sleep, here: Motion, langevin: Langevin, rng: np.random.Generator) -> None:
+    """Bring stretchings and thresholds to the present."""
+    x = contacts.stretching
+    for i in range(x.size):
+        x[i] += here.X
+        if contacts.attach[i] > here.time:
+            x[i] = 0.0
+        elif sleep.seen[i] < here.time:
+            contacts.threshold[i] = max(
+                _aged(contacts.threshold[i], here.time - sleep.seen[i], langevin, rng), abs(x[i])
+            )
+
+
+@jit
+def go_on(
+    state: Floats,
+    contacts: Contacts,
+    sleep: Sleep,
+    course: Course,
+    langevin: Langevin,
+    hazard: Hazard,
+    delays: Floats,
+    rng: np.random.Generator,
+) -> Floats:
+    """Go on along a course, which may break off, as `advance_contacts` does, with contacts that go on sleeping.
+
+    `sleep` is that of `awake`; at a temperature, with a `hazard`, newborns must have strength.
+    """
+    n = contacts.stretching.size
+    here = begin(course, state)
+    total, count = sleep.total[0], 0
+    for i in range(n):
+        if contacts.attach[i] <= here.time:
+            count += 1
+    samples = np.empty((course.times.size, COLUMNS))
+    load = Load(total / n, count / n, state[LOSS], 0.0)
+    filled, taken = fill(course, samples, 0, here, load, here.time, count / n), 0
+    while goes_on(course, samples, filled, taken):
+        guess, stroke = plan(course, filled, here, load, _ANGLE)
+        if stroke.end > course.look:
+            break
+        taken += 1
+        lost, more = _age(contacts, sleep, stroke, langevin, hazard, delays, rng)
+        total += count * stroke.dX - lost
+        count += more
+        load = Load(load.force, load.stiffness, lost / (n * stroke.dt), 0.0)
+        there = settle(course, here, guess, load, stroke.dt)
+        total += count * (there.X - guess.X)
+        filled = fill(course, samples, filled, here, load, there.time, count / n)
+        here, load = there, Load(total / n, count / n, load.loss, 0.0)
+    keep(state, here, load.loss)
+    sleep.total[0] = total
+    return samples[:filled]
+
+
 def advance_contacts(
-    state: Floats, contacts: Contacts, course: Course, langevin: Langevin, delays: Floats, rng: np.random.Generator
+    state: Floats,
+    contacts: Contacts,
+    course: Course,
+    langevin: Langevin,
+    delays: Floats,
+    rng: np.random.Generator,
+    hazard: Hazard = NONE,
 ) -> Floats:
     """Advance N ageing contacts and the slider to the last of the course's times, Eqs. (11) and (13)-(16).
 
@@ -308,6 +464,8 @@ def advance_contacts(
         Delays after breaking, one drawn at random for each break; ``[0.]`` for none. A delay needs a newborn
         threshold above 0.
     rng : numpy.random.Generator
+    hazard : Hazard
+        Rate of breaking at a temperature; newborns must then have strength.
 
     Returns
     -------
@@ -315,36 +473,10 @@ def advance_contacts(
         X, V, spring force F_d, contact force F_c (both per contact), fraction of attached contacts, at the times that
         were reached.
     """
-    n, x = contacts.stretching.size, contacts.stretching
     if langevin.newborn <= 0.0 and np.max(delays) > 0.0:
         raise ValueError("a delay after breaking needs a newborn threshold above 0")
     here = begin(course, state)
-    total, count = attached_now(x, contacts.attach, here.time)
-    sleep = _Sleep(np.full(n, here.time), np.full(n, -np.inf), np.zeros((n, 2)))
-    for i in range(n):
-        if contacts.attach[i] > here.time:
-            sleep.until[i], sleep.room[i, 0], sleep.room[i, 1] = contacts.attach[i], -np.inf, np.inf
-        x[i] -= here.X
-    samples = np.empty((course.times.size, COLUMNS))
-    load = Load(total / n, count / n, state[LOSS], 0.0)
-    filled = fill(course, samples, 0, here, load, here.time, count / n)
-    while goes_on(course, samples, filled):
-        guess, stroke = plan(course, filled, here, load, _ANGLE)
-        lost, more = _age(contacts, sleep, stroke, langevin, delays, rng)
-        total += count * stroke.dX - lost
-        count += more
-        load = Load(load.force, load.stiffness, lost / (n * stroke.dt), 0.0)
-        there = settle(course, here, guess, load, stroke.dt)
-        total += count * (there.X - guess.X)
-        filled = fill(course, samples, filled, here, load, there.time, count / n)
-        here, load = there, Load(total / n, count / n, load.loss, 0.0)
-    for i in range(n):
-        x[i] += here.X
-        if contacts.attach[i] > here.time:
-            x[i] = 0.0
-        elif sleep.seen[i] < here.time:
-            contacts.threshold[i] = max(
-                _aged(contacts.threshold[i], here.time - sleep.seen[i], langevin, rng), abs(x[i])
-            )
-    keep(state, here, load.loss)
-    return samples[:filled]
+    sleep = awake(contacts, here.time, here.X)
+    samples = go_on(state, contacts, sleep, course, langevin, hazard, delays, rng)
+    _wake(contacts, sleep, begin(course, state), langevin, rng)
+    return samples

@@ -375,9 +375,12 @@ def advance_density(state: Floats, cohorts: Cohorts, nodes: Floats, course: Cour
     here = begin(course, state)
     F, total = _force(cohorts, count, here.X)
     samples, loss, ramp, last = np.empty((course.times.size, COLUMNS)), state[LOSS], state[RAMP], state[LAST]
-    filled = fill(course, samples, 0, here, Load(F, 1.0, 0.0, 0.0), here.time, total)
-    while goes_on(course, samples, filled):
+    filled, taken = fill(course, samples, 0, here, Load(F, 1.0, 0.0, 0.0), here.time, total), 0
+    while goes_on(course, samples, filled, taken):
         guess, stroke = plan(course, filled, here, Load(F, 1.0, loss + 0.5 * ramp * last, ramp), _ANGLE)
+        if stroke.end > course.look:
+            break
+        taken += 1
         # The contacts are moved to where the slider is guessed to go, from where it was last guessed to have gone.
         dt, dX = stroke.dt, stroke.dX
         count = _age(cohorts, grid, count, Stroke(here.time, stroke.end, dt, here.X - lag, dX + lag), langevin, work)

@@ -64,6 +64,8 @@ def panel_edges(life: Life) -> Floats:
         fastest = max(abs(lowest * math.exp(-age) + rise), abs(highest * math.exp(-age) + rise))
         edges[k + 1] = age + min(age, _WIDEST * math.sqrt(-math.expm1(-2.0 * age)) / fastest)
         k += 1
+    if edges[k] < end:
+        raise ValueError("a life of contacts is not resolved in 65,536 parts: their thresholds scatter too little")
     edges[k] = end
     return edges[: k + 1].copy()
 

@@ -35,12 +35,16 @@ class Sampling(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """A piece of the drive up to `end`, or to a condition seen at a sample, in steps of at most `longest`."""
+    """A piece of the drive up to `end`, or to a condition seen at a sample, in steps of at most `longest`.
+
+    Before the step that would pass the time `look`, the kernel comes back.
+    """
 
     drive: Quadratic
     end: float
     stop: Stop
     longest: float
+    look: float = math.inf
 
 
 class Blocks(NamedTuple):
@@ -74,6 +78,7 @@ SAMPLE, BLOCK, SPENT, HAS_ROW, MODE = range(5)
 
 # What `begin_step` finds.
 ON_THE_WAY, REACHED_END, CONDITION_HELD = range(3)
+LOOK = 8
 
 
 def at_rest(X: Floats, V: Floats, sliding: float, anchored: Floats) -> Motion:
@@ -263,6 +268,8 @@ def begin_step(motion: Motion, network: Network, piece: Piece, sampling: Samplin
             k += 1
         if k < sampling.times.size:
             h = min(h, sampling.times[k] - t)
+    if t + h > piece.look:
+        return LOOK
     kick(motion, network, piece, before, h, sliding)
     if _sample(motion, network, piece, sampling, t + h, sliding):
         _rest(motion)

@@ -31,6 +31,7 @@ from .leapfrog import (
     CONDITION_HELD,
     DAMPED,
     DRIVE_FORCE,
+    LOOK,
     MODE,
     ON_THE_WAY,
     REACHED_END,
@@ -50,6 +51,8 @@ from .tournament import smallest, winner
 Floats = NDArray[np.float64]
 
 LET_GO, DRIVEN = range(2)
+UNDECIDED = 9
+"""Why `advance` returned: which elements slide, and which do not, was not found."""
 _ON_THE_EDGE = 1e-10
 """An element this near to its sliding force slides, if it is pulled that way."""
 
@@ -88,8 +91,11 @@ def _solve_ring(diagonal: Floats, coupling: float, right: Floats, Y: Floats, wor
 @bare
 def _answer(
     state: State, network: Network, ring: bool, sliding: float, right: Floats, way: float, room: Floats
-) -> None:
-    """How the blocks move (``room[0]``) as forces `right` are added; `way` is the sign of the path."""
+) -> bool:
+    """How the blocks move (``room[0]``) as forces `right` are added; `way` is the sign of the path.
+
+    Returns whether it was found which elements slide.
+    """
     blocks = state.motion.blocks
     n = blocks.X.size
     Y, diagonal, stuck = room[0], room[1], room[2]
@@ -122,7 +128,8 @@ def _answer(
                         stuck[j] = should
                         changed = True
         if not changed:
-            break
+            return True
+    return False
 
 
 @bare
@@ -231,7 +238,8 @@ def _let_go(
     blocks, scalar, counts = state.motion.blocks, state.motion.scalar, state.motion.counts
     right = room[6]
     _out_of_balance(state, network, piece, sliding, right)
-    _answer(state, network, ring, sliding, right, 1.0, room)
+    if not _answer(state, network, ring, sliding, right, 1.0, room):
+        return UNDECIDED
     part, j, is_break = _first(state, sliding, 1.0, 1.0, room)
     power = 0.0
     for i in range(blocks.X.size):
@@ -286,10 +294,13 @@ def advance(
             until = now + turn
         D_until, _ = drive_at(piece.drive, until)
         way = math.copysign(1.0, D_until - D)
-        _answer(state, network, ring, sliding, network.pull, way, room)
+        if not _answer(state, network, ring, sliding, network.pull, way, room):
+            return UNDECIDED
         distance, j, is_break = _first(state, sliding, way, abs(D_until - D), room)
         event = _time_of(piece, now, way * distance) if j >= 0 and distance > 0.0 else (now if j >= 0 else until)
         event = min(event, until)
+        if event > piece.look:
+            return LOOK
         while counts[SAMPLE] < sampling.times.size and sampling.times[counts[SAMPLE]] <= event:
             k = counts[SAMPLE]
             D_before, _ = drive_at(piece.drive, scalar[TIME])

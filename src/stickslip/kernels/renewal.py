@@ -243,8 +243,8 @@ def _survivors(contacts: Contacts, X: Array) -> tuple[Mask, Array, Array, Array]
 def _end(contacts: Contacts) -> float:
     """A stretching that no contact survives. To stop there saves most of the evaluations of the distribution."""
     x = np.asarray(2.0 ** np.arange(-30, 60))
-    law_ends = x[np.argmax(contacts.excess(x, 0) < NOTHING)]
-    return float(max(law_ends, 2.0 * contacts.reach.max()))
+    gone = x[contacts.excess(x, 0) < NOTHING]
+    return float(max(gone[0] if gone.size else np.inf, 2.0 * contacts.reach.max()))
 
 
 def _at_once(contacts: Contacts) -> float:

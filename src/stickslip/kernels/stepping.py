@@ -3,7 +3,8 @@
 The loop is the same for all solvers that take steps: `begin` once; then, while the course `goes_on`, for each step
 `plan` says where the slider would go if breaking went on as in the step before, the contacts are moved there, `settle`
 moves the slider again under the force that they have turned out to give (second order in the step), and `fill` reads
-the samples off that motion; `keep` stores the state. Only how the contacts move differs.
+the samples off that motion; `keep` stores the state. Only how the contacts move differs. A course that breaks off
+between two steps is taken up there again: neither its pauses nor its samples change the motion.
 """
 
 from typing import NamedTuple
@@ -41,6 +42,10 @@ class Course(NamedTuple):
     stop : Stop
         Condition that ends the course at the first sample where it holds. A step then ends at each sample, so that the
         way up to there does not depend on where the course ends.
+    look : float
+        Time of a look at the contacts: the course breaks off before the step that would pass it.
+    budget : int
+        Most steps; then the course breaks off.
     """
 
     drive: Quadratic
@@ -49,6 +54,8 @@ class Course(NamedTuple):
     longest: float
     reach: float
     stop: Stop = Stop()
+    look: float = np.inf
+    budget: int = 2**62
 
 
 class Stroke(NamedTuple):
@@ -107,9 +114,9 @@ def _pace(course: Course, here: Motion, load: Load, angle: float, until: float) 
 
 
 @jit
-def goes_on(course: Course, samples: Floats, filled: int) -> bool:
-    """Whether there is a sample left to fill, and the last one does not meet the condition that ends the course."""
-    if filled == course.times.size:
+def goes_on(course: Course, samples: Floats, filled: int, taken: int) -> bool:
+    """Whether samples and steps are left, and the last sample does not meet the condition that ends the course."""
+    if filled == course.times.size or taken == course.budget:
         return False
     return filled == 0 or not holds(course.stop, samples[filled - 1, 0], samples[filled - 1, 2])
 

@@ -176,7 +176,8 @@ def _box(model: Model, x: float, strength: float, age: float, speed: float) -> _
     while True:
         reach = min(x + width, lowest)
         most = largest_rate(model.hazard, reach, lowest)
-        if width <= finest or most * width <= _CHANCE * speed:
+        too_wide = width > finest and most * width > _CHANCE * speed
+        if not too_wide:
             return _Box(reach, time, most, False)
         width = max(0.5 * width, finest)
 

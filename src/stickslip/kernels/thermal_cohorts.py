@@ -577,6 +577,9 @@ def _run(
                     planned = part * dt
                     trial, trouble = _try_step(state, case, planned)
                     dt = planned
+            if math.isnan(trouble):  # no step helps; the caller is told by where the slider is
+                scalar[POSITION] = math.nan
+                return PAUSED, filled, 0
             if trouble <= 1.0 or dt <= smallest:
                 break
             planned = dt * max(0.9 / trouble, 0.2)

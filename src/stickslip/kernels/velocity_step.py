@@ -6,9 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._jit import inlined, jit
-from .growth import LOGARITHMIC, Growth
+from .growth import Growth, grown
 
 Floats = NDArray[np.float64]
+
+_TRIES = 60
+"""Lengths that a step is tried with; four are enough as a rule."""
 
 
 class Contacts(NamedTuple):
@@ -49,20 +52,15 @@ def _survival(contacts: Contacts, u: float) -> float:
 
 
 @inlined
-def _grown(growth: Growth, age: float) -> float:
-    return growth.first * np.log1p(age / growth.second) if growth.kind == LOGARITHMIC else 0.0
-
-
-@inlined
 def _hazard(contacts: Contacts, x: float, dx: float, age: float, dt: float) -> float:
     """``A ln`` of what the hazard gains while a contact goes from ``x`` on by ``dx`` in the time ``dt``.
 
     The exponent is taken as linear on either half: thresholds age ever more slowly.
     """
     A, growth = contacts.width, contacts.growth
-    start = x - _grown(growth, age)
-    middle = x + 0.5 * dx - _grown(growth, age + 0.5 * dt)
-    end = x + dx - _grown(growth, age + dt)
+    start = x - grown(growth, age)[1]
+    middle = x + 0.5 * dx - grown(growth, age + 0.5 * dt)[1]
+    end = x + dx - grown(growth, age + dt)[1]
     top = max(start, middle, end)
     total = 0.0
     for a, b in ((start, middle), (middle, end)):
@@ -101,7 +99,7 @@ def step(
     Returns
     -------
     ndarray, shape (3, steps + 1)
-        Force per contact, displacement of the load point, time.
+        Force per contact, displacement of the load point, time; NaN from where no balance was found.
     """
     m, rigid, A = stretching.size, np.isinf(stiffness), contacts.width
     birth, G, age, share = np.empty(m + steps), np.empty(m + steps), np.empty(m + steps), np.empty(m + steps)
@@ -120,8 +118,8 @@ def step(
     n = m
     for k in range(steps):
         X, lead, time = k * dX, found[1, k], found[2, k]
-        tried, wrong_before = 0.0, 0.0
-        for attempt in range(1 if rigid else 12):
+        tried, wrong_before, balanced = 0.0, 0.0, rigid
+        for attempt in range(1 if rigid else _TRIES):
             held, work = 0.0, 0.0
             for i in range(oldest, n):
                 x = X - birth[i]
@@ -138,10 +136,14 @@ def step(
             # Spring: the load point has gone on by `after dt` meanwhile.
             wrong = start + stiffness * (lead + after * dt - X - dX) - work
             if abs(wrong) < 1e-10 or (attempt > 0 and abs(dt - tried) < 1e-13 * dt):
+                balanced = True
                 break
             slope = stiffness * after if attempt == 0 else (wrong - wrong_before) / (dt - tried)
             tried, wrong_before = dt, wrong
             dt = min(max(dt - wrong / slope, 0.2 * dt), 5.0 * dt)
+        if not balanced:
+            found[:, k + 1 :] = np.nan
+            break
         for i in range(oldest, n):
             G[i] = G_new[i]
             age[i] += dt

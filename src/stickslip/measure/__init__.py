@@ -9,7 +9,7 @@ A slip is a drop of the force. Nothing here asks whether the slider is at rest: 
 driven slider creeps at ``v K/(K + k N_c)`` between slips, so rest tells nothing about the regime.
 """
 
-from stickslip.measure.catalogue import counted, drops, statistics
+from stickslip.measure.catalogue import counted, drops, regime_and_drops, statistics
 from stickslip.measure.fronts import events, fronts
 from stickslip.measure.periods import Cycles, find_cycles
 from stickslip.measure.ramps import transitions
@@ -26,6 +26,7 @@ __all__ = [
     "fronts",
     "read_trace",
     "regime",
+    "regime_and_drops",
     "regime_of",
     "statistics",
     "transitions",

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.errors import LARGEST, InputError, instance
+from stickslip.errors import LARGEST, SMALLEST, InputError, instance, printable
 from stickslip.io.datasets import read_provenance
-from stickslip.model import Contacts, Slider
+from stickslip.model import Contacts, Population, Slider
 from stickslip.simulation import Recording
+from stickslip.words import engineering
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -38,7 +39,7 @@ class Trace:
     """The arrays of a Dataset, as the functions here need them; forces and motion along the drive's direction.
 
     `largest` is the largest force in all of the data: the static friction, where they hold a slip or the first
-    loading. `contacts` is their number in a run of single contacts.
+    loading. `contacts` is their number in a run of so many.
     """
 
     t: Array
@@ -76,6 +77,8 @@ class Trace:
             )
         if not np.all(np.isfinite(t)) or not np.all(np.diff(t) > 0):
             raise InputError("measure: the times t must be finite and rising")
+        if not t[-1] - t[0] >= SMALLEST:
+            raise InputError(f"measure: the times span {t[-1] - t[0]:.3g} only; give them in another unit")
         arrays = {
             name: np.asarray(data[name].values, dtype=float) if name in data else None
             for name in (
@@ -114,8 +117,8 @@ class Trace:
             largest=_largest(sign * force),
             contacts=_contacts(data),
             displacement=arrays["measured_displacement"],
-            time_unit=str(data["time"].attrs.get("units", "")),
-            force_unit=str(data["spring_force"].attrs.get("units", "")),
+            time_unit=printable(str(data["time"].attrs.get("units", ""))),
+            force_unit=printable(str(data["spring_force"].attrs.get("units", ""))),
             quantity="coefficient of friction"
             if "coefficient" in str(data["spring_force"].attrs.get("long_name", ""))
             else "force",
@@ -140,18 +143,24 @@ class Trace:
             attached=track["attached"],
             sign=sign,
             largest=_largest(force),
-            contacts=rig.method.count if isinstance(rig.method, Contacts) else None,
+            contacts=rig.method.count if isinstance(rig.method, (Contacts, Population)) else None,
             time_unit=rig.unit_name("time"),
             force_unit=rig.unit_name("f_s"),
         )
 
     def time_in_words(self, time: float) -> str:
         """A time with its unit."""
-        return f"{time:.2g}" + {"": "", "time": " time units"}.get(self.time_unit, f" {self.time_unit}")
+        return in_words(time, self.time_unit, 2)
 
     def force_in_words(self, force: float) -> str:
         """A force with its unit."""
-        return f"{force:.3g}" + ("" if self.force_unit in ("", "1") else f" {self.force_unit}")
+        return in_words(force, self.force_unit, 3)
+
+    @property
+    def gaps(self) -> NDArray[np.intp]:
+        """Samples before a gap: a step of more than 16 of those beside it, as many readings as a verdict needs."""
+        step = np.diff(self.t)
+        return 1 + np.flatnonzero(step[1:-1] > FEWEST_READINGS * np.maximum(step[:-2], step[2:]))
 
     def part(self, begin: float, end: float = math.inf) -> Trace:
         """What comes from a time on, up to another."""
@@ -172,6 +181,11 @@ class Trace:
         )
 
 
+def in_words(value: float, unit: str, digits: int = 4) -> str:
+    """A value with its unit, of time too."""
+    return engineering(value, "time units" if unit == "time" else unit, digits)
+
+
 def _largest(force: Array) -> float:
     """Largest force along the drive; of one that never pulls that way, the largest in size."""
     return top if (top := float(np.max(force))) > 0 else float(np.max(np.abs(force)))
@@ -190,18 +204,22 @@ def _contacts(data: xr.Dataset) -> int | None:
     """How many contacts a run was made with, as its provenance says; None for other data."""
     try:
         rig = read_provenance(data)["arguments"]["rig"]
-        count = rig["method"]["count"] * rig["slider"].get("blocks", 1)
+        slider = rig["slider"]
+        count = rig["method"]["count"] * slider.get("blocks", slider.get("along", 1) * slider.get("across", 1))
     except (InputError, KeyError, TypeError):
         return None
     return count if isinstance(count, int) and count > 0 else None
 
 
 def without_line(values: Array, at: Array) -> Array:
-    """Values less the straight line through them; sums, as products of long vectors would wake the threads of BLAS."""
+    """Values less the straight line through them. Sums, as products of long vectors would wake the threads of BLAS."""
+    return np.asarray(values - values.mean() - slope(values, at) * (at - at.mean()))
+
+
+def slope(values: Array, at: Array) -> float:
+    """Slope of the straight line through values."""
     at = at - at.mean()
-    rest = values - values.mean()
-    slope = float((at * rest).sum()) / float((at * at).sum())
-    return np.asarray(rest - slope * at)
+    return float((at * (values - values.mean())).sum()) / float((at * at).sum())
 
 
 def turns(force: Array, smallest: float, among: NDArray[np.intp] | None = None) -> tuple[list[int], list[int]]:

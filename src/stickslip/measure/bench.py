@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
+import math
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stickslip.measure.arrays import FEWEST_READINGS, Array, Trace, turns
-from stickslip.measure.slips import SLIP_PHASE_OF_SLIPS, Slips, find_slips
+from stickslip.measure.slips import SLIP_PHASE_OF_SLIPS, Slips, find_slips, quantum
 
 LEAST_WAY = 0.5  # of the range of the displacement, or of the force: a stroke goes at least so far
 IN_BETWEEN = 0.08  # largest part of the time that a force between its two plateaus may take
 MIRRORED = 0.25  # largest part of the time that the jumps of a mirrored force take
+SIGMAS = 6.0  # standard deviations of the noise: what lies farther off is none of it
+FEW = 0.05  # largest part of the samples that may be faults of the sensor
+RESOLVED = 2  # samples of a jump: with fewer, which of two samples came first is chance
 FEWEST_FLAT, FLAT_RUN, FLAT_PEAKS = 10, 3, 3  # samples, consecutive samples and peaks that make a saturated sensor
 
 
@@ -74,6 +80,49 @@ def about_the_sensor(force: Array) -> tuple[str, ...]:
     return tuple(notes)
 
 
+def far_outside(force: Array) -> NDArray[np.bool_]:
+    """Samples between others and farther from all of these than they ever are from one another: -9999, or a spark.
+
+    A force that moves there passes through what lies between; a few samples with nothing between are a fault.
+    """
+    found = ~np.isfinite(force)
+    known = np.flatnonzero(~found)
+    for side in (1.0, -1.0, 1.0):
+        known = known[~found[known]]
+        values = np.sort(side * force[known])
+        if values.size < FEWEST_READINGS:
+            break
+        few = values[: int(FEW * values.size) + 1]
+        below = np.flatnonzero(np.diff(few) > values[-1] - few[1:])
+        if below.size:
+            found[known[side * force[known] <= few[below[-1]]]] = True
+    inner = np.flatnonzero(~found)
+    if inner.size:
+        found[: inner[0]] = found[inner[-1] + 1 :] = False  # before and after the test there may be anything
+    return found & np.isfinite(force)
+
+
+def spikes(force: Array) -> NDArray[np.bool_]:
+    """Single samples that a force did not pass through: electrical spikes, of either sign.
+
+    They lie more than six standard deviations off the median of five, and farther from the four samples beside them
+    than these from one another: a slip, which is no longer, leaves those apart. Where many are so, they are no faults.
+    """
+    found, known = np.zeros(force.size, dtype=bool), np.flatnonzero(np.isfinite(force))
+    values = force[known]
+    if values.size < FEWEST_READINGS:
+        return found
+    bend = float(np.median(np.abs(values[:-2] - 2.0 * values[1:-1] + values[2:])))
+    scatter = max(1.4826 * bend / math.sqrt(6.0), quantum(values) / math.sqrt(12.0))
+    beside, here = (values[:-4], values[1:-3], values[3:-1], values[4:]), values[2:-2]
+    lowest, highest = functools.reduce(np.minimum, beside), functools.reduce(np.maximum, beside)
+    apart = np.maximum(lowest - here, here - highest) > highest - lowest
+    apart[apart] = np.abs(here[apart] - np.median([each[apart] for each in (*beside, here)], axis=0)) > SIGMAS * scatter
+    if np.count_nonzero(apart) <= FEW * values.size:
+        found[known[2:-2][apart]] = True
+    return found
+
+
 def _is_flat(force: Array) -> bool:
     """Whether a force stays at its largest value again and again, much longer than at values just below."""
     top = float(force.max())
@@ -98,4 +147,6 @@ def is_mirrored(trace: Trace, found: Slips) -> bool:
         return False
     other = replace(trace, force=-trace.force)
     turned = find_slips(other)
+    if turned.size and float(np.median(turned.trough - turned.peak)) < RESOLVED:
+        return False
     return turned.size > 3 and turned.slip_phase(other) <= MIRRORED

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stickslip.errors import number
+from stickslip import words
+from stickslip.errors import number, printable
 from stickslip.measure.arrays import Array, Trace
 from stickslip.measure.bench import find_strokes
 from stickslip.measure.slips import Slips, find_slips, mean_and_std
-from stickslip.measure.verdict import over_the_window, since
+from stickslip.measure.verdict import Regime, over_the_window, since, with_coefficient
+from stickslip.words import prefixed
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+_DUST = 1e-9  # of a mean: scatter that comes from rounding
+_SIGNED = ("force_before", "force_after", "mu_before", "mu_after")  # by the direction of the drive
 
 
 def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float | None = None) -> xr.Dataset:
@@ -26,8 +33,8 @@ def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float |
     Peaks and troughs alternate such that every drop and every rise between them is at least `minimum_drop`.
     Drops that belong to the ringing after a slip are joined to it: the slider turned back before them (or,
     where only the force is known, the force came back much faster than it usually rises) by less than the drop
-    itself, within the cycle. Where the velocity is known, drops slower than 3.5 times the drive are left out
-    beside faster ones. A drop cut off by the start or the end of the data is left out and counted in the
+    itself, within the cycle. In stick-slip, where the velocity is known, drops slower than 3.5 times the drive are
+    left out. A drop cut off by the start or the end of the data is left out and counted in the
     attribute ``cut``. The strokes of a test that goes to and fro are read apart.
 
     Parameters
@@ -37,8 +44,9 @@ def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float |
     minimum_drop : float, optional
         Smallest drop that counts, in the unit of `spring_force`. By default the larger of (a) the drop that the noise
         from sample to sample could show by chance in so many samples, and (b) a tenth of the typical drop
-        (the median, weighted by the squares of the drops). By default, too, noise of the contacts has no slips,
-        and smooth sliding none; the attribute ``criterion`` says so.
+        (the median, weighted by the squares of the drops). By default, too, noise of the contacts has no slips.
+        Where the motion ends in smooth sliding, drops from before it count if they exceed its peak to peak. The
+        attribute ``criterion`` says so.
     after : float, optional
         Look at what comes after this time only, in the unit of `t`.
 
@@ -48,12 +56,13 @@ def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float |
         Along ``event``: `start` and `end` (the times at which the force leaves its peak and reaches its
         trough, to 5 % of the drop), `force_before`, `force_after`, `drop`, `duration`, `recurrence` (since
         the previous start; NaN for the first), `loading_rate` before the slip, and, where the data hold them,
-        `slip` (distance between start and end) and `peak_velocity`; with strokes, `stroke`. In a noisy trace,
+        `slip` (distance between start and end), `peak_velocity`, and, with a normal load, `mu_before`, `mu_after` and
+        `mu_drop`; with strokes, `stroke`. In a noisy trace,
         the forces before and after a slip come from lines through the loading beside it, as the extremes of
         noise would overstate the drop. The attributes ``mean`` and ``std`` (sample standard deviation) of
-        each variable hold its statistics; the attributes of the table are ``count``, ``drops_are`` ("slips", or
-        "cycles" of a sustained oscillation in which the slider never sticks), ``minimum_drop``, ``noise``,
-        ``criterion`` and ``cut``.
+        each variable hold its statistics; the attributes of the table are ``count``, ``drops_are`` ("slips" of
+        stick-slip, "cycles" of a sustained oscillation in which the slider never sticks, else "drops"),
+        ``minimum_drop``, ``noise``, ``criterion`` and ``cut``.
 
     Raises
     ------
@@ -69,6 +78,13 @@ def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float |
     >>> found.sizes["event"], round(found["drop"].attrs["mean"], 2)
     (13, 2.98)
     """
+    return regime_and_drops(data, minimum_drop=minimum_drop, after=after)[1]
+
+
+def regime_and_drops(
+    data: xr.Dataset, *, minimum_drop: float | None = None, after: float | None = None
+) -> tuple[Regime, xr.Dataset]:
+    """Return what `regime` and `drops` do, from one look at the data."""
     import xarray as xr
 
     trace = Trace.of(data)
@@ -76,16 +92,11 @@ def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float |
         minimum_drop = number("minimum_drop", minimum_drop, above=0, hint="in the unit of spring_force")
     if after is not None:
         trace = since(trace, after)
+    seen = with_coefficient(over_the_window(trace, after), data)
     strokes = find_strokes(trace) if trace.drive is None else []
     if not strokes:
-        found, drops_are = find_slips(trace, minimum_drop), "slips"
-        if found.size:
-            seen = over_the_window(trace, None)
-            drops_are = seen.drops_are
-            if seen.kind == "smooth sliding" and minimum_drop is None:
-                found = found.none(f"smooth sliding, {seen.reason}")
-        return _table(data, trace, found, drops_are)
-    each = [_table(data, stroke, find_slips(stroke, minimum_drop)) for stroke in strokes]
+        return seen, _table(data, trace, _drops_beside(seen, trace, minimum_drop), seen.drops_are)
+    each = [_table(data, stroke, _drops_beside(seen, stroke, minimum_drop), seen.drops_are) for stroke in strokes]
     rows = [table.assign(stroke=("event", np.full(table.sizes["event"], i))) for i, table in enumerate(each)]
     whole = xr.concat(rows, "event", combine_attrs="override").assign_coords(
         event=np.arange(sum(table.sizes["event"] for table in rows))
@@ -93,7 +104,21 @@ def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float |
     whole["stroke"].attrs = {"units": "1", "long_name": "number of the stroke"}
     whole.attrs["count"] = whole.sizes["event"]
     whole.attrs["cut"] = sum(table.attrs["cut"] for table in each)
-    return with_statistics(whole)
+    whole.attrs["criterion"] = f"of the first stroke: {whole.attrs['criterion']}"
+    return seen, with_statistics(whole)
+
+
+def _drops_beside(seen: Regime, trace: Trace, minimum_drop: float | None) -> Slips:
+    """Drops of a trace; where it ends in smooth sliding, those outside that window, larger than anything in it."""
+    found = find_slips(trace, minimum_drop, slow=seen.kind != "stick-slip")
+    if seen.kind != "smooth sliding" or minimum_drop is not None:
+        return found
+    begin, end = seen.window
+    outside = (trace.t[found.peak] < begin) | (trace.t[found.peak] > end)
+    kept = outside & (found.drops > seen.peak_to_peak)
+    if not kept.any():
+        return found.none(f"smooth sliding, {seen.reason}")
+    return replace(found.only(kept), criterion=f"{found.criterion}, before smooth sliding")
 
 
 def _table(data: xr.Dataset, trace: Trace, found: Slips, drops_are: str = "slips") -> xr.Dataset:
@@ -105,8 +130,11 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips, drops_are: str = "slips
     force_unit = str(data["spring_force"].attrs.get("units", ""))
     name = "coefficient of friction" if force_unit == "1" else "force"
     rate_unit = f"{'' if force_unit == '1' else force_unit}/{time_unit}" if time_unit else ""
+    recurrence = np.diff(trace.t[start], prepend=math.nan) if start.size else np.empty(0)
     loading = np.full(start.size, math.nan)
     loading[1:] = (found.before[1:] - found.after[:-1]) / (trace.t[start[1:]] - trace.t[end[:-1]])
+    beyond = 1 + np.flatnonzero(np.diff(np.searchsorted(trace.gaps, start)))  # the first slip after a gap
+    recurrence[beyond] = loading[beyond] = math.nan
     columns: dict[str, tuple[Array, str, str]] = {
         "start": (trace.t[start], time_unit, "time at which the slip starts"),
         "end": (trace.t[end], time_unit, "time at which the slip ends"),
@@ -115,13 +143,23 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips, drops_are: str = "slips
         "drop": (found.drops, force_unit, f"drop of the {name} in the slip"),
         "duration": (trace.t[end] - trace.t[start], time_unit, "duration of the slip"),
         "recurrence": (
-            np.diff(trace.t[start], prepend=math.nan) if start.size else np.empty(0),
+            recurrence,
             time_unit,
             "time since the start of the slip before",
         ),
         "loading_rate": (loading, "1" + rate_unit if rate_unit.startswith("/") else rate_unit, "rise of the "
                          f"{name} per time since the slip before"),
     }  # fmt: skip
+    if "mu" in data and "load" in data and start.size:
+        row = [np.searchsorted(data["time"].values, trace.t[edge]) for edge in (start, end)]
+        before, after = (
+            np.divide(_per_load(data) * trace.sign * force, load, out=np.full(start.size, math.nan), where=load != 0)
+            for force, load in zip((found.before, found.after), (data["load"].values[i] for i in row), strict=True)
+        )
+        mu = "coefficient of friction"
+        columns["mu_before"] = (before, "1", f"{mu} before the slip (static)")
+        columns["mu_after"] = (after, "1", f"{mu} after the slip")
+        columns["mu_drop"] = (trace.sign * (before - after), "1", f"drop of the {mu}")
     if trace.X is not None:
         unit = str(data["displacement"].attrs.get("units", ""))
         columns["slip"] = (trace.X[end] - trace.X[start], unit, "distance slipped")
@@ -130,8 +168,8 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips, drops_are: str = "slips
         peaks = [float(trace.velocity[i : j + 1].max()) for i, j in zip(found.peak, found.trough, strict=True)]
         columns["peak_velocity"] = (np.array(peaks, dtype=float), unit, "largest slider velocity in the slip")
     table = {}
-    for key, (values, unit, words) in columns.items():
-        table[key] = ("event", np.asarray(values), {"units": unit, "long_name": words})
+    for key, (values, unit, title) in columns.items():
+        table[key] = ("event", np.asarray(values), {"units": unit, "long_name": title})
     made = xr.Dataset(
         table,
         coords={"event": ("event", np.arange(start.size), {"long_name": "number of the slip"})},
@@ -147,19 +185,27 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips, drops_are: str = "slips
     return with_statistics(made)
 
 
+def _per_load(data: xr.Dataset) -> float:
+    """What a force over a load is multiplied by: the ratio of their units."""
+    at = int(np.argmax(np.abs(data["spring_force"].values)))
+    return float(data["mu"].values[at] * data["load"].values[at] / data["spring_force"].values[at])
+
+
 def with_statistics(table: xr.Dataset) -> xr.Dataset:
     """Write mean and standard deviation of each column to its attributes; of strokes, of forces along their own."""
     along = np.sign(table["force_before"].values) if "stroke" in table else 1.0
     for name, column in table.data_vars.items():
         if name not in ("start", "end", "stroke"):
-            values = np.asarray(column.values, dtype=float) * (along if str(name).startswith("force_") else 1.0)
+            values = np.asarray(column.values, dtype=float) * (along if name in _SIGNED else 1.0)
             column.attrs["mean"], column.attrs["std"], _ = mean_and_std(values)
     return table
 
 
 def counted(catalogue: xr.Dataset) -> str:
-    """Say how many slips a table of drops holds, or cycles, if they are none."""
+    """Say how many slips a table of drops holds, or cycles, or drops, if they are none."""
     name, count = str(catalogue.attrs.get("drops_are", "slips")), catalogue.sizes.get("event", 0)
+    if count == 0:
+        return "no slips"
     return f"1 {name[:-1]}" if count == 1 else f"{count} {name}"
 
 
@@ -170,9 +216,10 @@ def statistics(catalogue: xr.Dataset) -> list[tuple[str, str]]:
         mean, std = column.attrs.get("mean", math.nan), column.attrs.get("std", math.nan)
         if not math.isfinite(mean):
             continue
-        unit = str(column.attrs.get("units", ""))
-        unit = "" if unit == "1" else unit
-        scatter = f" ± {std:.2g}" if math.isfinite(std) else ""
+        unit = printable(str(column.attrs.get("units", "")))
+        divisor, unit = prefixed(mean, "" if unit == "1" else unit)
+        std = 0.0 if std < _DUST * abs(mean) else std
+        scatter = f" ± {words.number(std / divisor, 2)}" if math.isfinite(std) else ""
         cv = f" (CV {std / abs(mean):.2f})" if math.isfinite(std) and mean else ""
-        lines.append((str(name).replace("_", " "), f"{mean:.4g}{scatter} {unit}".rstrip() + cv))
+        lines.append((str(name).replace("_", " "), f"{words.number(mean / divisor)}{scatter} {unit}".rstrip() + cv))
     return lines

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from stickslip.measure.arrays import Array, without_line
 
 PERIODIC = 0.7  # least autocorrelation at one period of what is called periodic
+JITTER = math.sqrt(-2.0 * math.log(PERIODIC)) / (2.0 * math.pi)
+"""Variation of the cycles that leaves a sine this correlation at one period, as ``exp(-(2 pi CV)^2 / 2)``: .13."""
 FEWEST_CYCLES = 4  # complete cycles needed to speak of a period
 _HALF = 0.5  # the first peak of the autocorrelation above this part of the highest is near the period ...
 _BESIDE = 1.4  # ... which is the highest peak up to this many times further: ringing puts smaller ones beside it
@@ -49,8 +51,8 @@ class Cycles:
 
     @property
     def periodic(self) -> bool:
-        """Whether the force repeats itself."""
-        return self.count >= FEWEST_CYCLES and self.correlation >= PERIODIC
+        """Whether the force repeats itself, in cycles of even length."""
+        return self.count >= FEWEST_CYCLES and self.correlation >= PERIODIC and self.variation <= JITTER
 
 
 def find_cycles(t: Array, force: Array) -> Cycles:
@@ -98,17 +100,16 @@ def rises(t: Array, force: Array, low: float, high: float) -> tuple[NDArray[np.i
 
 def _autocorrelation_peak(t: Array, force: Array) -> tuple[float, float]:
     """Lag and height of the peak of the autocorrelation that belongs to one period; NaN and 0 if there is none."""
-    many = max(1, math.ceil(t.size / _MOST_SAMPLES))
-    if many > 1:
-        rows = t.size // many
-        coarse = force[: rows * many].reshape(rows, many).mean(axis=1)
-        lag, height = _peak((t[-1] - t[0]) / t.size * many, coarse)
-        if lag > 40 * many * (t[-1] - t[0]) / t.size:
-            return lag, height
-        t, force = t[:_MOST_SAMPLES], force[:_MOST_SAMPLES]
-    step = (t[-1] - t[0]) / (t.size - 1)
+    size = min(t.size, _MOST_SAMPLES)
+    step = (t[-1] - t[0]) / (size - 1)
+    even = t[0] + step * np.arange(size)
+    if t.size > size:  # means over even steps of time, whatever the times of the samples
+        middle = float(force.mean())
+        area = np.cumsum(0.5 * (force[1:] + force[:-1] - 2.0 * middle) * np.diff(t))
+        lag, height = _peak(step, middle + np.diff(np.interp(even, t, np.append(0.0, area))) / step)
+        # Averages blur a short period; the beginning shows it as it is.
+        return (lag, height) if lag > 40 * step else _autocorrelation_peak(t[:size], force[:size])
     if float(np.ptp(np.diff(t))) > 0.01 * step:
-        even = t[0] + step * np.arange(t.size)
         force = np.interp(even, t, force)
     return _peak(step, force)
 

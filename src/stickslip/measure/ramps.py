@@ -9,45 +9,72 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError, UndecidedError, instance, number
-from stickslip.measure.arrays import CONSTANT_DRIVE, Trace, turns
+from stickslip.measure.arrays import CONSTANT_DRIVE, Array, Trace, turns
+from stickslip.model import Slider
+from stickslip.model.units import engineering
+from stickslip.simulation import rig_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from stickslip.model.rig import Rig
+
 _PARTS = 16  # the window moves in steps of a sixteenth of it
-_LONGEST_TRANSIENT = 25  # windows: 100 x_s, by default
+_LONGEST_TRANSIENT = 25  # windows: 50 cycles
 _SI_UNITS = {"n", "mn", "kn", "un", "µn", "m", "mm", "um", "µm", "nm", "cm"}
 
 
-def _oscillation(run: xr.Dataset, window: float) -> xr.Dataset:
-    """Peak to peak of the spring force over a moving stretch of drive travel."""
+def _windows(trace: Trace, rig: Rig, level: float) -> Array:
+    """How many windows of two cycles the drive has gone through.
+
+    A cycle lasts at most as long as the drive takes to load spring and contacts by the largest change of the force in
+    the run, and one free oscillation of the slider.
+    """
+    assert trace.drive is not None
+    swing = max(float(np.ptp(trace.force)), level) / rig.unit("f_s")
+    loading = swing * (1.0 + 1.0 / rig.slider.stiffness) * rig.unit("x_s")
+    period = 2 * np.pi * np.sqrt(rig.slider.mass / rig.slider.stiffness) * rig.unit("time")
+    return _sums(trace, 0.5 * trace.drive / (loading + trace.drive * period))
+
+
+def _sums(trace: Trace, rate: Array) -> Array:
+    return np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(trace.t))])
+
+
+def _oscillation(run: xr.Dataset, rig: Rig | None, level: float, window: float | None) -> xr.Dataset:
+    """Peak to peak of the spring force over a moving window: of two cycles, or of a drive travel that is given."""
     import xarray as xr
 
-    window = number("window", window, above=0, hint="in the unit of X")
     trace = Trace.of(run)
     if trace.drive is None:
         raise InputError("transitions: need a run with the variable drive_velocity; a trace of the force has none")
     if np.any(trace.drive < 0):
         raise InputError(f"transitions: drive_velocity = {trace.sign * trace.drive.min():g}: the drive turns back")
-    steps = 0.5 * (trace.drive[1:] + trace.drive[:-1]) * np.diff(trace.t)
-    travel = np.concatenate([[0.0], np.cumsum(steps)])
-    if travel[-1] < 2 * window:
+    travel = _sums(trace, trace.drive)
+    if window is not None or rig is None or not isinstance(rig.slider, Slider):
+        if window is None:
+            window = _usual(run, "window", "displacement", 4.0, None)
+        gone, each = travel / number("window", window, above=0, hint="in the unit of X"), f" of drive travel {window:g}"
+    else:
+        gone, each = _windows(trace, rig, level), " of two cycles"
+    if gone[-1] < 2:
         raise UndecidedError(
-            f"transitions: the drive travels {travel[-1]:.4g} in all, less than 2 windows of {window:g}: run it longer"
+            f"transitions: the drive travels {travel[-1]:.4g} in all, less than 2 windows{each}: run it longer"
         )
-    count = int(travel[-1] / window * _PARTS)
-    begins = np.searchsorted(travel, np.arange(count) * window / _PARTS)
+    few = UndecidedError(f"transitions: fewer than {_PARTS} samples in some window{each}: record more often")
+    if gone[-1] * _PARTS > trace.t.size:
+        raise few
+    begin = np.arange(int(gone[-1] * _PARTS)) / _PARTS
+    begins = np.searchsorted(gone, begin)
     if np.any(np.diff(begins) < 1):
-        raise UndecidedError(
-            f"transitions: fewer than {_PARTS} samples in some window of drive travel {window:g}: record more often"
-        )
+        raise few
     high = np.lib.stride_tricks.sliding_window_view(np.maximum.reduceat(trace.force, begins), _PARTS).max(axis=1)
     low = np.lib.stride_tricks.sliding_window_view(np.minimum.reduceat(trace.force, begins), _PARTS).min(axis=1)
-    begin = np.arange(high.size) * window / _PARTS
-    times = {
-        name: np.interp(begin + share * window, travel, trace.t)
-        for name, share in (("begin", 0.0), ("middle", 0.5), ("end", 1.0))
-    }
+    begin = begin[: high.size]
+    times, places = (
+        {name: np.interp(begin + part, gone, along) for name, part in (("begin", 0.0), ("middle", 0.5), ("end", 1.0))}
+        for along in (trace.t, travel)
+    )
     force_unit, time_unit = run["spring_force"].attrs.get("units", ""), run["time"].attrs.get("units", "")
     velocity = trace.sign * np.interp(times["middle"], trace.t, trace.drive)
     length = str(run["displacement"].attrs.get("units", "")) if "displacement" in run else ""
@@ -73,19 +100,20 @@ def _oscillation(run: xr.Dataset, window: float) -> xr.Dataset:
             },
         },
         coords={
-            "travel": ("travel", begin + 0.5 * window, {"units": length, "long_name": "travel of the drive"}),
+            "travel": ("travel", places["middle"], {"units": length, "long_name": "travel of the drive"}),
         },
-        attrs={"window": window},
+        attrs={"window": float(np.max(places["end"] - places["begin"]))},
     )
 
 
 def transitions(run: xr.Dataset, *, level: float | None = None, window: float | None = None) -> xr.Dataset:
     """Return the velocities at which stick-slip starts and ends while the drive speeds up and slows down.
 
-    Stick-slip is where the spring force oscillates by more than `level`, peak to peak, over a drive travel of
-    `window`; it starts at the end of the first such window and ends at the start of the last one. A state
-    shorter than half a window of travel is passed over. What a run does from its very start is no transition:
-    it may be the transient from the state it was started in.
+    Stick-slip is where the spring force oscillates by more than `level`, peak to peak, over a window of two
+    cycles; it starts at the end of the first such window and ends at the start of the last one. A state
+    shorter than half a window is passed over. An oscillation that is there from the very start may be the
+    transient from the state the run was started in: its end counts if it has grown by `level`, or has lasted for
+    25 windows.
 
     A ramp passes the boundary before the oscillation has grown (delayed bifurcation) and noise may set it off
     early, so the answers depend on the rate of the ramp; they are not the velocities of linear stability.
@@ -96,10 +124,13 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
         A run in which the drive speeds up, or slows down, or first speeds up and then slows down; it may also
         keep its velocity for a while.
     level : float, optional
-        In the unit of `spring_force`; by default .4, in ``f_s`` per contact.
+        In the unit of `spring_force`; by default .4 ``f_s``.
     window : float, optional
-        In the unit of `X`; by default 4, in ``x_s``; it should hold two cycles or more. Both must be given for
-        a run in SI units.
+        Travel of the drive, in the unit of `displacement`, that holds two cycles or more at every velocity. By
+        default a window holds two cycles: each the time in which the drive loads spring and contacts by the largest
+        change of the force in the run, and one free oscillation of the slider. Where the run does not say what rig
+        it was made of, or the slider is elastic, the default is 4 ``x_s``. Both must be given for a run in SI units
+        that does not say what rig it was made of.
 
     Returns
     -------
@@ -110,7 +141,7 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
         says why. Along ``travel`` (of the drive, at the middle of the window): `peak_to_peak`, `drive_velocity`
         there, and the times `begin`, `middle` and `end` of the window. Along ``velocity``, where the drive
         goes up and then down: `up` and `down`, the peak to peak on either way, and `difference`, down less up.
-        Attributes ``level``, ``window``, ``notes``.
+        Attributes ``level``, ``window`` (travel of the drive over the longest one), ``notes``.
 
     Raises
     ------
@@ -124,12 +155,11 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
     import xarray as xr
 
     instance("transitions: run", run, xr.Dataset, "a run of simulate()")
-    for name, value, of in (("level", level, "spring_force"), ("window", window, "displacement")):
-        unit = str(run[of].attrs.get("units", "")) if of in run else ""
-        if value is None and unit.strip().lower() in _SI_UNITS:
-            raise InputError(f"transitions: {of} is in {unit}: give {name} in that unit (.4 f_s and 4 x_s are usual)")
-    level = 0.4 if level is None else number("level", level, above=0, hint="in the unit of spring_force")
-    oscillation = _oscillation(run, 4.0 if window is None else window)
+    rig = _rig_of(run)
+    if level is None:
+        level = _usual(run, "level", "spring_force", 0.4, rig)
+    level = number("level", level, above=0, hint="in the unit of spring_force")
+    oscillation = _oscillation(run, rig, level, window)
     top = _turning_time(run)
     on = _settled(np.asarray(oscillation["peak_to_peak"].values > level), _PARTS // 2)
     t, drive = np.asarray(run["time"].values, dtype=float), np.asarray(run["drive_velocity"].values, dtype=float)
@@ -139,15 +169,16 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
     middle = np.asarray(oscillation["middle"].values)
 
     notes: list[str] = []
-    if on[0]:
-        state = f"until v = {np.interp(stops[0], t, drive):.3g}" if stops.size else "all along"
-        notes.append(f"the force oscillates above the level from the start {state}: the state the run was started in")
-    # What the start leaves behind dies within some tens of windows; what lasts longer has an end that counts.
-    transient = float(
-        np.interp(_LONGEST_TRANSIENT, oscillation["travel"].values / float(oscillation.attrs["window"]), middle)
-    )
+    # What the start leaves behind only decays, and within some tens of windows.
+    height = np.asarray(oscillation["peak_to_peak"].values)
+    grown = np.flatnonzero(height > np.minimum.accumulate(height) + level)
+    transient = float(middle[min(_LONGEST_TRANSIENT * _PARTS, middle.size - 1, *grown[:1].tolist())])
     if starts.size:
         transient = min(transient, float(starts[0]))
+    if on[0]:
+        state = f"until v = {np.interp(stops[0], t, drive):.3g}" if stops.size else "all along"
+        whose = "" if stops.size and stops[0] > transient else ": the state the run was started in"
+        notes.append(f"the force oscillates above the level from the start {state}{whose}")
 
     found: dict[str, float | None] = {}
     for way, onset, ending, moves, first, last in (
@@ -163,7 +194,7 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
             why = f"the drive never {'speeds up' if way == 'up' else 'slows down'}"
         elif not seen.size:
             why = f"less than a window of travel on the way {way}"
-        elif seen.all() or not seen.any():
+        elif found[onset] is found[ending] is None and (seen.all() or not seen.any()):
             why = f"{'stick-slip' if seen.all() else 'no stick-slip'} all the way {way}"
         else:
             why = f"it does not {'set in' if found[onset] is None else 'end'} on the way {way}"
@@ -188,6 +219,50 @@ def transitions(run: xr.Dataset, *, level: float | None = None, window: float | 
         .merge(_hysteresis(oscillation, top), combine_attrs="override")
         .assign_attrs(level=level, window=float(oscillation.attrs["window"]), notes="; ".join(notes))
     )
+
+
+def _rig_of(run: xr.Dataset) -> Rig | None:
+    """The rig that a run was made of; None if it does not say."""
+    try:
+        return rig_of(run)
+    except InputError:
+        return None
+
+
+def _usual(run: xr.Dataset, name: str, of: str, value: float, rig: Rig | None) -> float:
+    """The usual level or window in the unit of the run, from what it was made of."""
+    if rig is not None:
+        return value * rig.unit("f_s")
+    unit = str(run[of].attrs.get("units", "")) if of in run else ""
+    if unit.strip().lower() in _SI_UNITS:
+        raise InputError(f"transitions: {of} is in {unit}: give {name} in that unit (.4 f_s and 4 x_s are usual)")
+    return value
+
+
+def in_words(run: xr.Dataset) -> str:
+    """Say between which velocities a run on a ramp stick-slips; nothing for another run."""
+    drive = np.abs(np.asarray(run["drive_velocity"].values, dtype=float)) if "drive_velocity" in run else np.zeros(1)
+    if not np.ptp(drive) > 2.0 * CONSTANT_DRIVE * drive.max():
+        return ""
+    begin = "the velocity of the drive changes"
+    try:
+        found = transitions(run)
+    except (InputError, UndecidedError) as error:
+        return f"{begin}; {error}"
+
+    def speed(name: str) -> str:
+        value, unit = float(found[name]), str(found[name].attrs.get("units", ""))
+        return "" if np.isnan(value) else engineering(value, "m/s", 3) if unit == "m/s" else f"{value:.3g}"
+
+    said = []
+    for way, onset, ending in (("speeding up", "v1", "v2"), ("slowing down", "v2_down", "v1_down")):
+        sets_in, ends = speed(onset), speed(ending)
+        if sets_in or ends:
+            from_where = f"sets in at {sets_in}" if sets_in else "is there from the start"
+            said.append(f"{way}, it {from_where} and {f'ends at {ends}' if ends else 'persists to the end'}")
+    if said:
+        return f"{begin}; stick-slip: {'; '.join(said)}"
+    return f"{begin}; {found.attrs['notes']}"
 
 
 def _hysteresis(oscillation: xr.Dataset, top: float) -> xr.Dataset:

@@ -15,6 +15,7 @@ import numpy as np
 
 from stickslip.errors import InputError, number
 from stickslip.measure.arrays import FEWEST_READINGS, Array
+from stickslip.measure.bench import far_outside, spikes
 from stickslip.measure.headings import Heading, Quantity, ratio, simple, unit_named
 from stickslip.measure.tables import Rows, Table, read_cell, short
 
@@ -40,11 +41,11 @@ def read_trace(
 ) -> xr.Dataset:
     r"""Read a measured force trace from a table: text, .xlsx (with openpyxl) or .tdms (with npTDMS).
 
-    Columns of a text may be parted by tabs, semicolons, commas or blanks. There may be text before the table, a
+    Columns of a text may be separated by tabs, semicolons, commas or blanks. There may be text before the table, a
     line of names with units in brackets or a line of units below it, comments (``#``, ``%``, ``//``, ``!``), and
     units in the cells (``0.04 N``), which are turned to one. Rows that cannot be read are reported, and the force
     there is interpolated linearly in time, so that the gap stays a gap in time; more than 3 of them, and more
-    than 1 % of the rows, are an error.
+    than 1 % of the rows, are an error. Spikes of a single sample, six standard deviations off, are interpolated, too.
 
     Parameters
     ----------
@@ -59,7 +60,7 @@ def read_trace(
     flip : bool
         Change the sign of the force: for a sensor that counts pull as negative, and has an offset.
     delimiter : str, optional
-        What parts the columns; found out by default.
+        What separates the columns; found out by default.
     decimal : {".", ","}, optional
         Decimal sign; found out by default.
 
@@ -131,6 +132,10 @@ def _dataset(
         times = step * np.arange(forces.size, dtype=float)
     else:
         times = read.values[chosen.time]
+    outside = far_outside(forces)
+    if outside.any():
+        forces = np.where(outside, np.nan, forces)
+        read.values[chosen.force] = forces
     readable = np.isfinite(times) & np.isfinite(forces)
     bad = np.flatnonzero(~readable)
     _check_rows(table, read, bad)
@@ -140,7 +145,9 @@ def _dataset(
         kept = np.isfinite(times) & (np.arange(times.size) >= first) & (np.arange(times.size) <= last)
     else:
         kept = slice(None)
-    t, good = times[kept], readable[kept]
+    spiky = spikes(forces)
+    read.values[chosen.force] = np.where(spiky, np.nan, forces)
+    t, good = times[kept], (readable & ~spiky)[kept]
     sign = -1.0 if flip else 1.0
 
     def filled(values: Array) -> Array:
@@ -154,10 +161,10 @@ def _dataset(
     variables = {
         "spring_force": (
             "time",
-            sign * filled(forces),
+            sign * filled(read.values[chosen.force]),
             {"units": force_unit, "long_name": _NAMES["coefficient" if coefficient else "force"]},
         ),
-        "filled": ("time", ~good, {"units": "1", "long_name": "row was unreadable; force interpolated"}),
+        "filled": ("time", ~good, {"units": "1", "long_name": "row was unreadable, or a spike; force interpolated"}),
     }
     assumed = [] if coefficient or read.units[chosen.force] else ["the file names no unit of the force: N assumed"]
     if chosen.time is not None and not read.units[chosen.time]:
@@ -183,6 +190,8 @@ def _dataset(
         else:
             mu = np.divide(size * variables["spring_force"][1], loads, out=np.full(t.size, np.nan), where=loads != 0)
             variables["mu"] = ("time", mu, {"units": "1", "long_name": "coefficient of friction"})
+    if spiky.any():
+        assumed.insert(0, f"{np.count_nonzero(spiky)} spikes of a single sample; the force there is interpolated")
     unreadable = [(int(read.lines[i]), table.line(int(read.lines[i]))) for i in bad]
     return xr.Dataset(
         variables,
@@ -241,7 +250,7 @@ def _choose(
                 "numbers; give the seconds from one row to the next (--step on the command line, step= in Python)"
             )
         raise InputError(
-            f"{place}: has no column of times that is named so; give the seconds from one row to the next (--step on "
+            f"{place}: no column is labelled as time; give the seconds from one row to the next (--step on "
             f"the command line, step= in Python) or name the column (--time, time=); there are {table.listed()}"
         )
     return _Columns(
@@ -262,6 +271,12 @@ def _force_column(table: Table, given: dict[str, int], named: int | None, coeffi
     rest = [i for i in table.numeric if i not in given.values()]
     if len(rest) == 1 and _may_be_force(table.headings[rest[0]]):
         return rest[0]
+    texts = [i for i, heading in enumerate(table.headings) if heading.quantity == "force" and i not in table.numeric]
+    if not rest and texts:
+        raise InputError(
+            f"{table.place}: column {texts[0] + 1} '{table.headings[texts[0]]}' holds no numbers that can be read; "
+            "write 1234.5, without a mark between thousands"
+        )
     if not rest and len(table.numeric) == 1 and "time" in given:
         return given.pop("time")
     raise InputError(
@@ -330,7 +345,8 @@ def _check_rows(table: Table, read: Rows, bad: np.ndarray[tuple[int, ...], np.dt
         line = int(read.lines[bad[0]])
         raise InputError(
             f"{table.place}: {bad.size} of {read.lines.size} rows cannot be read, first line {line}: "
-            f"{short(table.line(line))!r}; each row needs a finite number; choose the columns, or mend the file"
+            f"{short(table.line(line))!r}; each row needs a finite number, not far outside"
+            " the rest; choose the columns, or mend the file"
         )
     if read.lines.size - bad.size < FEWEST_READINGS:
         raise InputError(

@@ -147,7 +147,7 @@ def is_white(trace: Trace, noise: float, cycles: Cycles) -> bool:
     return float(rest.std()) <= (1.0 + chance) * noise and cycles.correlation <= 2.0 * chance and is_normal(rest)
 
 
-def _quantum(force: Array) -> float:
+def quantum(force: Array) -> float:
     """Step in which a trace was recorded, or 0 if its values lie on no coarse grid."""
     force = force[:: max(1, force.size // 50_000)]
     values = np.unique(force)
@@ -199,8 +199,11 @@ def _smoothed(force: Array, noise: float, among: NDArray[np.intp]) -> tuple[Arra
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
-    """Slips by a threshold that comes from the data: above noise, and not small beside the typical drop."""
+def find_slips(trace: Trace, minimum_drop: float | None = None, *, slow: bool = False) -> Slips:
+    """Slips by a threshold that comes from the data: above noise, and not small beside the typical drop.
+
+    Drops that are slow beside others are left out, unless they are asked for.
+    """
     noise, cycles = white_noise(trace.force), find_cycles(trace.t, trace.force)
     if minimum_drop is not None:
         found = _joined(trace, trace.force, minimum_drop, "drops of at least the minimum_drop given", noise, cycles)
@@ -211,7 +214,7 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
         force, chance = _smoothed(force, noise, among)
         among = among if force is trace.force else extremes(force, 0.5 * chance)
     rounding = 1e-7 * float(np.max(np.abs(force)))
-    by_chance = max(chance, 2.5 * _quantum(trace.force), rounding, 1e-300)
+    by_chance = max(chance, 2.5 * quantum(trace.force), rounding, 1e-300)
     peaks, troughs = turns(force, by_chance, among)
     drops = force[peaks] - force[troughs]
     if drops.size == 0 or (trace.contacts is None and is_white(trace, noise, cycles)):
@@ -224,7 +227,7 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
         f"{by_chance:.2g}, which the noise ({noise:.2g}{smoothing}) could show by chance"
     )
     whole = _joined(trace, force, smallest, criterion, noise, cycles, among)
-    found = _fast(trace, whole)
+    found = whole if slow else _fast(trace, whole)
     excess = contact_noise(trace)
     amplified = excess < MORE_THAN_NOISE and is_normal(trace.force)
     noise_like = (excess <= NO_MORE_THAN_NOISE or amplified) and cycles.correlation < COHERENT
@@ -235,8 +238,7 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
     if phase <= SLIP_PHASE_OF_SLIPS or found.periodic or known:
         return found
     return found.none(
-        f"{found.size} {criterion}, but without a period, and they take {100 * phase:.0f} % of the time: noise of "
-        "the contacts"
+        f"{found.size} {criterion}, but without a period, and they take {100 * phase:.0f} % of the time: slow noise"
     )
 
 
@@ -321,7 +323,12 @@ def _joined(
                     joined[-1][2] = trough
                     continue
         joined.append([peak, trough, trough])
-    whole = [pair for pair in joined if pair[0] > 0 and pair[1] < force.size - 1]
+    gaps = trace.gaps
+    whole = [
+        pair
+        for pair in joined
+        if pair[0] > 0 and pair[1] < force.size - 1 and not np.any((pair[0] <= gaps) & (gaps < pair[1]))
+    ]
     peak_at = np.array([pair[0] for pair in whole], dtype=np.intp)
     trough_at = np.array([pair[1] for pair in whole], dtype=np.intp)
     start, end = _edges(force, peak_at, trough_at, noise if force is trace.force else 0.5 * noise)

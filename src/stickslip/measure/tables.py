@@ -32,7 +32,8 @@ _CHUNK = 250_000  # rows read at a time
 _LONGEST_NUMBER = 60  # characters of a cell that may hold a number
 
 _COMMENT = re.compile(r"\s*(#|%|//|!)+\s*")
-_NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\W\d_%°][^,;\t]{0,11}|[%°])?")
+_NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?)\s*([^\W\d_%°][^,;\t]{0,11}|[%°])?")
+_FORTRAN = str.maketrans("dD", "ee")  # 1.5D+01 is 15
 _REMARKS = {"", "comment", "comments", "remark", "remarks", "note", "notes", "kommentar", "bemerkung"}
 """Names of a last column that the rows leave out: LabVIEW's are ``X_Value``, ``Force`` and ``Comment``."""
 _NO_VALUE = {"nan", "inf", "-inf", "+inf", "na", "n/a", "null", "none", "-", "--", "---", ""}
@@ -150,6 +151,8 @@ def _as_utf8(place: str, raw: bytes) -> bytes:
     elif len(raw) > 64 and not any(raw[1:1000:2]):  # UTF-16 without its mark
         raw = raw.decode("utf-16-le", errors="replace").encode()
     raw = raw.removeprefix(b"\xef\xbb\xbf")
+    if raw.rstrip().endswith(b"\x1a"):  # the end of a file of DOS
+        raw = raw.rstrip().rstrip(b"\x1a")
     if not raw.isascii():
         try:
             raw.decode()
@@ -217,6 +220,12 @@ class _Text:
         """Read some columns; blank lines and comments are left out."""
         # Where blanks part the columns, a unit in a cell is a column of its own, behind that of the number.
         beside = {i: i + 1 for i in columns if self.parting is None and self._holds_units(i + 1, table)}
+        for i in beside:
+            if self._holds_units(i + 2, table) and unit_named(table.labels[i + 2]):
+                unit = f"{table.labels[i + 1]} {table.labels[i + 2]}"
+                raise InputError(
+                    f"{table.place}: column {i + 1} holds numbers in {unit!r}; write one unit without blanks"
+                )
         wanted = sorted({*columns, *beside.values()})
         count = len(self.lines) - self.start
         cells = {i: _Cells.empty(count) for i in columns}
@@ -238,7 +247,10 @@ class _Text:
                 f"{table.place}: {count} lines from line {self.start + 1} on make {filled} rows: "
                 "a quotation mark is not closed, or a row is cut off"
             )
-        units = {i: cells[i].in_one_unit(table, i, self.start) for i in columns}
+        for row in self._too_wide():
+            for i in columns:
+                cells[i].values[row] = math.nan
+        units = {i: cells[i].in_one_unit(table, i, self.start, beside=i in beside) for i in columns}
         keep = self._no_remark([cells[i].values for i in columns])
         values = {i: cells[i].values if keep.all() else cells[i].values[keep] for i in columns}
         return Rows(values=values, units=units, lines=np.flatnonzero(keep) + self.start + 1)
@@ -262,10 +274,30 @@ class _Text:
             )
         except pd.errors.ParserError as error:
             reason = shortened(" ".join(str(error).split()))
-            raise InputError(f"{place}: its rows are no table of {self.width} columns ({reason})") from None
+            raise InputError(f"{place}: its rows do not have {self.width} columns ({reason})") from None
 
     def _holds_units(self, column: int, table: Table) -> bool:
         return column < self.width and column not in table.numeric and table.labels[column] != ""
+
+    def _too_wide(self) -> list[int]:
+        """Rows with a number too many, which leaves open which is which, or with a unit too many: N m is not N."""
+        if self.quoted:
+            return []
+        raw = np.frombuffer(self.lines.raw, dtype=np.uint8)
+        if self.parting is None:
+            ends = (raw[:-1] > ord(" ")) & (raw[1:] <= ord(" "))  # of words
+            count = np.diff(np.searchsorted(np.flatnonzero(ends), self.lines.ends), prepend=0) - 1
+        else:
+            marks = np.flatnonzero(raw == ord(self.parting))
+            count = np.diff(np.searchsorted(marks, self.lines.ends), prepend=0)
+        wide = np.flatnonzero(count[self.start :] >= self.width).tolist()
+        cells = ((i, self.lines.text(self.start + i).split(self.parting)) for i in wide)
+        return [
+            i
+            for i, row in cells
+            if _value(row, self.width, self.comma) is not None
+            or (self.parting is None and unit_named(row[self.width] if len(row) > self.width else ""))
+        ]
 
     def _no_remark(self, columns: Sequence[Array]) -> NDArray[np.bool_]:
         """Rows that are neither blank nor a comment."""
@@ -292,6 +324,12 @@ def _of_text(place: str, lines: _Lines, delimiter: str | None, decimal: str | No
     width = Counter(len(row) for row in cells).most_common(1)[0][0]
     if width > MOST_COLUMNS:
         raise InputError(f"{place}: has {width} columns, more than {MOST_COLUMNS}; keep those of time and force")
+    names = {len(row) for row in split(titles, ",")} if parting == "," and "." not in "".join(body) else set()
+    if width % 2 == 0 and width // 2 in names - {1}:
+        raise InputError(
+            f"{place}: rows such as {short(body[-1])!r} have {width} columns below {width // 2} names: a comma cannot "
+            "be both the decimal sign and what separates the columns; export with ';' or with decimal points"
+        )
     numeric = [i for i in range(width) if _mostly_numbers(cells, i, comma)]
     if not numeric:
         raise InputError(
@@ -358,7 +396,7 @@ def _layout(
         return width > 1 and count >= 0.8 * len(sample)
 
     found: str | None = None
-    for mark in ("\t", ";"):
+    for mark in ("\t", ";", "|"):
         if consistent(mark):
             found = mark
             break
@@ -405,9 +443,8 @@ def read_cell(cell: str, comma: bool) -> tuple[float | None, str]:
     """Number and unit of a cell; no number, and no unit, where it holds none that is finite."""
     cell = cell.strip().strip('"').replace("\N{MINUS SIGN}", "-")
     match = _NUMBER.fullmatch(cell.replace(",", ".") if comma else cell) if len(cell) <= _LONGEST_NUMBER else None
-    if match is None or not math.isfinite(float(match[1])):
-        return None, ""
-    return float(match[1]), (match[2] or "").strip()
+    value = float(match[1].translate(_FORTRAN)) if match else math.nan
+    return (value, (match[2] or "").strip()) if match and math.isfinite(value) else (None, "")
 
 
 def _mostly_numbers(cells: list[list[str]], column: int, comma: bool) -> bool:
@@ -542,7 +579,7 @@ class _Cells:
     def _code(self, unit: str) -> int:
         return self.names.setdefault(unit, min(len(self.names), 255))
 
-    def in_one_unit(self, table: Table, column: int, start: int) -> str:
+    def in_one_unit(self, table: Table, column: int, start: int, *, beside: bool) -> str:
         """Turn all numbers to one unit, and return it; `InputError` where cells leave it open."""
         head = table.headings[column].unit
         if not self.codes:
@@ -564,8 +601,10 @@ class _Cells:
                 if number != usual and unit_named(units[number]) is not None:
                     among = f"{units[number]!r} among {units.get(usual, 'numbers without a unit')!r}"
                     self._refuse(table, column, start, code == number, among)
-                elif number != usual:
+                elif number != usual or not beside:  # a cell that holds more than a number and its unit is none
                     self.values[code == number] = math.nan
+            if usual and "/" in units[usual]:
+                self._refuse(table, column, start, code == usual, f"{units[usual]!r}")
             return head
         unit = head if head and ratio(units[usual], head) else units[usual]
         if head and not ratio(units[usual], head):
@@ -612,7 +651,7 @@ def short(text: str) -> str:
 
 
 def _spreadsheet(place: str, raw: bytes) -> bytes:
-    """The first sheet with numbers of an .xlsx file, as text parted by tabs."""
+    """The first sheet with numbers of an .xlsx file, as text separated by tabs."""
     try:
         import openpyxl
     except ImportError:

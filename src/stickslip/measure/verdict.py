@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip import words
 from stickslip.answers import Answer
 from stickslip.errors import InputError, number
-from stickslip.measure.arrays import CONSTANT_DRIVE, FEWEST_READINGS, Array, Trace
+from stickslip.measure.arrays import CONSTANT_DRIVE, FEWEST_READINGS, Array, Trace, in_words, slope, without_line
 from stickslip.measure.bench import about_the_sensor, find_strokes, is_mirrored
 from stickslip.measure.periods import FEWEST_CYCLES
 from stickslip.measure.slips import (
@@ -30,6 +31,7 @@ from stickslip.measure.slips import (
     speeds,
 )
 from stickslip.simulation import Recording
+from stickslip.words import prefixed
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -60,7 +62,7 @@ class Regime(Answer):
         3.5 times the velocity of the drive (where only the force is known: slips take at most a quarter of the
         time). The slips may be irregular; `period_variation` says how much. *Sustained oscillation*: a cycle
         that persists, in which the slider stays slower than that; the reason says whether it sticks. *Smooth
-        sliding*: no oscillation, or noise of the contacts, or an oscillation below 2 % of static friction, or
+        sliding*: no oscillation, or noise of the contacts, or an oscillation below 2 % of the largest force, or
         one that decays and is below 10 %. *Undecided*: the evidence does not suffice, for the reason given,
         which says what would decide it.
     reason : str
@@ -99,6 +101,8 @@ class Regime(Answer):
         Fraction of the time in which the slider is slower than a twentieth of the drive.
     attached_peak_to_peak : float or None
         Largest less smallest fraction of attached contacts.
+    mean_mu, static_mu : float or None
+        With a normal load: the coefficient of friction, on average in the window and at most in all of the data.
     quantity, time_unit, force_unit : str
         What the force is ("force" or "coefficient of friction"), and the units of the times and forces above;
         empty where the data do not say.
@@ -127,41 +131,58 @@ class Regime(Answer):
     largest_velocity: float | None = None
     stuck: float | None = None
     attached_peak_to_peak: float | None = None
+    mean_mu: float | None = None
+    static_mu: float | None = None
     quantity: str = "force"
     time_unit: str = ""
     force_unit: str = ""
     notes: tuple[str, ...] = ()
 
     @property
-    def drops_are(self) -> Literal["slips", "cycles"]:
-        """What the drops of the force are: in a sustained oscillation in which the slider never sticks, cycles."""
-        sticks = self.stuck is not None and self.stuck >= STICKS
-        return "cycles" if self.kind == "sustained oscillation" and not sticks else "slips"
+    def drops_are(self) -> Literal["slips", "cycles", "drops"]:
+        """What the drops of the force are: slips, or cycles of an oscillation without sticking, or just drops."""
+        if self.kind == "sustained oscillation":
+            return "slips" if self.stuck is not None and self.stuck >= STICKS else "cycles"
+        return "slips" if self.kind == "stick-slip" else "drops"
 
     def __eq__(self, other: object) -> bool:
         if isinstance(other, str):
             return self.kind == other
-        return NotImplemented if not isinstance(other, Regime) else vars(self) == vars(other)
+        if not isinstance(other, Regime):
+            return NotImplemented
+        return repr(vars(self)) == repr(vars(other))  # NaN equals NaN
+
+    def __hash__(self) -> int:
+        return hash(self.kind)
 
     def __str__(self) -> str:
         begin, end = self.window
-        time = {"": "", "time": " time units"}.get(self.time_unit, f" {self.time_unit}")
-        force = {"": "", "1": ""}.get(self.force_unit, f" {self.force_unit}")
+        divisor, unit = prefixed(end, self.time_unit)
+
+        def force(value: float, digits: int) -> str:
+            return in_words(value, self.force_unit, digits)
+
         lines = [
             f"{self.kind}: {self.reason}",
-            f"evaluated over t = {begin:.4g} to {end:.4g}{time}; {self.quantity} {self.mean_force:.4g}{force} on "
-            f"average, peak to peak {self.peak_to_peak:.3g}{force}, noise {self.noise:.2g}{force}",
+            f"evaluated over t = {words.number(begin / divisor)} to {in_words(end / divisor, unit)}; {self.quantity} "
+            f"{force(self.mean_force, 4)} on average, peak to peak {force(self.peak_to_peak, 3)}, noise "
+            f"{force(self.noise, 2)}",
         ]
+        if self.mean_mu is not None and self.static_mu is not None:
+            lines.append(
+                f"coefficient of friction {words.number(self.mean_mu, 3)} on average (kinetic), "
+                f"{words.number(self.static_mu, 3)} at most (static)"
+            )
         if self.cycles:
-            line = f"{self.cycles} cycle{'s' * (self.cycles > 1)}, drop {self.drop:.3g}{force}"
+            line = f"{self.cycles} cycle{'s' * (self.cycles > 1)} in this window, drop {force(self.drop, 3)}"
             line += _variation(self.drop_variation)
             if math.isfinite(self.period):
-                line += f", period {self.period:.4g}{time}{_variation(self.period_variation)}"
+                line += f", period {in_words(self.period, self.time_unit)}{_variation(self.period_variation)}"
             if math.isfinite(self.slip_phase):
                 line += f", slip phase: {100 * self.slip_phase:.0f} % of the cycle"
             lines.append(line)
         if math.isfinite(self.trend):
-            lines.append(f"second half of the window over the first: {self.trend:.3g}")
+            lines.append(f"amplitude, second half of the window over the first: {self.trend:.3g}")
         if self.largest_velocity is not None:
             lines.append(f"largest velocity {self.largest_velocity:.3g} times the drive's")
         return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
@@ -198,7 +219,16 @@ def regime(data: xr.Dataset, *, after: float | None = None) -> Regime:
     InputError
         If the data hold no force, or values that are not finite, or nothing lies after `after`.
     """
-    return over_the_window(Trace.of(data), after)
+    return with_coefficient(over_the_window(Trace.of(data), after), data)
+
+
+def with_coefficient(seen: Regime, data: xr.Dataset) -> Regime:
+    """Add the coefficient of friction where the data hold one; its size, as it changes sign with the direction."""
+    if "mu" not in data or data["mu"].dims != ("time",):
+        return seen
+    size = np.abs(data["mu"])
+    inside = size.sel(time=slice(*seen.window))
+    return replace(seen, mean_mu=float(inside.mean()), static_mu=float(size.max()))
 
 
 def regime_of(run: Recording) -> Regime:
@@ -211,9 +241,12 @@ def over_the_window(trace: Trace, after: float | None) -> Regime:
     if after is not None:
         trace = since(trace, after)
     if trace.drive is None:
+        trace, missing = _without_gaps(trace)
         strokes = find_strokes(trace)
-        seen = _of_strokes(strokes) if strokes else _judge(trace if after is not None else _loaded(trace))
-        return replace(seen, notes=(*seen.notes, *about_the_sensor(trace.force)))
+        window = trace if after is not None else _loaded(trace)
+        seen = _of_strokes(strokes) if strokes else _judge(window)
+        drifts = () if strokes or seen.kind == "undecided" else _about_drift(window)
+        return replace(seen, notes=(*seen.notes, *missing, *drifts, *about_the_sensor(trace.force)))
     if after is not None:
         return _judge(trace)
     steady = _constant_drive(trace)
@@ -229,6 +262,34 @@ def over_the_window(trace: Trace, after: float | None) -> Regime:
         elif found.size and (more := find_slips(longer)).size > found.size:
             late, found = longer, more
     return _with_caution(_judge(late, found), end - begin)
+
+
+def _without_gaps(trace: Trace) -> tuple[Trace, tuple[str, ...]]:
+    """Return the longest stretch that was recorded without a gap, and what to say of the gaps."""
+    gaps = trace.gaps
+    if not gaps.size:
+        return trace, ()
+    edges = itertools.pairwise([0, *(gaps + 1).tolist(), trace.t.size])
+    begin, end = max(
+        edges,
+        key=lambda edge: trace.t[edge[1] - 1] - trace.t[edge[0]] if edge[1] - edge[0] >= FEWEST_READINGS else -1.0,
+    )
+    first, unit = int(gaps[0]), f" {trace.time_unit}".rstrip()
+    told = f"no readings from t = {words.number(trace.t[first])} to {words.number(trace.t[first + 1])}{unit}"
+    more = f", and {gaps.size - 1} more gaps" if gaps.size > 1 else ""
+    if end - begin < FEWEST_READINGS:
+        return trace, (f"{told}{more}",)
+    longest = trace.part(float(trace.t[begin]), float(np.nextafter(trace.t[end - 1], math.inf)))
+    return longest, (f"{told}{more}: the longest stretch without a gap was judged",)
+
+
+def _about_drift(trace: Trace) -> tuple[str, ...]:
+    """Say how fast a force drifts, if a straight line makes most of its range."""
+    rate = slope(trace.force, trace.t)
+    if abs(rate) * (trace.t[-1] - trace.t[0]) <= DRIFTS * float(np.ptp(trace.force)):
+        return ()
+    unit = f"{trace.force_unit.removesuffix('1')}/{trace.time_unit}".rstrip("/")
+    return (f"the force drifts by {words.number(trace.sign * rate, 3)} {unit}".rstrip(),)
 
 
 def since(trace: Trace, after: float) -> Trace:
@@ -250,7 +311,7 @@ def _of_strokes(strokes: list[Trace]) -> Regime:
     usual: Kind = decided[0] if decided else "undecided"
     typical = next(each for each in seen if each.kind == usual)
     told = ", ".join(f"{many} {kind}" for kind, many in count.most_common())
-    reason = f"a test that goes to and fro, {len(seen)} strokes judged apart ({told}); {typical.reason}"
+    reason = f"reciprocating test, {len(seen)} strokes judged separately ({told}); {typical.reason}"
     kind: Kind = typical.kind
     if count[kind] < MOST_STROKES * len(seen):
         kind, reason = "undecided", f"{reason}; judge a part of the strokes"
@@ -262,9 +323,7 @@ def _with_caution(result: Regime, elapsed: float) -> Regime:
     """Say so where an oscillation has had less time than a transient can take."""
     if result.kind not in ("stick-slip", "sustained oscillation") or not elapsed < LONG_TRANSIENT * result.period:
         return result
-    caution = (
-        f"the drive had lasted {elapsed / result.period:.0f} cycles; a transient can last {LONG_TRANSIENT} and more"
-    )
+    caution = f"seen for {elapsed / result.period:.0f} cycles only; run longer to rule out a transient"
     return replace(result, reason=f"{result.reason} ({caution})")
 
 
@@ -372,12 +431,12 @@ def _verdict(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]:
         return "undecided", objection
     if trace.drive is None and is_mirrored(trace, found):
         return "undecided", (
-            "the force jumps up and goes down slowly, as that of a sensor with its sign turned; flip it (--flip on the "
-            "command line, flip=True in read_trace)"
+            "the force rises in jumps and falls slowly: the sensor's sign seems to be reversed; turn it (--flip on "
+            "the command line, flip=True in read_trace)"
         )
     if found.size == 0:
         return _without_drops(trace, found, seen)
-    oscillation = f"{100 * seen.peak_to_peak / seen.static_friction:.3g} % of static friction"
+    oscillation = f"{100 * seen.peak_to_peak / seen.static_friction:.3g} % of the largest force"
     # Samples that step over a slip miss its velocity; the time that drops take is then a safer witness.
     coarse = float(np.median(found.trough - found.peak)) < FEWEST_IN_A_DROP
     if seen.peak_velocity is not None and (seen.peak_velocity >= SLIP_VELOCITY or not coarse):
@@ -393,6 +452,8 @@ def _verdict(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]:
         allowed = min(allowed, 2.0 * STEADY)
     if change < -allowed:
         return _decaying(trace, seen, slips)
+    if seen.peak_to_peak >= TINY * seen.static_friction and (stopped := _stopped(trace, found)):
+        return "undecided", stopped
     if slips and (found.periodic or seen.slip_phase <= SLIP_PHASE):
         manner = "periodic" if found.periodic else "irregular"
         growth = "; the slips still grow" if change > allowed else ""
@@ -403,8 +464,11 @@ def _verdict(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]:
             f"the oscillation still grows, by a factor {seen.trend:.2g} between the halves of the window; about "
             f"{trace.time_in_words(2.0 * span)} more would tell"
         )
-    if seen.peak_to_peak < TINY * seen.static_friction:
-        return "smooth sliding", f"the force oscillates by {oscillation}, peak to peak"
+    # Of a sine with noise of a sensor on top, peak to peak is more than the sine's.
+    swing = 2.0 * math.sqrt(2.0 * max(float(np.var(without_line(trace.force, trace.t))) - found.noise**2, 0.0))
+    if seen.peak_to_peak < TINY * seen.static_friction or (found.periodic and swing < TINY * seen.static_friction):
+        size = min(swing, seen.peak_to_peak) / seen.static_friction
+        return "smooth sliding", f"the force oscillates by {100 * size:.3g} % of the largest force, peak to peak"
     if coarse:
         return "undecided", f"drops of {oscillation} last fewer than {FEWEST_IN_A_DROP} samples: record more often"
     if not found.periodic and _halves(trace) < 1.0 - 3.0 * STEADY:
@@ -418,6 +482,26 @@ def _verdict(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]:
     return "undecided", (
         f"irregular oscillation of {oscillation} that is neither slips nor small: {how}; about "
         f"{trace.time_in_words(4.0 * (trace.t[-1] - trace.t[0]))} more{or_else} would tell"
+    )
+
+
+def _stopped(trace: Trace, found: Slips) -> str:
+    """Say when the slips stopped, if they did: time enough has passed since the last for one, at three standard errors.
+
+    Times between slips are taken to follow a gamma distribution: even ones at a small variation, random ones at 1.
+    """
+    from scipy.special import gammainccinv
+
+    mean, _, variation = mean_and_std(np.diff(found.times))
+    shape = 1.0 / max(variation, 0.01) ** 2
+    last = float(trace.t[found.end[-1]])
+    if not trace.t[-1] - found.times[-1] > mean * max(2.0, float(gammainccinv(shape, 0.00135)) / shape):
+        return ""
+    rest = trace.part(last)
+    then = _judge(rest).kind if rest.t.size >= FEWEST_READINGS else "undecided"
+    return (
+        f"slips every {trace.time_in_words(mean)} up to t = {trace.time_in_words(last)}, then "
+        f"{'none' if then == 'undecided' else then}: judge each part by itself"
     )
 
 
@@ -448,7 +532,7 @@ def _decaying(trace: Trace, seen: Regime, slips: bool) -> tuple[Kind, str]:
     shrinks = f"the oscillation decays, by a factor {seen.trend:.2g} from one half of the window to the other"
     part = second / seen.static_friction
     if not slips and part < SMALL:
-        return "smooth sliding", f"{shrinks}, and is down to {100 * part:.3g} % of static friction"
+        return "smooth sliding", f"{shrinks}, and is down to {100 * part:.3g} % of the largest force"
     halves = math.log(SMALL / max(part, 1.1 * SMALL)) / math.log(seen.trend)
     more = 0.5 * max(halves, 1.0) * float(trace.t[-1] - trace.t[0])
     return "undecided", f"{shrinks}; about {trace.time_in_words(more)} more would tell whether it persists"
@@ -475,10 +559,10 @@ def _without_drops(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]
     span = float(trace.t[-1] - trace.t[0])
     if oscillation == 0.0 and trace.drive is None:
         return "undecided", "the force never changes: is the sensor connected?"
-    part = f"{100 * oscillation / friction:.3g} % of static friction" if friction else "a force of 0"
+    part = f"{100 * oscillation / friction:.3g} % of the largest force" if friction else "a force of 0"
     if oscillation < TINY * friction:
         return "smooth sliding", f"the force fluctuates by {part}"
-    drift = float(np.polyfit(trace.t - trace.t[0], trace.force, 1)[0] * span)
+    drift = slope(trace.force, trace.t) * span
     if abs(drift) > DRIFTS * oscillation and abs(drift) > 2.0 * found.smallest:
         way = "rises" if drift > 0 else "falls"
         return "undecided", (
@@ -500,21 +584,22 @@ def _without_drops(trace: Trace, found: Slips, seen: Regime) -> tuple[Kind, str]
                 f"{trace.time_in_words(2.0 * span)} more would tell"
             )
         if not of_contacts:
-            return "smooth sliding", f"{relative}: noise of the contacts"
+            return "smooth sliding", f"{relative}, as slow noise does"
         if oscillation > MOST_NOISE * friction:
             return "sustained oscillation", (
-                f"irregular, {part}, peak to peak, which so few contacts ({trace.contacts}) make as noise; "
+                f"irregular, {part}, peak to peak, as expected from the noise of {trace.contacts} contacts; "
                 f"{_whether_it_sticks(seen)}"
             )
-        return "smooth sliding", f"{relative}, as the noise of {trace.contacts} contacts does"
+        return "smooth sliding", f"{relative}: no more than the noise of {trace.contacts} contacts"
     if oscillation > max(2.0 * found.smallest, SMALL * friction) and not is_white(trace, found.noise, found.cycles):
         return "undecided", (
             "too short: the force oscillates, but shows no complete drop in the window; about "
             f"{trace.time_in_words(4.0 * span)} more would tell"
         )
-    if oscillation > MOST_NOISE * friction:
+    # Slips of a drop D, seen once a cycle or less, scatter by D/sqrt(12) and look like white noise.
+    scatter = float(without_line(trace.force, trace.t).std())
+    if scatter > SMALL / math.sqrt(12.0) * friction:
         return "undecided", (
-            f"noise of {oscillation:.3g} about a mean force of {abs(seen.mean_force):.3g} hides what there is: record "
-            "more often"
+            f"noise of {part} from one sample to the next masks any oscillation, and slips: record more often"
         )
     return "smooth sliding", f"the force shows noise only, {part}"

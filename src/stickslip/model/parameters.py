@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from stickslip.errors import InputError, shown
 from stickslip.model.drive import constant
 from stickslip.model.records import Record, rescaled
-from stickslip.model.units import Scales
+from stickslip.model.units import Scales, natural_unit
 
 if TYPE_CHECKING:
     from stickslip.model.rig import Rig
@@ -51,6 +51,9 @@ class Parameter:
     rescales: bool = False
     get: Callable[[Rig], float] = field(repr=False)
     set: Callable[[Rig, float], Rig] = field(repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "unit", natural_unit(self.unit))
 
 
 def _of_slider(attribute: str, unit: str, title: str, *, zero: bool = False) -> Parameter:
@@ -125,7 +128,7 @@ def _unit_of_the_rig(name: str, unit: str, title: str, force: int, length: int) 
         larger = Scales(force=factor**force, stretching=factor**length)
 
         def in_it(record: Record) -> Record:
-            return rescaled(record, lambda unit: 1.0 / larger.size(unit))
+            return rescaled(record, lambda unit: 1.0 / larger.unit(unit))
 
         STIFFNESS.get(rig)  # an impedance has no unit to rescale
         scales, operation = rig.scales, in_it(rig.operation)
@@ -136,7 +139,7 @@ def _unit_of_the_rig(name: str, unit: str, title: str, force: int, length: int) 
         feasible = tuple(
             (name, low / size, high / size)
             for name, low, high in operation.feasible
-            for size in [larger.size(parameter_named(name).unit)]
+            for size in [larger.unit(parameter_named(name).unit)]
         )
         return replace(
             rig,

@@ -1,7 +1,7 @@
 """Quantities in text: one number and a unit, ``"4 MN/m"``, by one strict grammar.
 
 The units stand here, with exact sizes. A library of units would take a third of a second to load, and reads more than
-is meant: ``mPas`` as millipascals, ``das`` as ten seconds.
+is meant: ``mPas`` as millipascals.
 """
 
 from __future__ import annotations
@@ -138,6 +138,8 @@ def read_quantity(text: str, unit: str, example: str, *, bare: bool = False) -> 
         raise InputError(f"has no unit; write it as in {example!r}")
     size, dimensions = _size_of(found[2])
     wanted, kind = _size_of(unit)
+    if dimensions == _size_of(f"kg {unit}")[1]:
+        raise InputError(f"is {unit!r} times a mass; divide it by the mass, and write it as in {example!r}")
     if dimensions != kind:
         raise InputError(f"is not in a unit of {unit!r}; write it as in {example!r}")
     return _nearest(Fraction(found[1]) * size / wanted)

@@ -27,7 +27,7 @@ from stickslip.model.operation import Operation
 from stickslip.model.parameters import PARAMETERS, Parameter, parameter_named
 from stickslip.model.quantities import read_quantity
 from stickslip.model.records import Record, rescaled
-from stickslip.model.units import Quantity, Scales, in_si, in_words, quantity
+from stickslip.model.units import Scales, in_si, in_words, natural_unit, si_unit
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -155,6 +155,7 @@ class Rig(Answer):
     source: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
+        instance("Rig.name", self.name, str, "a text")
         instance("Rig.interface", self.interface, Interface, "an Interface")
         known = hasattr(self.slider, "stiffness") or callable(self.slider) or isinstance(self.slider, Chain | Sheet)
         if isinstance(self.slider, type) or not known:
@@ -190,12 +191,19 @@ class Rig(Answer):
         return known.get(self) * self.unit(known.unit)
 
     def unit(self, natural: str) -> float:
-        """Size of a natural unit, such as ``"x_s/time"``, in the rig's own units."""
-        return 1.0 if self.scales is None else self.scales.size(natural)
+        """Size in the rig's own units of a natural unit: ``"x_s/time"``, or ``"velocity"``, the quantity it measures.
+
+        Raises
+        ------
+        InputError
+            If there is no such unit or quantity.
+        """
+        unit = natural_unit(natural)
+        return 1.0 if self.scales is None else self.scales.unit(unit)
 
     def unit_name(self, natural: str) -> str:
-        """Name of a natural unit, such as ``"x_s/time"``, in the rig's own units: ``"m/s"``."""
-        return natural if self.scales is None else self.scales.si_name(natural)
+        """Name of the rig's own unit for a natural unit or a quantity, as in `unit`: ``"m/s"``."""
+        return natural_unit(natural) if self.scales is None else si_unit(natural)
 
     if not TYPE_CHECKING:  # to a checker of types it has just the names that stand here
 
@@ -244,7 +252,7 @@ class Rig(Answer):
             return value
         if self.scales is None:
             raise InputError(f"{place} = {value!r}: must be a plain number, as the rig is in natural units")
-        unit = self.scales.si_name(parameter.unit)
+        unit = si_unit(parameter.unit)
         try:
             return read_quantity(value, unit, f"2 {unit}")
         except InputError as error:
@@ -303,8 +311,7 @@ class Rig(Answer):
                 value = parameter.get(self.natural)
             except InputError:  # what it has not
                 continue
-            said = f"{value:.4g}" if parameter.unit == "1" else self.in_units(value, quantity(parameter.unit))
-            lines.append(f"{parameter.title or parameter.name:<48}{said}")
+            lines.append(f"{parameter.title or parameter.name:<48}{self.in_units(value, parameter.unit)}")
         lines.append(f"{'thresholds':<48}{self.interface.thresholds}")
         lines.append(f"{'method':<48}{self.method}")
         return "\n".join(lines)
@@ -313,6 +320,6 @@ class Rig(Answer):
         """Return a result in natural units in the rig's own."""
         return result if self.scales is None else in_si(result, self.scales)
 
-    def in_units(self, value: float, quantity: Quantity) -> str:
-        """Say a natural value in words: in SI units with a prefix, or in natural units."""
-        return in_words(value, quantity, self.scales)
+    def in_units(self, value: float, unit: str, digits: int = 4) -> str:
+        """Say a natural value in words, its unit named as in `unit`: in SI units with a prefix, or in natural units."""
+        return in_words(value, unit, self.scales, digits)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Literal, cast
 
-from stickslip.errors import InputError
+from stickslip.errors import InputError, shown
 from stickslip.model.records import Number, check
+from stickslip.words import engineering as engineering  # others take it from here
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -38,8 +38,8 @@ class Scales:
     def __post_init__(self) -> None:
         check(self)
 
-    def unit(self, quantity: Quantity) -> float:
-        """Size of one natural unit of the quantity, in SI units.
+    def unit(self, name: str) -> float:
+        """Size in SI units of one natural unit: ``"x_s/time"``, or ``"velocity"``, the quantity that it measures.
 
         A force in natural units is per contact and in ``f_s``: multiplied by ``N f_s`` it is the force of the whole
         interface; stiffness, mass and energy likewise.
@@ -47,70 +47,74 @@ class Scales:
         Raises
         ------
         InputError
-            If there is no such quantity.
+            If there is no such unit or quantity.
         """
-        match quantity:
-            case "force":
-                return self.force
-            case "length":
-                return self.stretching
-            case "time":
-                return self.time
-            case "velocity":
-                return self.stretching / self.time
-            case "stiffness":
-                return self.force / self.stretching
-            case "mass":
-                return self.force * self.time**2 / self.stretching
-            case "rate":
-                return 1.0 / self.time
-            case "energy":
-                return self.force * self.stretching
-            case "viscosity":
-                return self.force * self.time / self.stretching
-            case "modulus":
-                return self.force / self.stretching**2
-            case "density":
-                return self.force * self.time**2 / self.stretching**4
-            case _:
-                raise InputError(f"quantity = {quantity!r}: must be one of {', '.join(get_args(Quantity))}")
+        above = below = 1.0
+        for scale, power in zip((self.force, self.stretching, self.time), UNITS[natural_unit(name)][:3], strict=True):
+            above, below = above * scale ** max(power, 0), below * scale ** max(-power, 0)
+        return above / below
 
-    def size(self, natural: str) -> float:
-        """Size of a natural unit as results carry it, such as ``"x_s/time"``, in SI units; 1 for a pure number."""
-        return (si_unit(natural, self) or (1.0, natural))[0]
-
-    def si_name(self, natural: str) -> str:
-        """Name of the SI unit in which a natural unit is measured: ``"m/s"``."""
-        return (si_unit(natural, self) or (1.0, natural))[1]
-
-    def natural(self, value: float, quantity: Quantity) -> float:
+    def natural(self, value: float, name: str) -> float:
         """Turn a value in SI units into natural units."""
-        return value / self.unit(quantity)
+        return value / self.unit(name)
 
-    def si(self, value: float, quantity: Quantity) -> float:
+    def si(self, value: float, name: str) -> float:
         """Turn a value in natural units into SI units."""
-        return value * self.unit(quantity)
+        return value * self.unit(name)
 
 
-_SI_OF: dict[str, tuple[Quantity, int, str]] = {
-    "time": ("time", 1, "s"),
-    "x_s": ("length", 1, "m"),
-    "x_s/time": ("velocity", 1, "m/s"),
-    "f_s": ("force", 1, "N"),
-    "f_s x_s": ("energy", 1, "J"),
-    "1/x_s": ("length", -1, "1/m"),
-    "1/time": ("rate", 1, "1/s"),
-    "k": ("stiffness", 1, "N/m"),
-    "f_s time^2/x_s": ("mass", 1, "kg"),
-    "f_s time/x_s": ("viscosity", 1, "N s/m"),
-    "f_s/x_s^2": ("modulus", 1, "Pa"),
-    "f_s time^2/x_s^4": ("density", 1, "kg/m^3"),
+UNITS: dict[str, tuple[float, float, float, str]] = {
+    "1": (0, 0, 0, "1"),
+    "f_s": (1, 0, 0, "N"),
+    "x_s": (0, 1, 0, "m"),
+    "time": (0, 0, 1, "s"),
+    "x_s/time": (0, 1, -1, "m/s"),
+    "k": (1, -1, 0, "N/m"),
+    "f_s time^2/x_s": (1, -1, 2, "kg"),
+    "1/time": (0, 0, -1, "1/s"),
+    "f_s x_s": (1, 1, 0, "J"),
+    "f_s time/x_s": (1, -1, 1, "N*s/m"),
+    "f_s/x_s^2": (1, -2, 0, "Pa"),
+    "f_s time^2/x_s^4": (1, -4, 2, "kg/m^3"),
+    "1/x_s": (0, -1, 0, "1/m"),
+    "1/time^(1/2)": (0, 0, -0.5, "1/s^(1/2)"),
 }
-"""Natural unit of a variable: its quantity, the power of it, and the SI unit."""
-SI: dict[Quantity, str] = {kind: unit for kind, power, unit in _SI_OF.values() if power == 1}
+"""Natural units, as records declare them and results carry them: powers of force, length and time, and the SI unit."""
+QUANTITIES: dict[Quantity, str] = {
+    "force": "f_s",
+    "length": "x_s",
+    "time": "time",
+    "velocity": "x_s/time",
+    "stiffness": "k",
+    "mass": "f_s time^2/x_s",
+    "rate": "1/time",
+    "energy": "f_s x_s",
+    "viscosity": "f_s time/x_s",
+    "modulus": "f_s/x_s^2",
+    "density": "f_s time^2/x_s^4",
+}
+"""Natural unit of each quantity."""
+SI: dict[Quantity, str] = {kind: UNITS[unit][-1] for kind, unit in QUANTITIES.items()}
 """SI unit of each quantity."""
-SI_NAMES: dict[str, str] = {natural: name for natural, (_, _, name) in _SI_OF.items()}
-"""SI unit of each natural unit."""
+
+
+def natural_unit(name: object) -> str:
+    """Return a natural unit that is given as such, or by the quantity that it measures.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name.
+    """
+    unit = QUANTITIES.get(cast("Quantity", name), name) if isinstance(name, str) else ""
+    if unit not in UNITS:
+        raise InputError(f"unit = {shown(name)}: must be one of {', '.join(UNITS)}, or {', '.join(QUANTITIES)}")
+    return unit
+
+
+def si_unit(name: str) -> str:
+    """Return the SI unit of a natural unit or a quantity: ``"m/s"``; errors as in `natural_unit`."""
+    return UNITS[natural_unit(name)][-1]
 
 
 def quantity(unit: str) -> Quantity:
@@ -121,26 +125,10 @@ def quantity(unit: str) -> Quantity:
     InputError
         If no quantity is measured in it.
     """
-    named = {natural: kind for natural, (kind, power, _) in _SI_OF.items() if power == 1}
-    if unit not in named:
-        raise InputError(f"unit = {unit!r}: must be one of {', '.join(named)}")
-    return named[unit]
-
-
-def si_unit(unit: str, scales: Scales) -> tuple[float, str] | None:
-    """Size of a natural unit in SI units, and the name of that; None if it is not one of ours.
-
-    Parameters
-    ----------
-    unit : str
-        As variables carry it: ``"x_s/time"``.
-    scales : Scales
-    """
-    known = _SI_OF.get(unit)
-    if known is None:
-        return None
-    quantity, power, name = known
-    return scales.unit(quantity) ** power, name
+    for kind, natural in QUANTITIES.items():
+        if natural == unit:
+            return kind
+    raise InputError(f"unit = {shown(unit)}: must be one of {', '.join(QUANTITIES.values())}")
 
 
 def in_si(data: xr.Dataset, scales: Scales) -> xr.Dataset:
@@ -152,44 +140,29 @@ def in_si(data: xr.Dataset, scales: Scales) -> xr.Dataset:
     converted = {}
     for name in map(str, [*data.data_vars, *data.coords]):
         variable = data[name]
-        known = si_unit(str(variable.attrs.get("units")), scales)
-        if known is None or variable.dtype.kind not in "fiu":
+        units = str(variable.attrs.get("units"))
+        if units not in UNITS or units == "1" or variable.dtype.kind not in "fiu":
             continue
-        size, unit = known
         title = str(variable.attrs.get("long_name", name)).replace(", per contact", "").replace(" per contact", "")
-        values = variable.to_numpy() * size
-        converted[name] = (variable.dims, values, {"units": unit, "long_name": title})
+        values = variable.to_numpy() * scales.unit(units)
+        converted[name] = (variable.dims, values, {"units": si_unit(units), "long_name": title})
     coords = {name: value for name, value in converted.items() if name in data.coords}
     return data.assign({name: v for name, v in converted.items() if name not in coords}).assign_coords(coords)
 
 
-_NATURAL: dict[Quantity, str] = {
-    "force": "f_s",
-    "length": "x_s",
-    "time": "(time)",
-    "velocity": "x_s/time",
-    "stiffness": "k",
-    "mass": "",
-    "rate": "1/time",
-    "energy": "f_s x_s",
-}
+def in_words(value: float, unit: str, scales: Scales | None, digits: int = 4) -> str:
+    """Say a natural value in words: in SI units with a prefix, or in natural units where there are no scales.
 
-
-def engineering(value: float, unit: str, digits: int = 4) -> str:
-    """Four digits (or as many as are asked for), a prefix and a unit: ``"4 MN/m"``."""
-    if unit in ("1/s",) or value == 0 or not math.isfinite(value):
-        return f"{value:.{digits}g} {unit}"
-    if unit == "kg":
-        value, unit = value * 1e3, "g"
-        if value >= 1e3:
-            return f"{value / 1e3:.{digits}g} kg"
-    power = min(max(math.floor(math.log10(abs(value)) / 3 + 1e-12), -5), 4)
-    prefix = {-5: "f", -4: "p", -3: "n", -2: "u", -1: "m", 0: "", 1: "k", 2: "M", 3: "G", 4: "T"}[power]
-    return f"{value / 1000.0**power:.{digits}g} {prefix}{unit}"
-
-
-def in_words(value: float, quantity: Quantity, scales: Scales | None) -> str:
-    """Say a natural value in words: in SI units with a prefix, or in natural units where there are no scales."""
+    Parameters
+    ----------
+    value : float
+    unit : str
+        Natural unit, or quantity, as in `Scales.unit`.
+    scales : Scales, optional
+    digits : int
+        Significant digits.
+    """
     if scales is None:
-        return f"{value:.4g} {_NATURAL[quantity]}".rstrip()
-    return engineering(scales.si(value, quantity), SI[quantity])
+        natural = natural_unit(unit)
+        return engineering(value, {"time": "time units", "f_s time^2/x_s": ""}.get(natural, natural), digits)
+    return engineering(scales.si(value, unit), si_unit(unit), digits)

@@ -7,8 +7,7 @@
 >>> all(claim.ok for claim in figure.check(data))
 True
 
-Each figure is a module with three functions (data, drawing, claims) joined in a `Figure`; nothing is stored: the
-settled numbers stand in the claims, as expectations.
+Each figure is a module: data, drawing and claims, joined in a `Figure`. Settled numbers stand in the claims.
 """
 
 from __future__ import annotations
@@ -18,10 +17,8 @@ from stickslip.paper import fig1, fig2, fig3, fig4, fig5, fig6, fig7, fig8, fig9
 from stickslip.paper.figure import Claim, Figure, Measured, Verdict
 from stickslip.paper.reproduce import Format, Reproduction, places, reproduce
 
-FIGURES: dict[str, Figure] = {
-    figure.name: figure
-    for figure in (m.FIGURE for m in (fig1, fig2, fig3, fig4, fig5, fig6, fig7, fig8, fig9, fig10, fig11))
-}
+_MODULES = (fig1, fig2, fig3, fig4, fig5, fig6, fig7, fig8, fig9, fig10, fig11)
+FIGURES: dict[str, Figure] = {module.FIGURE.name: module.FIGURE for module in _MODULES}
 """The figures by name, ``"fig1"`` and on, in the order of the paper."""
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from stickslip.model import Delay, Gaussian, Interface, Langevin, Slider
+from stickslip.model import Delay, Gaussian, Interface, Langevin, Rig, Slider, constant
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -16,6 +16,11 @@ class PaperCase:
     slider: Slider
     velocity: float
     contacts: int
+
+    @property
+    def rig(self) -> Rig:
+        """The slider on the interface, pulled at the velocity."""
+        return Rig(self.interface, self.slider, constant(self.velocity))
 
 
 def _relative(ratio: float, stiffness: float, mass: float) -> float:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, Protocol, get_args
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Literal, SupportsFloat
 
 import numpy as np
 import xarray as xr
@@ -50,36 +50,42 @@ class Measured:
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit else ""
-        if math.isinf(self.low) and math.isinf(self.high):
-            band = "no bound"
-        elif math.isinf(self.low):
-            band = f"at most {self.high:.6g}"
-        elif math.isinf(self.high):
-            band = f"at least {self.low:.6g}"
-        else:
-            middle, half = 0.5 * (self.low + self.high), 0.5 * (self.high - self.low)
-            band = f"{middle:.6g} ± {half:.2g}"
+        match math.isfinite(self.low), math.isfinite(self.high):
+            case True, True:
+                band = f"{0.5 * (self.low + self.high):.6g} ± {0.5 * (self.high - self.low):.2g}"
+            case True, False:
+                band = f"at least {self.low:.6g}"
+            case False, True:
+                band = f"at most {self.high:.6g}"
+            case _:
+                band = "no bound"
         return f"{self.name} = {self.value:.6g}{unit} ({band}{'' if self.ok else ': NOT MET'})"
 
 
-def near(name: str, value: float, exact: float, tolerance: float, unit: str = "") -> Measured:
-    """Return a number that must be within a tolerance of the settled one."""
-    return Measured(name=name, value=float(value), low=exact - tolerance, high=exact + tolerance, unit=unit)
-
-
-def between(name: str, value: float, low: float, high: float, unit: str = "") -> Measured:
+def between(name: str, value: SupportsFloat, low: float, high: float, unit: str = "") -> Measured:
     """Return a number that must lie in a band."""
     return Measured(name=name, value=float(value), low=low, high=high, unit=unit)
 
 
-def at_most(name: str, value: float, bound: float, unit: str = "") -> Measured:
+def near(name: str, value: SupportsFloat, exact: float, tolerance: float, unit: str = "") -> Measured:
+    """Return a number that must be within a tolerance of the settled one."""
+    return between(name, value, exact - tolerance, exact + tolerance, unit)
+
+
+def at_most(name: str, value: SupportsFloat, bound: float, unit: str = "") -> Measured:
     """Return a number that must not exceed a bound."""
-    return Measured(name=name, value=float(value), high=bound, unit=unit)
+    return between(name, value, -math.inf, bound, unit)
 
 
-def at_least(name: str, value: float, bound: float, unit: str = "") -> Measured:
+def at_least(name: str, value: SupportsFloat, bound: float, unit: str = "") -> Measured:
     """Return a number that must reach a bound."""
-    return Measured(name=name, value=float(value), low=bound, unit=unit)
+    return between(name, value, bound, math.inf, unit)
+
+
+def extremes(name: str, values: NDArray[np.float64], low: float, high: float, unit: str = "") -> tuple[Measured, ...]:
+    """Return the smallest and the largest of several numbers, which must all lie in a band."""
+    found = ("smallest", values.min()), ("largest", values.max())
+    return tuple(between(f"{name}, {which}", value, low, high, unit) for which, value in found)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,34 +100,27 @@ class Claim:
         What the paper says, in our words.
     verdict : Verdict
         What the data say.
-    settled : Verdict
-        What an independent study of the model has settled; another verdict is a fault of ours.
     measured : tuple of Measured
     reading : str
         The reading under which the claim holds, or the range in which; empty where it holds as printed.
     exact : str
-        What is right in place of a claim that is not reproduced.
+        What is right in place of a claim that does not hold.
     evidence : str
         What was done to see it.
     """
 
-    number: int | None
+    number: int | None = None
     statement: str
     verdict: Verdict
-    settled: Verdict
     measured: tuple[Measured, ...]
     evidence: str
     reading: str = ""
     exact: str = ""
 
-    def __post_init__(self) -> None:
-        for field in ("verdict", "settled"):
-            if (value := getattr(self, field)) not in get_args(Verdict):
-                raise InputError(f"Claim.{field} = {value!r}: must be one of {', '.join(get_args(Verdict))}")
-        if self.settled == "reproduced under the stated reading" and not self.reading:
-            raise InputError("Claim.reading is empty: a claim reproduced under a reading must state it")
-        if self.settled == "not reproduced" and not self.exact:
-            raise InputError("Claim.exact is empty: a claim that is not reproduced must give what is right instead")
+    @property
+    def settled(self) -> Verdict:
+        """What an independent study of the model has settled; another verdict is a fault of ours."""
+        return verdict(printed=not (self.exact or self.reading), read=not self.exact)
 
     @property
     def ok(self) -> bool:
@@ -149,32 +148,10 @@ class Claim:
 
     def plain(self) -> dict[str, object]:
         """Return what JSON can hold; None stands for a bound that is not there and a value that is no number."""
-
-        def finite(value: float) -> float | None:
-            return value if math.isfinite(value) else None
-
-        numbers = [
-            {
-                "name": m.name,
-                "value": finite(m.value),
-                "low": finite(m.low),
-                "high": finite(m.high),
-                "unit": m.unit,
-                "ok": m.ok,
-            }
-            for m in self.measured
-        ]
-        return {
-            "number": self.number,
-            "statement": self.statement,
-            "verdict": self.verdict,
-            "settled": self.settled,
-            "ok": self.ok,
-            "reading": self.reading,
-            "exact": self.exact,
-            "measured": numbers,
-            "evidence": self.evidence,
-        }
+        measured = [asdict(m) | {"ok": m.ok} for m in self.measured]
+        for number in measured:
+            number |= {name: None for name in ("value", "low", "high") if not math.isfinite(number[name])}
+        return asdict(self) | {"settled": self.settled, "measured": measured, "ok": self.ok}
 
 
 def verdict(*, printed: bool, read: bool = False) -> Verdict:
@@ -182,14 +159,6 @@ def verdict(*, printed: bool, read: bool = False) -> Verdict:
     if printed:
         return "reproduced"
     return "reproduced under the stated reading" if read else "not reproduced"
-
-
-class Compute(Protocol):
-    """Compute the data of a figure; `quick` is for tests: coarser, with the same verdicts."""
-
-    def __call__(self, progress: Progress, quick: bool) -> xr.Dataset:
-        """Return one labelled Dataset with all that picture and claims need."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,19 +173,20 @@ class Figure:
     caption : str
         What the panels show.
     data : callable
-        Computes everything that picture and claims need, as one labelled Dataset.
+        Computes everything that picture and claims need, as one labelled Dataset, from a progress and whether to be
+        quick.
     drawing : callable
         Draws the data.
-    claims : callable
-        Weighs the data against the paper's claims.
+    claims : tuple of callable
+        Each weighs the data against one claim of the paper.
     """
 
     name: str
     title: str
     caption: str
-    data: Compute
+    data: Callable[[Progress, bool], xr.Dataset]
     drawing: Callable[[xr.Dataset], matplotlib.figure.Figure]
-    claims: Callable[[xr.Dataset], tuple[Claim, ...]]
+    claims: tuple[Callable[[xr.Dataset], Claim], ...]
 
     def compute(self, progress: Progress | None = None, quick: bool = False) -> xr.Dataset:
         """Compute the data of the figure; `stickslip.io.datasets.save` writes them.
@@ -228,14 +198,12 @@ class Figure:
         quick : bool
             Coarser, for tests; the verdicts are the same.
         """
-        report = progress or _no_report
+        report = progress or (lambda _: None)
         data = self.data(report, quick)
         report(1.0)
         data.attrs["title"] = f"{self.name}: {self.title}"
         data.attrs["caption"] = self.caption
-        arguments: dict[str, object] = {"figure": self.name}
-        if quick:
-            arguments["quick"] = True
+        arguments = {"figure": self.name} | ({"quick": True} if quick else {})
         data.attrs["provenance"] = store.provenance("paper", arguments)
         return data
 
@@ -248,30 +216,9 @@ class Figure:
     def check(self, data: xr.Dataset) -> tuple[Claim, ...]:
         """Weigh the data that `compute` gave against the claims of the paper."""
         self._check(data)
-        return self.claims(data)
+        return tuple(weigh(data) for weigh in self.claims)
 
     def _check(self, data: xr.Dataset) -> None:
         made_by = store.read_provenance(data)
         if made_by["call"] != "paper" or made_by["arguments"].get("figure") != self.name:
             raise InputError(f"{self.name}: these are other data (made by {json.dumps(made_by['arguments'])[:80]})")
-
-
-def _no_report(_: float) -> None:
-    pass
-
-
-def variable(
-    dims: str | tuple[str, ...], values: object, long_name: str, units: str | None = None
-) -> tuple[str | tuple[str, ...], NDArray[Any], dict[str, str]]:
-    """Return a labelled variable or coordinate of a Dataset; texts have no unit."""
-    return dims, np.asarray(values), {"long_name": long_name} | ({} if units is None else {"units": units})
-
-
-def portions(progress: Progress, count: int) -> Iterator[Progress]:
-    """Divide a progress between `count` tasks of equal length, one after the other."""
-    for i in range(count):
-
-        def part(fraction: float, done: int = i) -> None:
-            progress((done + fraction) / count)
-
-        yield part

@@ -35,7 +35,11 @@ Prediction = Any  # `stickslip.advise.Prediction`: advice stands above pictures,
 _CYCLES_SHOWN = 12
 _COLOURS = {kind: REGIMES[kind][0] for kind in ("smooth sliding", "sustained oscillation", "stick-slip")}
 _COLOURS |= {"unstable": "#BFBFBF", "stable": "#FFFFFF"}
-_BY_THEORY = {"unstable": "unstable (linear)", "stable": "stable (linear)", "unknown": "not known"}
+_BY_THEORY = {
+    "unstable": "unstable (linear, without noise)",
+    "stable": "stable (linear, without noise)",
+    "unknown": "not known",
+}
 
 
 @house_style()
@@ -61,7 +65,7 @@ def prediction(answer: Prediction) -> Figure:
 
 
 def _title(answer: Prediction) -> str:
-    words = re.sub(r"(?<= )u(?=m|s|N)", "µ", f"{answer.rig.name}: {answer.verdict}")
+    words = re.sub(r"(?<= )u(?=m|s|N)", "µ", f"{answer.rig.name}: {getattr(answer, 'headline', answer.verdict)}")
     words = re.sub(r"(?<=\d) (?=\S)", "\N{NO-BREAK SPACE}", words)  # a number stays with its unit
     return "\n".join(textwrap.wrap(words, 105)).replace("$", r"\$")
 
@@ -79,7 +83,10 @@ def _strip_of_speeds(ax: Axes, answer: Prediction) -> dict[str, Any]:
         if band.bistable:
             ax.axvspan(band.low, band.high, facecolor="none", edgecolor="white", hatch="/////", linewidth=0)
             handles.setdefault(
-                "bistable", Patch(facecolor=GREY, hatch="/////", edgecolor="white", label="... or smooth: bistable")
+                "bistable",
+                Patch(
+                    facecolor=GREY, hatch="/////", edgecolor="white", label="... or smooth: bistable (without noise)"
+                ),
             )
     ax.axvline(answer.rig.velocity, color=BLACK, linewidth=1.6)
     ax.plot([answer.rig.velocity], [1.0], "v", color=BLACK, markersize=6, clip_on=False, transform=_above(ax))

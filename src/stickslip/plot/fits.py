@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from stickslip.plot.style import (
@@ -69,15 +70,19 @@ def slips(data: xr.Dataset) -> Figure:
 
 @house_style()
 def fitted(found: Fit) -> Figure:
-    """Draw the statistics of the trace among those of series of the draws, and the parameters within their prior.
+    """Draw some slips of the trace above simulated ones, the test of its statistics, and the parameters' intervals.
 
     Parameters
     ----------
     found : Fit
         What `stickslip.fit` returns.
     """
-    figure = new_figure(PAGE, 4.8)
-    test, parameters = figure.subplots(1, 2, width_ratios=(1, 1))
+    figure = new_figure(PAGE, 6.6)
+    grid = figure.add_gridspec(3, 2, height_ratios=(1, 1, 4))
+    measured = figure.add_subplot(grid[0, :])
+    simulated = figure.add_subplot(grid[1, :], sharex=measured, sharey=measured)
+    test, parameters = (figure.add_subplot(grid[2, i]) for i in range(2))
+    _beside(measured, simulated, found)
     low, middle, high = np.quantile(found.predicted, (0.025, 0.5, 0.975), axis=0)
     scale = np.maximum(high - low, 1e-12) / 4.0
     for row, (name, p) in enumerate(found.p_values.items()):
@@ -89,7 +94,7 @@ def fitted(found: Fit) -> Figure:
         test.plot(np.clip(here, -_WIDEST, _WIDEST), at, "o", color=colour, markersize=4)
         test.annotate(name, (-_WIDEST - 0.2, at), ha="right", va="center", fontsize=7, annotation_clip=False)
         test.annotate(f"{p:.2g}", (_WIDEST + 0.2, at), va="center", fontsize=7, color=colour, annotation_clip=False)
-    test.set(xlim=(-_WIDEST, _WIDEST), yticks=[], xlabel="less the median, over a quarter of the 95 % range")
+    test.set(xlim=(-_WIDEST, _WIDEST), yticks=[], xlabel="(value - median) / (range of 95 % / 4)")
     test.set_title("trace (dot), draws (bar), p", loc="left")
     test.spines["left"].set_visible(False)
 
@@ -100,7 +105,10 @@ def fitted(found: Fit) -> Figure:
         parameters.plot([low_part, high_part], [-row, -row], color=BLUE, linewidth=7, solid_capstyle="butt")
         parameters.plot(middle_part, -row, "|", color="white", markersize=7)
         parameters.annotate(
-            f"{one.key.replace('_', ' ')}: {one}, {one.verdict}", (0, -row + 0.22), fontsize=7, annotation_clip=False
+            f"{one.key.replace('_', ' ')}: {str(one).partition(', to')[0]}, {one.verdict}",
+            (0, -row + 0.22),
+            fontsize=7,
+            annotation_clip=False,
         )
     parameters.set(xlim=(0, 1), ylim=(-len(found.parameters) + 0.4, 0.7), xticks=[], yticks=[])
     parameters.set_title("90 % intervals within the prior", loc="left")
@@ -109,4 +117,27 @@ def fitted(found: Fit) -> Figure:
     return figure
 
 
-_FITTED, _WIDEST, _LOW = 9, 4.0, 0.02
+def _beside(measured: Axes, simulated: Axes, found: Fit) -> None:
+    """A dozen slips of the trace from its middle, and as long a part of a simulated one, to the same scales."""
+    events, made = found.events, found.simulated()
+    begin, lasts = events.time[events.peak_at[len(events) // 2]], _SHOWN * events.recurrence
+    middle = 0.4 * float(made["time"][-1])
+    for ax, t, force, colour, title in (
+        (measured, events.time - begin, events.force, BLACK, "measured"),
+        (
+            simulated,
+            made["time"].values - middle,
+            made["spring_force"].values,
+            BLUE,
+            "simulated, the draw nearest to the medians",
+        ),
+    ):
+        inside = (t >= 0.0) & (t <= lasts)
+        ax.plot(t[inside], force[inside], color=colour, linewidth=0.8)
+        ax.set_title(title, loc="left")
+        ax.set_ylabel(f"force ({events.force_unit})" if events.force_unit not in ("", "1") else "force")
+    measured.tick_params(labelbottom=False)
+    simulated.set_xlabel(f"time ({events.time_unit})" if events.time_unit else "time")
+
+
+_FITTED, _WIDEST, _LOW, _SHOWN = 9, 4.0, 0.02, 12

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 import matplotlib as mpl
@@ -13,9 +14,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from stickslip.errors import InputError
-from stickslip.measure import counted, drops, regime
-from stickslip.measure.arrays import check_numbers
+from stickslip.measure import Regime, counted, regime, regime_and_drops
+from stickslip.measure.arrays import check_numbers, in_words
 from stickslip.measure.front_map import is_of_a_chain
+from stickslip.measure.headings import ratio
 from stickslip.model.units import engineering
 from stickslip.plot.elastic import elastic_overview
 from stickslip.plot.style import (
@@ -80,6 +82,8 @@ def force_trace(
     dress(ax.xaxis, time)
     dress(ax.yaxis, force)
     ax.margins(x=0.01)
+    if "mu" in run and "load" in run:
+        _coefficient_on_the_right(ax, run)
     if ax.get_legend_handles_labels()[0]:
         legend_above(ax)
     return ax
@@ -237,7 +241,7 @@ def energy(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 
 @house_style()
-def overview(run: xr.Dataset, *, events: xr.Dataset | None = None) -> Figure:
+def overview(run: xr.Dataset, *, events: xr.Dataset | None = None, seen: Regime | None = None) -> Figure:
     """Draw a run at a glance: force with its slips marked, velocities, attached fraction; whatever of these there is.
 
     Of a chain, the force with its events, and the velocity of every block.
@@ -248,6 +252,8 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None) -> Figure:
         A run or a measured trace.
     events : Dataset, optional
         Slips to mark; by default those that `stickslip.drops` finds, where the regime is stick-slip.
+    seen : Regime, optional
+        The regime, if it has been judged.
 
     Raises
     ------
@@ -257,14 +263,14 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None) -> Figure:
     variable(run, "spring_force", "time")
     if events is None and is_of_a_chain(run):
         return elastic_overview(run)
-    seen = regime(run)
-    if events is None and seen.kind == "stick-slip":
-        events = drops(run)
+    if seen is None:
+        seen, found = regime_and_drops(run)
+        events = found if events is None and seen.kind == "stick-slip" else events
     panels = [name for name in ("velocity", "attached") if name in run]
     figure = new_figure(PAGE, 2.4 + 1.7 * len(panels))
     axes = figure.subplots(1 + len(panels), 1, sharex=True, squeeze=False)[:, 0]
     force_trace(run, axes[0], events=events)
-    axes[0].set_title(_over_a_range(run) or seen.kind)
+    axes[0].set_title(_over_a_range(run) or _title(seen))
     for name, ax in zip(panels, axes[1:], strict=True):
         (velocity if name == "velocity" else attached)(run, ax)
     for ax in axes[:-1]:
@@ -287,6 +293,19 @@ def side_by_side(left: xr.Dataset, right: xr.Dataset) -> Figure:
     return figure
 
 
+def _title(seen: Regime) -> str:
+    """The regime, with frequency or period and drop of what repeats."""
+    if seen.drops_are == "drops" or not math.isfinite(seen.period):
+        return seen.kind
+    seconds = ratio(seen.time_unit, "s")
+    how_often = (
+        in_words(1.0 / (seconds * seen.period), "Hz", 3)
+        if seconds
+        else f"period {in_words(seen.period, seen.time_unit, 3)}"
+    )
+    return f"{seen.kind}, {how_often}, drop {in_words(seen.drop, seen.force_unit, 3)}"
+
+
 def _over_a_range(run: xr.Dataset) -> str:
     """The speeds that a drive goes through, which has no one regime; nothing for a constant drive."""
     if "drive_velocity" not in run:
@@ -299,6 +318,21 @@ def _speed(value: float, run: xr.Dataset) -> str:
     unit = str(run["drive_velocity"].attrs.get("units", "")) if "drive_velocity" in run else ""
     said = engineering(value, unit) if unit == "m/s" else f"{value:.4g} {unit_text(unit)}"
     return said.replace(" um", " µm").strip()
+
+
+def _coefficient_on_the_right(ax: Axes, run: xr.Dataset) -> None:
+    """Another axis for the coefficient of friction: a scale, or, where the load changes, a line of its own."""
+    mu, load = variable(run, "mu", "time"), run["load"].to_numpy()
+    if np.ptp(load) == 0.0:
+        force = run["spring_force"].to_numpy()
+        at = int(np.argmax(np.abs(force)))
+        factor = float(mu[at]) / float(force[at]) if force[at] else 1.0
+        other: Axes = ax.secondary_yaxis("right", functions=(lambda f: f * factor, lambda m: m / factor))
+    else:
+        other = ax.twinx()
+        other.plot(*envelope(run["time"].to_numpy(), mu.to_numpy()), color=PURPLE, linewidth=0.7)
+    other.spines["right"].set_visible(True)
+    dress(other.yaxis, mu)
 
 
 def _mark_slips(ax: Axes, events: xr.Dataset) -> None:

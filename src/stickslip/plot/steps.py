@@ -17,7 +17,7 @@ Fit = Any
 
 @house_style()
 def velocity_step(step: Step, fits: Sequence[Fit], names: Sequence[str] = (), *, length: str = "um") -> Figure:
-    """Draw a velocity step and the fits to it, and below what they leave.
+    """Draw a velocity step and the fits to it, and their residuals below.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def velocity_step(step: Step, fits: Sequence[Fit], names: Sequence[str] = (), *,
         upper.plot(x, curve, color=colour, label=name)
         lower.plot(x, step.friction - curve, color=colour, linewidth=0.7)
     upper.set_ylabel("friction")
-    lower.set_ylabel("left over")
+    lower.set_ylabel("residual")
     lower.set_xlabel(f"displacement after the step ({length})")
     legend_above(upper)
     return figure

@@ -21,9 +21,10 @@ from matplotlib.rcsetup import cycler
 from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
-from stickslip.errors import InputError
+from stickslip.errors import InputError, printable
 from stickslip.io import files
 from stickslip.measure.arrays import check_numbers
+from stickslip.words import prefixed
 
 Array = NDArray[np.float64]
 
@@ -90,9 +91,6 @@ def new_axes(width: float = COLUMN, height: float = 2.6) -> Axes:
 # Words
 # ---------------------------------------------------------------------------------------------------------------------
 
-_PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
-_TAKES_PREFIX = {"N", "m", "s", "m/s", "J", "N/m"}
-
 
 def unit_text(units: str) -> str:
     """Return a unit as it is printed: ``"x_s/time"`` as "x_s per time unit" with a proper index; "" for none."""
@@ -100,7 +98,7 @@ def unit_text(units: str) -> str:
         return ""
     if units == "time":
         return "time units"
-    text = re.sub(r"/time\b", " per time unit", units)
+    text = re.sub(r"/time\b", " per time unit", re.sub(r"^u(?=[A-Z]|[msg]\b)", "µ", printable(units)))
     return re.sub(r"\b([A-Za-z]+)_([A-Za-z]+)\b|\b(k)\b", _as_symbol, text)
 
 
@@ -148,11 +146,9 @@ def dress(axis: Axis, variable: xr.DataArray) -> None:
     largest = float(np.nanmax(values, initial=0.0))
     if variable.attrs.get("spacing") == "log" and largest > 0:  # of an axis over decades the middle decides
         largest = float(np.exp(np.nanmean(np.log(values[values > 0]))))
-    factor, prefix = 1.0, ""
-    if units in _TAKES_PREFIX and largest > 0 and not 0.5 <= largest < 5e3:
-        factor, prefix = next((p for p in _PREFIXES if largest >= 0.5 * p[0]), _PREFIXES[-1])
+    factor, units = (1.0, units) if 0.5 <= largest < 5e3 else prefixed(largest, units)
     most = 24 if isinstance(axis, YAxis) else 200
-    axis.set_label_text(label(variable, units=prefix + units, most=most))
+    axis.set_label_text(label(variable, units=units, most=most))
     if factor != 1.0:
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / factor:.6g}".replace("-", "\N{MINUS SIGN}")))
 
@@ -196,6 +192,14 @@ def envelope(x: Array, y: Array) -> tuple[Array, Array]:
     return x[kept], y[kept]
 
 
+def format_of(path: str | os.PathLike[str]) -> str:
+    """Return the format of a picture, by the suffix of its name; `InputError` if it is none that is written."""
+    kind = Path(path).suffix.lower().removeprefix(".")
+    if kind not in _FORMATS:
+        raise InputError(f"{path}: a picture is written as {', '.join('.' + f for f in _FORMATS)}, chosen by suffix")
+    return kind
+
+
 def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
     """Write a figure as PNG, SVG or PDF, by the suffix of the name; whole or not at all.
 
@@ -205,9 +209,7 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
         If the suffix is none of these or the place cannot be written.
     """
     files.target(path)
-    kind = Path(path).suffix.lower().removeprefix(".")
-    if kind not in _FORMATS:
-        raise InputError(f"{path}: a picture is written as {', '.join('.' + f for f in _FORMATS)}, chosen by suffix")
+    kind = format_of(path)
     # No date in the file: the same figure gives the same bytes.
     undated: Mapping[str, None] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})
     picture = io.BytesIO()

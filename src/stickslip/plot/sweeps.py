@@ -56,8 +56,9 @@ def sweep_picture(data: xr.Dataset) -> Figure:
     ----------
     data : Dataset
         A sweep with its ``regime``, or a refinement with the regime of its runs; with ``edge_<axis>`` and
-        ``band_<axis>...``, what theory says goes on top, see `stickslip.sweep.plan.with_theory`. Axes are in the order
-        of the file: the first goes to the right. Where there are several seeds, a cell has the regime of all of them.
+        ``band_<axis>...``, what theory says goes on top, see `stickslip.sweep.theory.with_theory`. Axes are in the
+        order of the file: the first goes to the right. Where there are several seeds, a cell has the regime of all of
+        them.
 
     Raises
     ------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json as jsonlib
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -35,11 +36,18 @@ def rsf(
     ] = None,
     area: Annotated[str | None, Parameter(help="Area of the surface, for the export: '1 cm^2'.")] = None,
     output: Annotated[Path | None, Parameter(alias="-o", help="Write the export to a file.")] = None,
-    step_at: Annotated[str | None, Parameter(help="Of a trace: time of the step, '68.7 s'.")] = None,
+    step_at: Annotated[str | None, Parameter(help="Of a trace: about when the step came, '68.7 s'.")] = None,
     from_: Annotated[
         str | None, Parameter(name="--from", help="Of a trace: velocity before the step, '3 um/s'.")
     ] = None,
     to: Annotated[str | None, Parameter(help="Of a trace: velocity after the step.")] = None,
+    span: Annotated[
+        str | None, Parameter(help="Of a trace: displacement before and after the step, '5 um, 120 um'.")
+    ] = None,
+    trend: Annotated[bool, Parameter(help="Of a trace: fit a linear trend in displacement besides.")] = True,
+    stiffness: Annotated[
+        str | None, Parameter(help="Of a trace: between load point and surface, '0.006 1/um'; fitted by default.")
+    ] = None,
     json: Annotated[bool, Parameter(help="Print JSON for a machine to read.", negative="")] = False,
     plot: Annotated[
         Path | None, Parameter(help="Draw the fit of a trace, or the peaks after holds: .png, .svg, .pdf.")
@@ -87,7 +95,7 @@ def rsf(
         raise InputError("--holds: is for a rig; a measured trace has its own")
     if step_at is None or from_ is None or to is None:
         raise InputError(f"{data}: of a measured trace say --step-at '68.7 s' --from '3 um/s' --to '10 um/s'")
-    found = _of_trace(data, step_at, from_, to, law, plot)
+    found = _of_trace(data, step_at, from_, to, law, plot, span, stiffness, trend=trend)
     print(jsonlib.dumps(found.to_dict(), indent=2) if json else found)
 
 
@@ -141,7 +149,16 @@ def _after_holds(rig: Rig, fit: RateAndStateFit, holds: str, plot: Path | None) 
 
 
 def _of_trace(
-    path: Path, at: str, before: str, after: str, law: Literal["best", "ageing", "slip"], plot: Path | None
+    path: Path,
+    at: str,
+    before: str,
+    after: str,
+    law: Literal["best", "ageing", "slip"],
+    plot: Path | None,
+    span: str | None,
+    stiffness: str | None,
+    *,
+    trend: bool,
 ) -> StepFit:
     from stickslip.measure import read_trace
     from stickslip.model.quantities import read_quantity
@@ -150,18 +167,30 @@ def _of_trace(
     trace = read_trace(path)
     clock = str(trace["time"].attrs.get("units", "s"))
     length = str(trace["measured_displacement"].attrs["units"]) if "measured_displacement" in trace else "m"
-    length = {"microns": "um", "micron": "um"}.get(length, length)
 
-    def read(option: str, text: str, unit: str, example: str) -> float:
-        return _told(option, text, lambda given: read_quantity(given, unit, example))
+    def read(option: str, text: str, unit: str, example: str, *, bare: bool = False) -> float:
+        return _told(option, text, lambda given: read_quantity(given, unit, example, bare=bare))
 
+    ends = None
+    if span is not None:
+        parts = span.split(",")
+        if len(parts) != 2:
+            raise InputError(f"--span {shown(span)}: must be two displacements, as in '5 um, 120 um'")
+        ends = (read("--span", parts[0], length, "5 um"), read("--span", parts[1], length, "120 um"))
     cut = velocity_step_in(
         trace,
-        at=read("--step-at", at, clock, "68.7 s"),
+        at=read("--step-at", at, clock, "68.7 s", bare=True),
         before=read("--from", before, f"{length}/{clock}", "3 um/s"),
         after=read("--to", after, f"{length}/{clock}", "10 um/s"),
+        span=ends,
     )
-    fit = fit_rate_and_state(cut, law=law, trend=True)
+    cut = replace(cut, length_unit=length)
+    spring = None
+    if stiffness is not None:
+        spring = read(
+            "--stiffness", stiffness, f"{cut.friction_unit or 1}/{length}", f"0.006 {cut.friction_unit or 1}/um"
+        )
+    fit = fit_rate_and_state(cut, law=law, stiffness=spring, trend=trend)
     if plot is not None:
         from stickslip import plot as drawing
 

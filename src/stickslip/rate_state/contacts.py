@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import interpolate, special
 
+from stickslip.errors import UndecidedError
 from stickslip.lives import blurred_survival, growth_of, has_lives, lives_of, reached_on
 from stickslip.model import Barrier, Bell, Interface, Langevin, LogarithmicGrowth, Parabolic
 from stickslip.simulation.steps_and_holds import velocity_step
@@ -152,6 +153,8 @@ def finite_step(
     contacts = kernel.Contacts(A, temperature.attempts, growth_of(ageing), table, first, spacing)
     reached, steps = reached_on(interface, before, place), math.ceil(slip / dX)
     found = kernel.step(contacts, place, reached, before, after, stiffness, dX, steps)
+    if not np.isfinite(found).all():
+        raise UndecidedError("the velocity step of the contacts: a step of it did not converge; give another stiffness")
     return found[1], found[0] - found[0, 0]
 
 

@@ -8,7 +8,7 @@ from typing import Literal, get_args
 from stickslip.errors import InputError, instance, number, shown
 from stickslip.io import files
 from stickslip.model.quantities import read_quantity
-from stickslip.model.units import Scales
+from stickslip.model.units import Scales, engineering
 from stickslip.rate_state.verdict import RateAndStateFit
 
 Program = Literal["qdyn", "tandem", "diabayes", "rsfmodel"]
@@ -84,7 +84,7 @@ def export_rate_and_state(
     }
     # Between load point and sliding surface: the contacts.
     spring = fit.contact_stiffness * per_load / scales.stretching
-    text = _WRITERS[program](_notes(fit, program), fit, values, stress or 0.0, spring)
+    text = _WRITERS[program](_notes(fit, program, scales), fit, values, stress or 0.0, spring)
     if path is not None:
         files.write(path, text.encode())
     return text
@@ -100,14 +100,17 @@ def positive(name: str, value: str | float, unit: str, example: str) -> float:
     return number(name, value, above=0, hint=f"in {unit}")
 
 
-def _notes(fit: RateAndStateFit, program: str) -> list[str]:
+def _notes(fit: RateAndStateFit, program: str, scales: Scales) -> list[str]:
+    def speed(value: float) -> str:
+        return engineering(scales.si(value, "velocity"), "m/s")
+
     step = (
-        "a small step" if fit.step is None else f"a step from {fit.velocity:g} to {fit.velocity * fit.step:g} x_s/time"
+        "a small step" if fit.step is None else f"a step from {speed(fit.velocity)} to {speed(fit.velocity * fit.step)}"
     )
     return [
         f"Rate-and-state parameters of an interface of contacts, for {program}, written by stickslip.",
-        f"Fit of the {fit.law} law to {step} over six breaking displacements.",
-        *str(fit).splitlines(),
+        f"Fit of the {fit.law} law to {step} over six breaking displacements; forces are those of all contacts.",
+        *str(fit.in_scales(scales)).splitlines(),
     ]
 
 
@@ -136,30 +139,41 @@ def _qdyn(notes: list[str], fit: RateAndStateFit, v: dict[str, float], stress: f
     )
 
 
+_TANDEM = """\
+-- A scenario in 2D, antiplane: type = "poisson", scenario = "fault" in the parameter file (TOML), which tandem takes
+-- besides, as it does a mesh in km.
+-- MPa, GPa, m, m/s. Friction is that of the contacts, the rock around them was not told to stickslip: replace
+-- shear_modulus and density by yours (granite stands there, as in SEAS BP1).
+local Fault = {{}}
+Fault.__index = Fault
+
+Fault.b = {b!r}
+Fault.V0 = {velocity!r}
+Fault.f0 = {mu!r}
+Fault.shear_modulus = 32.04  -- GPa, assumed
+Fault.density = 2.67  -- g/cm^3, assumed
+
+function Fault:new(o) return setmetatable(o or {{}}, Fault) end
+function Fault:boundary(x, y, t)
+    if x > 1.0 then return self.V0 / 2.0 * t elseif x < -1.0 then return -self.V0 / 2.0 * t end
+    return self.V0 * t
+end
+function Fault:mu(x, y) return self.shear_modulus end
+function Fault:eta(x, y) return math.sqrt(self:mu(x, y) * self.density) / 2.0 end  -- MPa s/m: radiation damping
+function Fault:a(x, y) return {a!r} end
+function Fault:L(x, y) return {distance!r} end
+function Fault:sn_pre(x, y) return {stress!r} end
+function Fault:Vinit(x, y) return self.V0 end
+-- Steady sliding at V0; the traction opposes slip, which tandem counts as negative.
+function Fault:tau_pre(x, y) return -(self.f0 * self:sn_pre(x, y) + self:eta(x, y) * self.V0) end
+
+fault = Fault:new()
+"""
+
+
 def _tandem(notes: list[str], fit: RateAndStateFit, v: dict[str, float], stress: float, spring: float) -> str:
     del fit, spring
-    steady = v["mu"] * stress / 1e6
-    return "\n".join(
-        [
-            *(f"-- {line}" for line in notes),
-            "-- MPa, m, m/s; tandem's regularised ageing law; the mesh in km",
-            "local Fault = {}",
-            "Fault.__index__ = Fault",
-            "",
-            f"Fault.b = {v['b']!r}",
-            f"Fault.V0 = {v['velocity']!r}",
-            f"Fault.f0 = {v['mu']!r}",
-            "",
-            f"function Fault:a(x, y) return {v['a']!r} end",
-            f"function Fault:L(x, y) return {v['distance']!r} end",
-            f"function Fault:sn_pre(x, y) return {stress / 1e6!r} end",
-            f"function Fault:tau_pre(x, y) return {steady!r} end",
-            f"function Fault:Vinit(x, y) return {v['velocity']!r} end",
-            "",
-            "return Fault",
-            "",
-        ]
-    )
+    return "".join(f"-- {line}\n" for line in notes) + _TANDEM.format(**v, stress=stress / 1e6)
 
 
 def _diabayes(notes: list[str], fit: RateAndStateFit, v: dict[str, float], stress: float, spring: float) -> str:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy import optimize
 
 from stickslip.errors import UndecidedError
+from stickslip.model.units import SI, engineering
 from stickslip.rate_state.laws import Law, RateAndState, small_step
 
 Array = NDArray[np.float64]
@@ -19,13 +20,53 @@ _LEAST = 1e-7
 """Smallest a, b over the largest change of the force: 0, for a logarithm."""
 
 
+class Estimate(float):
+    """A value that was fitted, with its standard error: a number like others, that has `error`."""
+
+    error: float
+
+    def __new__(cls, value: float, error: float = 0.0) -> Estimate:
+        """Take a value and its standard error."""
+        one = super().__new__(cls, value)
+        one.error = float(error)
+        return one
+
+    def words(self, unit: str = "") -> str:
+        """``(8.602 ± 0.082) N``, its error to two digits; SI units get a prefix."""
+        return with_error(float(self), self.error, unit)
+
+
+def with_error(value: float, error: float, unit: str = "") -> str:
+    """Say a value and its standard error, to two digits of this, in one unit; SI units but s get a prefix."""
+    size = 1.0
+    if unit in SI.values() and unit != "s" and value:
+        digits, unit = engineering(value, unit, 15).split(" ")
+        size = value / float(digits)
+    value, error = value / size, error / size
+    if not error > 0:
+        said = f"{value:.4g}"
+    else:
+        places = max(1 - math.floor(math.log10(error)), 0) if math.isfinite(error) else 0
+        brief = places <= 8 and error < 1e6
+        said = f"{value:.{places}f} ± {error:.{places}f}" if brief else f"{value:.4g} ± {error:.2g}"
+    if not unit:
+        return said
+    return f"({said}) {unit}" if "±" in said else f"{said} {unit}"
+
+
 class Fit(NamedTuple):
-    """Best values, their standard errors, the root of the mean square residual, and the curve."""
+    """Best values, their covariance, the root of the mean square residual, the curve, and whether it converged."""
 
     value: Array
-    error: Array
+    covariance: Array
     rms: float
     curve: Array
+    converged: bool
+
+    @property
+    def error(self) -> Array:
+        """Standard errors."""
+        return np.sqrt(np.diag(self.covariance))
 
 
 def least_squares(
@@ -88,12 +129,14 @@ def least_squares(
     if best is None or 2.0 * best.cost / data.size > 1e4:
         raise UndecidedError("no rate-and-state parameters fit: the slider runs away for all that were tried")
     value = values(best.x)
-    freedom = max(data.size - value.size, 1)
     _, singular, turned = np.linalg.svd(np.asarray(best.jac), full_matrices=False)
-    kept = singular > 1e-12 * singular[0]
-    deviation = np.sqrt(np.sum((turned[kept] / singular[kept, None]) ** 2, axis=0) * 2.0 * best.cost / freedom)
-    error = np.where(logarithmic, value * deviation, deviation)
-    return Fit(value, error, scale * math.sqrt(2.0 * best.cost / data.size), model(value))
+    # What the curve does not depend on has an error that is large, not one of 0.
+    turned = turned / np.maximum(singular, np.finfo(float).eps * max(singular[0], 1e-100))[:, None]
+    by_place = turned.T @ turned * 2.0 * best.cost / max(data.size - value.size, 1)
+    slope = np.where(logarithmic, value, 1.0)
+    covariance = by_place * np.outer(slope, slope)
+    rms = scale * math.sqrt(2.0 * best.cost / data.size)
+    return Fit(value, covariance, rms, model(value), best.status > 0)
 
 
 def fit_step(slip: Array, rise: Array, ratio: float, law: Law, stiffness: float, near: Array) -> tuple[Fit, float]:

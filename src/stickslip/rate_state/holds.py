@@ -53,7 +53,7 @@ class Healing(Answer):
         if self.per_decade:
             last = self.per_decade[-1]
             lines.append(
-                f"healing {last:.4g} {self.force_unit} per decade of hold time, "
+                f"healing over the last two holds: {last:.4g} {self.force_unit} per decade of hold time, "
                 f"{last / self.by_rate_and_state:.2f} times what rate and state says ({expected})"
             )
         else:

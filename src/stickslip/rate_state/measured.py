@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stickslip.answers import Answer
+from stickslip.answers import Answer, plain
 from stickslip.errors import InputError, UndecidedError, number, shown, whole
 from stickslip.model import Bell, Gamma, Interface, LogarithmicGrowth
 from stickslip.model.distribution import Distribution
 from stickslip.rate_state.contacts import finite_step, step_on_spring
-from stickslip.rate_state.fitting import Fit, least_squares
+from stickslip.rate_state.fitting import Estimate, Fit, least_squares
 from stickslip.rate_state.laws import LAWS, Law, RateAndState
 from stickslip.theory import kinetic_friction
 
@@ -38,50 +38,104 @@ class Step:
         In bins, rising.
     before, after : float
         Velocities of the load point.
+    at : float
+        Time at which it was said to come.
+    measured : bool
+        Whether the displacement was measured; else it is the velocities times the time since the step.
+    length_unit, time_unit, friction_unit : str
+        Of the data; empty where it has none.
     """
 
     displacement: Array
     friction: Array
     before: float
     after: float
+    at: float = 0.0
+    measured: bool = True
+    length_unit: str = ""
+    time_unit: str = ""
+    friction_unit: str = ""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class StepFit(Answer):
-    """Rate-and-state parameters of a step, in the units of the data.
+class FittedStep(Answer):
+    """What fits of a step have in common, in the units of the data; `Estimate` is a number with its standard ``error``.
 
     Attributes
     ----------
-    law : {"ageing", "slip"}
-    a, b, distance, stiffness : float
-        The stiffness is that of whatever is between load point and sliding surface, friction per displacement.
-    a_error, b_error, distance_error, stiffness_error : float
-        Standard errors, larger where neighbouring residuals are alike; 0 for a stiffness that was given.
+    stiffness : Estimate
+        Of whatever is between load point and sliding surface, friction per displacement.
+    at : Estimate
+        Time of the step.
     level, trend : float
         Friction before the step, and its slope in displacement.
-    rms : float
-        Of the residuals.
-    misfit : float
-        rms over the range of the friction.
+    rms, misfit : float
+        Of the residuals, and the same over the range of the friction.
     before, after : float
         Velocities of the load point.
+    late, stretch : float
+        How much displacement after the given time the step came, and how much of it, after the step, one before the
+        given time is worth: 1 where displacement was measured.
+    length_unit, time_unit, friction_unit : str
     """
 
-    law: Law
-    a: float
-    b: float
-    distance: float
-    stiffness: float
-    a_error: float
-    b_error: float
-    distance_error: float
-    stiffness_error: float
+    stiffness: Estimate
+    at: Estimate
     level: float
     trend: float
     rms: float
     misfit: float
     before: float
     after: float
+    late: float = 0.0
+    stretch: float = 1.0
+    length_unit: str = ""
+    time_unit: str = ""
+    friction_unit: str = ""
+
+    def friction(self, displacement: ArrayLike) -> Array:
+        """Friction of the fit over the displacement of the load point, 0 at the time that was given."""
+        x = np.asarray(displacement, dtype=float)
+        return self.level + self.trend * x + self._rise(np.where(x < 0, self.stretch, 1.0) * x - self.late)
+
+    def _rise(self, x: Array) -> Array:
+        raise NotImplementedError
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain values, each estimate with its error."""
+        errors = {f"{name}_error": one.error for name, one in vars(self).items() if isinstance(one, Estimate)}
+        return {**super().to_dict(), **plain(errors)}
+
+    def _end(self) -> str:
+        if 0 < self.stiffness.error < self.stiffness or not self.stiffness.error:
+            spring = f"stiffness {self.stiffness.words(_over(self.friction_unit, self.length_unit))}"
+        else:
+            spring = "stiffness not identified"
+        rms = f"rms {self.rms:.3g} ({100 * self.misfit:.2g} % of the range)"
+        return f"{spring}; step at {self.at.words(self.time_unit)}; {rms}"
+
+
+def _over(unit: str, other: str) -> str:
+    return f"{unit or 1}/{other}" if other else unit
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class StepFit(FittedStep):
+    """Rate-and-state parameters of a step, beside what `FittedStep` has.
+
+    Attributes
+    ----------
+    law : {"ageing", "slip"}
+    a, b, distance : Estimate
+    a_minus_b : Estimate
+        Its error is that of the difference: a and b err together.
+    """
+
+    law: Law
+    a: Estimate
+    b: Estimate
+    distance: Estimate
+    a_minus_b: Estimate
 
     @property
     def parameters(self) -> RateAndState:
@@ -93,61 +147,41 @@ class StepFit(Answer):
         """``(b - a)/D``: with a softer spring steady sliding is unstable; 0 if it never is."""
         return self.parameters.critical_stiffness()
 
-    def friction(self, displacement: ArrayLike) -> Array:
-        """Friction of the fit over the displacement of the load point, 0 at the step."""
-        x = np.asarray(displacement, dtype=float)
-        return self.level + self.trend * x + _rise(self.parameters, self.stiffness, self.after / self.before, x)
+    def _rise(self, x: Array) -> Array:
+        return _rise(self.parameters, self.stiffness, self.after / self.before, x)
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything as plain values."""
+        """Everything as plain values, each estimate with its error."""
         return super().to_dict() | {"critical_stiffness": self.critical_stiffness}
 
     def __str__(self) -> str:
+        unit = self.friction_unit
         return (
-            f"{self.law} law: a = {_pm(self.a, self.a_error)}, b = {_pm(self.b, self.b_error)}, "
-            f"D = {_pm(self.distance, self.distance_error)}, stiffness {_pm(self.stiffness, self.stiffness_error)}; "
-            f"rms {self.rms:.3g} ({100 * self.misfit:.2g} % of the range)"
+            f"{self.law} law: a = {self.a.words(unit)}, b = {self.b.words(unit)}, "
+            f"a - b = {self.a_minus_b.words(unit)}, D = {self.distance.words(self.length_unit)}, {self._end()}"
         )
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class ContactsFit(Answer):
-    """A step read as contacts with Bell activation and logarithmic ageing, in the units of the data.
+class ContactsFit(FittedStep):
+    """A step read as contacts with Bell activation and logarithmic ageing, beside what `FittedStep` has.
 
     Attributes
     ----------
     thresholds : Distribution
         Of mean 1, in units of `breaking_displacement`.
-    width, ageing : float
+    width, ageing : Estimate
         Activation width ``A`` and slope of ageing ``c``, over the mean threshold.
-    breaking_displacement : float
+    breaking_displacement : Estimate
         Mean ``x_s``, in the unit of displacement.
-    stiffness : float
-        Between load point and sliding surface, friction per displacement.
-    width_error, ageing_error, breaking_displacement_error, stiffness_error : float
-        Standard errors.
-    level, trend, rms : float
-        As in `StepFit`.
-    before, after : float
-        Velocities of the load point.
     linear : bool
         Whether by the linear response alone.
     """
 
     thresholds: Distribution
-    width: float
-    ageing: float
-    breaking_displacement: float
-    stiffness: float
-    width_error: float
-    ageing_error: float
-    breaking_displacement_error: float
-    stiffness_error: float
-    level: float
-    trend: float
-    rms: float
-    before: float
-    after: float
+    width: Estimate
+    ageing: Estimate
+    breaking_displacement: Estimate
     linear: bool
 
     @property
@@ -155,33 +189,21 @@ class ContactsFit(Answer):
         """The interface, in natural units with ``breaking_displacement/before`` as the unit of time."""
         return _contacts(self.thresholds, self.width, self.ageing)
 
-    def friction(self, displacement: ArrayLike) -> Array:
-        """Friction of the fit over the displacement of the load point, 0 at the step."""
-        x = np.asarray(displacement, dtype=float)
+    def _rise(self, x: Array) -> Array:
         place = (self.width, self.ageing, self.breaking_displacement, self.stiffness)
         ratio = self.after / self.before
-        return (
-            self.level
-            + self.trend * x
-            + _rise_of_contacts(self.thresholds, *place, self.level, ratio, x, linear=self.linear)
-        )
+        return _rise_of_contacts(self.thresholds, *place, self.level, ratio, x, linear=self.linear)
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything as plain values."""
+        """Everything as plain values, each estimate with its error."""
         return super().to_dict() | {"thresholds": str(self.thresholds)}
 
     def __str__(self) -> str:
         cv = self.thresholds.standard_deviation() / self.thresholds.moment(1)
         return (
-            f"contacts, thresholds with CV {cv:.2g}: A = {_pm(self.width, self.width_error)}, "
-            f"c = {_pm(self.ageing, self.ageing_error)}, breaking displacement "
-            f"{_pm(self.breaking_displacement, self.breaking_displacement_error)}, stiffness "
-            f"{_pm(self.stiffness, self.stiffness_error)}; rms {self.rms:.3g}"
+            f"contacts, thresholds with CV {cv:.2g}: A = {self.width.words()}, c = {self.ageing.words()}, breaking "
+            f"displacement {self.breaking_displacement.words(self.length_unit)}, {self._end()}"
         )
-
-
-def _pm(value: float, error: float) -> str:
-    return f"{value:.4g} +- {error:.1g}" if error > 0 else f"{value:.4g}"
 
 
 def velocity_step_in(
@@ -198,8 +220,9 @@ def velocity_step_in(
     Parameters
     ----------
     data : Dataset
-        As `read_trace` or a run gives it: ``mu``, ``spring_force``, ``friction_force`` or ``friction`` along ``time``;
-        with ``measured_displacement`` that is the displacement, else the velocities times the time.
+        As `read_trace` or a run gives it: ``mu``, ``spring_force``, ``friction_force`` or ``friction`` along ``time``.
+        The displacement of the load point is ``measured_displacement`` or ``displacement`` (of a run that is the
+        slider's, and is not used), else the velocities times the time.
     at : float
         Time of the step, in the unit of time of the data.
     before, after : float
@@ -225,8 +248,10 @@ def velocity_step_in(
         raise InputError(f"after = {after:g}: is the velocity before the step, too; give another one")
     since = time - at
     x = np.where(since < 0, before, after) * since
-    if "measured_displacement" in data:
-        place = data["measured_displacement"].to_numpy().astype(float)
+    names = ("measured_displacement",) if "velocity" in data else ("measured_displacement", "displacement")
+    way = next((one for one in names if one in data), None)
+    if way is not None:
+        place = data[way].to_numpy().astype(float)
         x = place - float(np.interp(at, time, place))
     good = np.isfinite(x) & np.isfinite(friction)
     x, friction = x[good], friction[good]
@@ -243,7 +268,18 @@ def velocity_step_in(
     mean_x = np.bincount(place_in, weights=x, minlength=count)[held] / number_in[held]
     mean_friction = np.bincount(place_in, weights=friction, minlength=count)[held] / number_in[held]
     order = np.argsort(mean_x)
-    return Step(displacement=mean_x[order], friction=mean_friction[order], before=before, after=after)
+    units = {one: str(data[one].attrs.get("units", "")) for one in (name, "time", way) if one is not None}
+    return Step(
+        displacement=mean_x[order],
+        friction=mean_friction[order],
+        before=before,
+        after=after,
+        at=at,
+        measured=way is not None,
+        length_unit="" if way is None else units[way],
+        time_unit=units["time"],
+        friction_unit=units[name].removeprefix("1"),
+    )
 
 
 def fit_rate_and_state(
@@ -255,9 +291,11 @@ def fit_rate_and_state(
     law: Literal["best", "ageing", "slip"] = "best",
     stiffness: float | None = None,
     span: tuple[float, float] | None = None,
-    trend: bool = False,
+    trend: bool = True,
 ) -> StepFit:
     """Fit rate-and-state parameters to a velocity step of a run or of a measured trace.
+
+    The time of the step is fitted, too, near the one that is given: no farther off than data is kept before it.
 
     Parameters
     ----------
@@ -282,7 +320,8 @@ def fit_rate_and_state(
     InputError
         If the data holds no such step.
     UndecidedError
-        If nothing fits.
+        If the data does not tell the parameters: nothing fits, an error exceeds its value, a value ends at a limit of
+        its range, or the fit does not converge.
 
     Examples
     --------
@@ -303,8 +342,32 @@ def fit_rate_and_state(
         raise InputError(f"law = {shown(law)}: must be 'best', 'ageing' or 'slip'")
     if stiffness is not None:
         stiffness = number("stiffness", stiffness, above=0, hint="friction per displacement")
-    found = [_fit_law(step, one, stiffness, trend) for one in (LAWS if law == "best" else (law,))]
+    laws, found, failed = LAWS if law == "best" else (law,), [], []
+    for one in laws:
+        try:
+            found.append(_fit_law(step, one, stiffness, trend))
+        except UndecidedError as error:
+            failed.append(str(error))
+    if not found:
+        raise UndecidedError(failed[0] + _swapped(step, laws, stiffness, trend))
     return min(found, key=lambda one: one.rms)
+
+
+def _swapped(step: Step, laws: Sequence[Law], stiffness: float | None, trend: bool) -> str:
+    """Ask whether the velocities were swapped, where that fits."""
+    x, ratio = step.displacement, step.after / step.before
+    turned = x if step.measured else np.where(x < 0, ratio, 1.0 / ratio) * x
+    other = replace(step, displacement=turned, before=step.after, after=step.before)
+    for law in laws:
+        try:
+            _fit_law(other, law, stiffness, trend)
+        except UndecidedError:
+            continue
+        return (
+            f"; a step from {step.after:g} to {step.before:g} does fit: "
+            "are the velocities before and after it (--from and --to) swapped?"
+        )
+    return ""
 
 
 def _the_step(
@@ -331,17 +394,6 @@ def _rise(parameters: RateAndState, stiffness: float, ratio: float, x: Array) ->
     return found
 
 
-def _with_line(curve: Callable[[Array], Array], step: Step, trend: bool) -> Callable[[Array], Array]:
-    """The curve of some values, with the level and the trend that fit best beside it."""
-
-    def model(value: Array) -> Array:
-        rise = curve(value)
-        level, slope = _line(step, rise, trend)
-        return np.asarray(rise + level + slope * step.displacement)
-
-    return model
-
-
 def _line(step: Step, rise: Array, trend: bool) -> Array:
     """Level and trend that fit best beside a rise."""
     left = step.friction - rise
@@ -351,17 +403,111 @@ def _line(step: Step, rise: Array, trend: bool) -> Array:
     return np.array([level, slope])
 
 
-def _inflation(step: Step, fit: Fit) -> float:
-    """How much larger errors are than those of independent residuals, by the likeness of neighbours."""
-    off = step.friction - fit.curve
-    likeness = float(off[1:] @ off[:-1] / (off @ off)) if np.any(off) else 0.0
-    likeness = min(max(likeness - 2.0 / math.sqrt(off.size), 0.0), 0.95)
-    return math.sqrt((1.0 + likeness) / (1.0 - likeness))
+def _inflation(residual: Array, parameters: int) -> float:
+    """How much larger errors are than those of independent residuals.
+
+    Bartlett's for noise of first order: n samples whose neighbours correlate by r are worth n (1 - r)/(1 + r), and
+    cannot be worth less than one for each parameter.
+    """
+    square = float(residual @ residual)
+    likeness = max(float(residual[1:] @ residual[:-1]) / square, 0.0) if square > 0 else 0.0
+    worth = max(residual.size * (1.0 - likeness) / (1.0 + likeness), parameters)
+    return math.sqrt(residual.size / worth)
 
 
-def _guess(step: Step) -> tuple[float, float, float]:
+def _past(step: Step, late: float) -> Array:
+    """Displacement since the step, if it came later than was said: by so much displacement at the velocity after it."""
+    x = step.displacement
+    return (x if step.measured else np.where(x < 0, _stretch(step), 1.0) * x) - late
+
+
+def _stretch(step: Step) -> float:
+    return 1.0 if step.measured else step.after / step.before
+
+
+def _fit_curve(
+    step: Step,
+    curve: Callable[[Array, Array], Array],
+    starts: Sequence[Array],
+    lowest: Array,
+    highest: Array,
+    needed: dict[str, tuple[int, str]],
+    trend: bool,
+    *,
+    tolerance: float = 1e-10,
+    most: int = 200,
+) -> tuple[Array, Array, dict[str, Any]]:
+    """Fit the values of a curve after the step, and when that came; the last value is how late it was.
+
+    Parameters
+    ----------
+    needed : dict
+        Values without which nothing is known: name to index and unit.
+
+    Returns
+    -------
+    (ndarray, ndarray, dict)
+        Values, covariance with the inflation of the errors, and what `FittedStep` has.
+    """
+    low, high = np.append(lowest, -_near(step)), np.append(highest, _near(step))
+
+    def model(value: Array) -> Array:
+        rise = curve(value[:-1], _past(step, float(value[-1])))
+        level, slope = _line(step, rise, trend)
+        return np.asarray(rise + level + slope * step.displacement)
+
+    logarithmic = np.append(np.ones(lowest.size, bool), False)
+    fit = least_squares(model, step.friction, starts, logarithmic, low, high, tolerance, most)
+    covariance = fit.covariance * _inflation(step.friction - fit.curve, low.size) ** 2
+    _identified(step, fit, np.sqrt(np.diag(covariance)), low, high, needed)
+    late = float(fit.value[-1])
+    velocity = step.before if step.measured and late > 0 else step.after
+    level, slope = _line(step, curve(fit.value[:-1], _past(step, late)), trend).tolist()
+    return (
+        fit.value,
+        covariance,
+        {
+            "at": Estimate(step.at + late / velocity, math.sqrt(covariance[-1, -1]) / velocity),
+            "level": level,
+            "trend": slope,
+            "rms": fit.rms,
+            "misfit": fit.rms / float(np.ptp(step.friction)),
+            "late": late,
+            "stretch": _stretch(step),
+            **{name: getattr(step, name) for name in ("before", "after", "length_unit", "time_unit", "friction_unit")},
+        },
+    )
+
+
+def _near(step: Step) -> float:
+    """How far off the given time the step is looked for, in displacement: as far as there is data before it."""
+    return max(-float(step.displacement.min()) * _stretch(step), 1e-9 * float(step.displacement.max()))
+
+
+def _identified(
+    step: Step, fit: Fit, error: Array, low: Array, high: Array, needed: dict[str, tuple[int, str]]
+) -> None:
+    """Refuse a fit that tells nothing."""
+    if not fit.converged:
+        raise UndecidedError("not identified: the fit did not converge; give a longer record, or less noise")
+    for name, (i, unit) in needed.items():
+        value = Estimate(fit.value[i], error[i])
+        if not error[i] < value:
+            raise UndecidedError(f"not identified: {name} = {value.words(unit)}, an error as large as the value")
+        if np.log(high[i] / value) < 1e-6 or np.log(value / low[i]) < 1e-6:
+            raise UndecidedError(
+                f"not identified: {name} = {value.words(unit)} is at the end of the range that was tried"
+            )
+    if abs(fit.value[-1]) > 0.999 * high[-1] > 1e-6 * step.displacement.max():
+        raise UndecidedError(
+            f"not identified: no step near the time {step.at:g} that was given; it would be at an end of what was kept "
+            "before it; correct the time of the step"
+        )
+
+
+def _guess(step: Step, late: float = 0.0) -> tuple[float, float, float]:
     """About a, b and D."""
-    x, ratio = step.displacement, math.log(step.after / step.before)
+    x, ratio = _past(step, late), math.log(step.after / step.before)
     level = float(np.median(step.friction[x <= 0])) if np.any(x <= 0) else float(step.friction[0])
     rise = (step.friction[x > 0] - level) / ratio
     after = x[x > 0]
@@ -377,41 +523,53 @@ def _guess(step: Step) -> tuple[float, float, float]:
 
 
 def _fit_law(step: Step, law: Law, stiffness: float | None, trend: bool) -> StepFit:
+    if not np.ptp(step.friction) > 1e-12 * np.abs(step.friction).max():  # means of bins round
+        raise UndecidedError(f"the friction is {step.friction[0]:g} throughout: there is no step in it")
     ratio, x = step.after / step.before, step.displacement
-    a, b, distance = _guess(step)
 
-    def curve(value: Array) -> Array:
+    def curve(value: Array, past: Array) -> Array:
         spring = stiffness if stiffness is not None else float(value[3])
-        return _rise(RateAndState(law=law, a=value[0], b=value[1], distance=value[2]), spring, ratio, x)
+        return _rise(RateAndState(law=law, a=value[0], b=value[1], distance=value[2]), spring, ratio, past)
 
+    def start(late: float, up: float = 1.0, wide: float = 1.0) -> Array:
+        a, b, distance = _guess(step, late)
+        spring = [] if stiffness is not None else [2.0 * up * a / (wide * distance)]
+        return np.array([up * a, up * b, wide * distance, *spring, late])
+
+    def left(one: Array) -> float:
+        try:
+            rise = curve(one[:-1], _past(step, float(one[-1])))
+        except UndecidedError:
+            return math.inf
+        level, slope = _line(step, rise, trend)
+        return float(np.sum((step.friction - rise - level - slope * x) ** 2))
+
+    near = _near(step)
+    best = min((start(late) for late in np.linspace(-0.9 * near, 0.9 * near, 61)), key=left)
+    a, _, _ = _guess(step)
     reach, fine = float(x.max()), float(np.median(np.diff(x)))
-    low, high = [1e-3 * a, 1e-3 * a, 0.1 * fine], [1e2 * a, 1e2 * a, 10.0 * reach]
-    starts = [np.array([a * up, b * up, distance * wide]) for up, wide in ((1.0, 1.0), (1.5, 0.5), (1.2, 2.0))]
+    lowest, highest = [1e-3 * a, 1e-3 * a, 0.1 * fine], [1e2 * a, 1e2 * a, 10.0 * reach]
     if stiffness is None:
-        low, high = [*low, 1e-3 * a / reach], [*high, 1e2 * a / fine]
-        starts = [np.append(start, 2.0 * start[0] / start[2]) for start in starts]
-    unknown = len(low)
-    fit = least_squares(
-        _with_line(curve, step, trend), step.friction, starts, np.ones(unknown, bool), np.array(low), np.array(high)
+        lowest, highest = [*lowest, 1e-3 * a / reach], [*highest, 1e2 * a / fine]
+    value, covariance, found = _fit_curve(
+        step,
+        curve,
+        [start(0.0), start(0.0, 1.5, 0.5), start(0.0, 1.2, 2.0), best],
+        np.array(lowest),
+        np.array(highest),
+        {"a": (0, step.friction_unit), "b": (1, step.friction_unit), "D": (2, step.length_unit)},
+        trend,
     )
-    error = fit.error * _inflation(step, fit)
-    level, slope = _line(step, curve(fit.value), trend).tolist()
+    error = np.sqrt(np.diag(covariance))
+    apart = math.sqrt(max(covariance[0, 0] + covariance[1, 1] - 2.0 * covariance[0, 1], 0.0))
     return StepFit(
         law=law,
-        a=float(fit.value[0]),
-        b=float(fit.value[1]),
-        distance=float(fit.value[2]),
-        stiffness=stiffness if stiffness is not None else float(fit.value[3]),
-        a_error=float(error[0]),
-        b_error=float(error[1]),
-        distance_error=float(error[2]),
-        stiffness_error=0.0 if stiffness is not None else float(error[3]),
-        level=level,
-        trend=slope,
-        rms=fit.rms,
-        misfit=fit.rms / float(np.ptp(step.friction)),
-        before=step.before,
-        after=step.after,
+        a=Estimate(value[0], error[0]),
+        b=Estimate(value[1], error[1]),
+        distance=Estimate(value[2], error[2]),
+        a_minus_b=Estimate(value[0] - value[1], apart),
+        stiffness=Estimate(stiffness) if stiffness is not None else Estimate(value[3], error[3]),
+        **found,
     )
 
 
@@ -462,7 +620,7 @@ def fit_contacts(
     after: float | None = None,
     thresholds: Distribution = Gamma(mean=1.0, std=0.75),
     span: tuple[float, float] | None = None,
-    trend: bool = False,
+    trend: bool = True,
     linear: bool = False,
 ) -> ContactsFit:
     """Read a velocity step as contacts: activation width, ageing and breaking displacement, for given thresholds.
@@ -496,43 +654,35 @@ def fit_contacts(
     ratio, x = step.after / step.before, step.displacement
     level = float(np.median(step.friction[x <= 0])) if np.any(x <= 0) else float(step.friction[0])
     a = rough.a / level * 0.5
-    fit: Fit | None = None
-    starts = [np.array([a, 0.8 * a, wide * rough.distance, rough.stiffness]) for wide in (1.5, 3.0)]
-    for rough_one in (True,) if linear else (True, False):
+    starts = [np.array([a, 0.8 * a, wide * rough.distance, rough.stiffness, rough.late]) for wide in (1.5, 3.0)]
 
-        def curve(value: Array, rough_one: bool = rough_one) -> Array:
+    def fitted(starts: Sequence[Array], *, linear: bool, most: int) -> tuple[Array, Array, dict[str, Any]]:
+        def curve(value: Array, past: Array) -> Array:
             width, ageing, x_s, spring = value.tolist()
-            return _rise_of_contacts(thresholds, width, ageing, x_s, spring, level, ratio, x, linear=rough_one)
+            return _rise_of_contacts(thresholds, width, ageing, x_s, spring, level, ratio, past, linear=linear)
 
-        fit = least_squares(
-            _with_line(curve, step, trend),
-            step.friction,
+        return _fit_curve(
+            step,
+            curve,
             starts,
-            np.ones(4, bool),
             np.array([0.1 * a, 1e-3 * a, 0.2 * rough.distance, 0.1 * rough.stiffness]),
             np.array([10.0 * a, 30.0 * a, 20.0 * rough.distance, 10.0 * rough.stiffness]),
+            {"A": (0, ""), "c": (1, ""), "the breaking displacement": (2, step.length_unit)},
+            trend,
             tolerance=1e-4,
-            most=30 if rough_one else 6,
+            most=most,
         )
-        starts = [fit.value]
-    if fit is None:
-        raise UndecidedError("no contacts fit")
-    error = fit.error * _inflation(step, fit)
-    line = _line(step, curve(fit.value), trend).tolist()
+
+    value, covariance, found = fitted(starts, linear=True, most=50)
+    if not linear:
+        value, covariance, found = fitted([value], linear=False, most=20)
+    width, ageing, x_s, spring = map(Estimate, value[:4], np.sqrt(np.diag(covariance)))
     return ContactsFit(
         thresholds=thresholds,
-        width=float(fit.value[0]),
-        ageing=float(fit.value[1]),
-        breaking_displacement=float(fit.value[2]),
-        stiffness=float(fit.value[3]),
-        width_error=float(error[0]),
-        ageing_error=float(error[1]),
-        breaking_displacement_error=float(error[2]),
-        stiffness_error=float(error[3]),
-        level=line[0],
-        trend=line[1],
-        rms=fit.rms,
-        before=step.before,
-        after=step.after,
+        width=width,
+        ageing=ageing,
+        breaking_displacement=x_s,
+        stiffness=spring,
         linear=linear,
+        **found,
     )

@@ -14,7 +14,7 @@ from stickslip.errors import InputError, UndecidedError, instance, number, shown
 from stickslip.model import Interface, LogarithmicGrowth, Rig, Scales, Slider, constant
 from stickslip.model.units import SI, Quantity, engineering
 from stickslip.rate_state.contacts import contact_stiffness, finite_step, small_step
-from stickslip.rate_state.fitting import Fit, fit_small_step, fit_step
+from stickslip.rate_state.fitting import Fit, fit_small_step, fit_step, with_error
 from stickslip.rate_state.laws import LAWS, Law, RateAndState
 from stickslip.stability.critical import critical_spring
 from stickslip.stability.modes import respond
@@ -104,12 +104,16 @@ class RateAndStateFit(Answer):
 
     def in_units(self, rig: Rig) -> RateAndStateFit:
         """Return parameters found in natural units in those of a rig: forces of all its contacts, in N."""
-        if rig.scales is None or self.scales is not None:
+        return self if rig.scales is None else self.in_scales(rig.scales)
+
+    def in_scales(self, scales: Scales) -> RateAndStateFit:
+        """Return parameters found in natural units in SI units."""
+        if self.scales is not None:
             return self
-        sizes = {name: rig.scales.unit(quantity) for quantity, names in _QUANTITIES.items() for name in names}
+        sizes = {name: scales.unit(quantity) for quantity, names in _QUANTITIES.items() for name in names}
         values = {name: getattr(self, name) for name in sizes}
         scaled: dict[str, Any] = {n: None if value is None else value * sizes[n] for n, value in values.items()}
-        return replace(self, scales=rig.scales, **scaled)
+        return replace(self, scales=scales, **scaled)
 
     @property
     def parameters(self) -> RateAndState:
@@ -144,9 +148,9 @@ class RateAndStateFit(Answer):
     def __str__(self) -> str:
         if not self.holds:
             return f"not rate-and-state: {self.reason}"
-        a = f"a = {_said(self, self.a, 'force')} +- {_said_error(self, self.a_error, 'force')}"
-        b = f"b = {_said(self, self.b, 'force')} +- {_said_error(self, self.b_error, 'force')}"
-        distance = f"D = {_said(self, self.distance, 'length')} +- {_said_error(self, self.distance_error, 'length')}"
+        force, length = ("N", "m") if self.scales is not None else ("", "")
+        a, b = f"a = {with_error(self.a, self.a_error, force)}", f"b = {with_error(self.b, self.b_error, force)}"
+        distance = f"D = {with_error(self.distance, self.distance_error, length)}"
         change = f"a - b = {_said(self, self.a - self.b, 'force', 3)}"
         lines = [
             f"rate-and-state-like: {self.reason}",
@@ -155,7 +159,9 @@ class RateAndStateFit(Answer):
         ]
         if self.healing is not None:
             healing = _said(self, self.healing, "force")
-            lines.append(f"healing {healing} per e-fold of hold time, {self.healing_over_b:.2f} times b")
+            lines.append(
+                f"healing after long holds: {healing} per e-fold of hold time, {self.healing_over_b:.2f} times b"
+            )
         return "\n".join(lines)
 
 
@@ -171,21 +177,17 @@ def _said(fit: RateAndStateFit, value: float, quantity: Quantity, digits: int = 
     return f"{value:.{digits}g}" if fit.scales is None else engineering(value, SI[quantity], digits)
 
 
-def _said_error(fit: RateAndStateFit, error: float, quantity: Quantity) -> str:
-    return f"{error:.1g}" if fit.scales is None else engineering(error, SI[quantity], 2)
-
-
 def _of_stiffness(fit: RateAndStateFit) -> str:
     exact, fitted = fit.exact_critical_stiffness, fit.critical_stiffness
     if exact == 0 and fitted == 0:
-        return "smooth sliding is stable on any spring, by rate and state as by the contacts"
+        return "steady sliding is stable on any spring, by rate and state as by the contacts"
     words = {
         "none": "",
-        "too low": f" ({100 * (1 - fit.ratio):.0f} % too low: it says stable where the contacts are not)",
-        "too high": f" ({100 * (fit.ratio - 1):.0f} % too high: it says unstable where the contacts are stable)",
+        "too low": f" ({100 * (1 - fit.ratio):.0f} % too low, on the unsafe side)",
+        "too high": f" ({100 * (fit.ratio - 1):.0f} % too high, on the safe side)",
     }[fit.danger]
     exactly, by_fit = (_said(fit, value, "stiffness") for value in (exact, fitted))
-    return f"critical stiffness {exactly} exactly, {by_fit} by rate and state{words}"
+    return f"critical stiffness in steady sliding: {exactly} exactly, {by_fit} by rate and state{words}"
 
 
 def rate_and_state(
@@ -228,8 +230,9 @@ def rate_and_state(
     Examples
     --------
     >>> import stickslip as ss
-    >>> print(ss.rate_and_state(ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.3), delay=ss.Delay(0.1))))
-    not rate-and-state: no direct effect: a = 1.3e-05 at high frequency, where the fit of a step needs 0.013
+    >>> contacts = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.3), delay=ss.Delay(0.1))
+    >>> ss.rate_and_state(contacts).holds
+    False
     """
     instance("rate_and_state: interface", interface, Interface, "an Interface")
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
@@ -310,9 +313,12 @@ def _failing(interface: Interface, velocity: float, mean: float, fit: Fit, misfi
     kappa = complex(respond(interface).stiffness(velocity, q * velocity))
     direct = (kappa * spring / (q * (spring - kappa))).real
     if not direct > _RESOLVED * a:
-        return f"no direct effect: a = {max(direct, 0.0):.2g} at high frequency, where the fit of a step needs {a:.2g}"
+        return (
+            f"no direct effect: a = {max(direct, 0.0):.2g} at high frequency, where the fit of a step needs {a:.2g}"
+            + ("; add [interface.temperature]" if interface.temperature is None else "")
+        )
     if a < 2.0 * fit.error[0]:
-        return f"a = {a:.2g} +- {fit.error[0]:.1g} is not resolved"
+        return f"a = {a:.2g} ± {fit.error[0]:.1g} is not resolved"
     if misfit >= MISFIT:
         return f"a small step is fitted to {100 * misfit:.2g} % of its range only; must be below {100 * MISFIT:g} %"
     return ""

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from stickslip.kernels.drive import Stop
 
 Array = NDArray[np.float64]
-"""Called now and then with the fraction of the work that is done, 0 to 1."""
 
 
 @dataclass(frozen=True)
@@ -118,9 +117,10 @@ def follow_leg(
 
 def _check_finite(engine: Engine, leg: Leg, times: Array, rows: Array) -> None:
     lost = np.flatnonzero(~np.isfinite(rows[:, : len(MOTION)]).all(axis=1))
-    if lost.size:
+    if lost.size or not np.isfinite(engine.here()).all():
+        since = times[lost[0]] if lost.size else (times[len(rows) - 1] if len(rows) else leg.drive.start)
         raise InputError(
-            f"from t = {times[lost[0]]:g} on the numbers of the run are not finite: the rig has scales too far apart "
+            f"from t = {since:g} on the numbers of the run are not finite: the rig has scales too far apart "
             f"({engine.slider}, drive of velocity {leg.drive.velocity:g})"
         )
 

@@ -237,7 +237,7 @@ class _Told:
         if isinstance(value, str):
             if self.rig is None or self.rig.scales is None:
                 raise InputError(f"{place} = {value!r}: must be a plain number, as there are no units but natural ones")
-            value = read_quantity(value, self.rig.scales.si_name(unit), name)
+            value = read_quantity(value, self.rig.unit_name(unit), name)
         if infinite and value == math.inf:
             return value
         size = 1.0 if self.rig is None else self.rig.unit(unit)
@@ -260,6 +260,9 @@ def _natural(rig: Rig | Interface, who: str, method: Method | None, stiffness: f
     interface = rig.interface if isinstance(rig, Rig) else rig
     chosen = method or (rig.method if isinstance(rig, Rig) else MasterEquation())
     instance(f"{who}: method", chosen, (Contacts, MasterEquation), "Contacts(...) or MasterEquation(...)")
+    given: object = stiffness
+    if not (isinstance(given, str) or (isinstance(given, float) and given == math.inf)):
+        number(f"{who}: stiffness", given, above=0)
     if interface.temperature is None and (isinstance(chosen, Contacts) or stiffness != math.inf):
         what = "Contacts" if stiffness == math.inf else f"a spring (stiffness = {shown(stiffness)})"
         raise InputError(

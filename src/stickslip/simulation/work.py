@@ -35,7 +35,8 @@ from stickslip.model.drive import Piece, Travel
 from stickslip.model.rig import Rig
 from stickslip.model.units import Quantity
 from stickslip.progress import in_time
-from stickslip.simulation.engines.blocks import ANGLE
+from stickslip.simulation.engines.base import engine_of
+from stickslip.simulation.engines.blocks import longest_step, network_of
 from stickslip.simulation.engines.thermal_population import activation_width
 
 LONGEST = 3600.0
@@ -195,13 +196,20 @@ def estimate(rig: Rig) -> Work:
     -------
     Work
         Its ``seconds``, ``bytes`` and parts.
+
+    Raises
+    ------
+    InputError
+        If no solver takes the rig.
     """
     slider, duration = rig.slider, rig.drive.duration
+    engine_of(rig.interface, rig.method, slider)  # says what no solver takes
     if isinstance(slider, ElasticBody):
         return _of_blocks(rig, slider)
     mean, delay = rig.interface.threshold_distribution.moment(1), rig.interface.delay.moment(1)
     distance, parts = sum(_way(piece) for piece in rig.drive.pieces) / mean, []  # ways are in mean thresholds
     turns, ringing, kicked, ageing = 0.0, 0.0, 0.0, rig.interface.ageing
+    aged = 0.0  # seconds a time of ageing takes
     if isinstance(slider, Slider) and slider.mass > 0:
         frequency = math.sqrt((slider.stiffness + 1.0) / slider.mass)
         turns = frequency * duration
@@ -219,10 +227,11 @@ def estimate(rig: Rig) -> Work:
     path = distance + kicked + 0.01 * ringing
     if rig.interface.temperature is not None:
         parts.append(_thermal(rig, path, ringing))
+        aged = _AGE * getattr(rig.method, "count", 0)
     elif isinstance(rig.method, Contacts | QuasiStatic):
         count = rig.method.count
         lives = kicked + sum(_lives(piece, mean, delay) for piece in rig.drive.pieces)
-        each = _BREAK if ageing is None else _AGEING_BREAK
+        each, aged = (_BREAK if ageing is None else _AGEING_BREAK), _AGE * count
         parts.append(Part(key="simulation.contacts", value=count, quantity=None, power=1.0,
                           what=f"about {count * lives:.2g} breaks of {count:.2g} contacts",
                           seconds=each * count * lives, bytes=_CONTACT * count))  # fmt: skip
@@ -239,18 +248,15 @@ def estimate(rig: Rig) -> Work:
             steps = _PANELS[0] * (distance + kicked) + _PANELS[1] * oscillating
             power, seconds = -1 / 6, harder * finer ** (1 / 6) * steps
         else:
-            power, seconds = -1.0, _AGEING_COHORT * cohorts**2 * path
+            aged = _AGEING_COHORT * cohorts**2
+            power, seconds = -1.0, aged * path
         parts.append(Part(key="simulation.rtol", value=1e-4 / finer, quantity=None, power=power,
                           what=f"a path of {path:.2g} mean thresholds", seconds=seconds))  # fmt: skip
     if isinstance(ageing, Langevin):
         # Thresholds take steps that are short against their time of ageing, at rest as in motion.
         ages = duration * ageing.rate**2
-        if isinstance(rig.method, Contacts | QuasiStatic):
-            each = _AGE * rig.method.count
-        else:
-            each = _AGEING_COHORT * cohorts**2
         parts.append(Part(key="interface.ageing.time", value=ageing.rate**-2, quantity="time", power=-1.0,
-                          what=f"{ages:.2g} times of ageing", seconds=each * ages))  # fmt: skip
+                          what=f"{ages:.2g} times of ageing", seconds=aged * ages))  # fmt: skip
     samples = min(max(_SAMPLES_PER_RADIAN * turns, _FEWEST_SAMPLES), _MOST_SAMPLES)
     interval = duration / samples if rig.output.interval is None else rig.output.interval
     samples = duration / interval
@@ -280,14 +286,18 @@ def _of_blocks(rig: Rig, body: ElasticBody) -> Work:
     duration, method = rig.drive.duration, rig.method
     mean, delay = rig.interface.threshold_distribution.moment(1), rig.interface.delay.moment(1)
     lives = max(sum(_lives(piece, mean, delay) for piece in rig.drive.pieces), 1.0)
-    mean_coupling = 2.0 * float(body.links[1].sum()) / body.size
-    fastest = math.sqrt((float(body.pulled.max()) + 2.0 * mean_coupling + 1.0) / body.mass)
-    steps = 0.0 if isinstance(method, QuasiStatic) else body.size * duration * fastest / ANGLE
-    count = getattr(method, "count", _COHORTS)
+    count, steps, stiff = getattr(method, "count", _COHORTS), 0.0, False
+    if not isinstance(method, QuasiStatic):
+        network = network_of(body, np.zeros(body.size), np.zeros(body.size))
+        step = longest_step(network)
+        stiff = step < longest_step(network._replace(lag=0.0))  # the dashpots ask for shorter steps than the springs
+        steps = body.size * duration / step
     what = "cohorts" if isinstance(method, MasterEquation) else "contacts"
     each = _BREAK if not isinstance(method, QuasiStatic) else 4e-8 * body.size
+    name: Quantity = "viscosity" if stiff else "mass"
     parts = [
-        Part(key="slider.mass", value=body.mass, quantity="mass", power=-0.5, what=f"{steps:.2g} steps of blocks",
+        Part(key=f"slider.{name}", value=getattr(body, name), quantity=name, power=1.0 if stiff else -0.5,
+             what=f"{steps:.2g} steps of blocks",
              seconds=steps * (_BLOCK_STEP if what == "contacts" else 3e-9 * count)),
         Part(key=f"simulation.{what}", value=count, quantity=None, power=1.0,
              what=f"about {body.size * count * lives:.2g} breaks of {body.size * count:.2g} {what}",

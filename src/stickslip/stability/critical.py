@@ -101,7 +101,7 @@ class Crossings(Answer):
         low, high = self.searched
         return replace(
             self,
-            unit=rig.scales.si_name(self.unit),
+            unit=rig.unit_name(self.unit),
             searched=(low * size, high * size),
             found=tuple(replace(c, value=c.value * size, frequency=c.frequency * rate) for c in self.found),
         )

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from stickslip.errors import InputError, UndecidedError, instance, numbers, sequence, shown
 from stickslip.io import datasets as store
-from stickslip.model.parameters import STIFFNESS, VELOCITY, Parameter, parameter_named
+from stickslip.model.parameters import PARAMETERS, STIFFNESS, VELOCITY, Parameter, parameter_named
 from stickslip.model.rig import Ends, Rig
 from stickslip.stability.critical import Point, crossings_between, neutral_along
 from stickslip.stability.impedances import impedance
@@ -228,7 +228,8 @@ def _two_parameters(over: tuple[Parameter | str, Parameter | str]) -> tuple[Para
     for parameter in (first, second):
         if parameter.rescales:
             raise InputError(
-                f"over: {parameter.name!r} is a unit of the rig, and is varied alone, as in critical(); choose another"
+                f"over: {parameter.name!r} cannot be an axis of a map; use one of "
+                f"{', '.join(one.name for one in PARAMETERS)}"
             )
     if first.name == second.name:
         raise InputError(f"over = ({first.name!r}, {second.name!r}): must be two different parameters")

@@ -16,14 +16,14 @@ import re
 import textwrap
 import time
 import traceback
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass
+from types import BuiltinFunctionType, CellType, CodeType, FunctionType, ModuleType
+from typing import Any, cast
 
 import numpy as np
 
 from stickslip.errors import InputError
-from stickslip.io.datasets import encode
 
 AxisValue = float | int | bool | str
 Values = Mapping[str, AxisValue]
@@ -84,21 +84,49 @@ def identity_of(function: Function, names: Sequence[str], seed: int, fingerprint
         "seed": str(seed),
         "fingerprint": _digest("fingerprint", fingerprint),
     }
-    inner: Any = function
+    place, inner = f"function = {name_of(function)}", cast("Any", function)
     if isinstance(inner, functools.partial):
-        parts["bound arguments"] = _digest(f"function = {name_of(function)}", [inner.args, inner.keywords])
+        parts["bound arguments"] = _digest(place, [inner.args, inner.keywords])
         inner = inner.func
+    if inspect.ismethod(inner):
+        parts["the object of the method"] = _digest(place, inner.__self__)
+        inner = inner.__func__
     inner = getattr(inner, "py_func", inner)  # compiled by numba
     if not inspect.isroutine(inner) and not isinstance(inner, type):  # an object with a __call__
-        parts["the object called"] = _digest(f"function = {name_of(function)}", inner)
+        parts["the object called"] = _digest(place, inner)
         inner = type(inner)
     parts["function"] = name_of(inner)
+    if inspect.isfunction(inner):
+        parts["values that the function holds"] = _digest(place, _held(inner))
+    return parts | {"source of the function": _hash(_source(inner).encode())}
+
+
+def _held(function: FunctionType) -> list[Any]:
+    """What a function closes over, and its defaults."""
+    cells = [cell.cell_contents if _is_filled(cell) else None for cell in function.__closure__ or ()]
+    return [cells, function.__defaults__, function.__kwdefaults__]
+
+
+def _is_filled(cell: CellType) -> bool:
     try:
-        source = textwrap.dedent(inspect.getsource(inner))
+        cell.cell_contents  # noqa: B018
+    except ValueError:
+        return False
+    return True
+
+
+def _source(function: Any) -> str:
+    code = getattr(function, "__code__", None)
+    try:
+        text = textwrap.dedent(inspect.getsource(code or function))
     except (OSError, TypeError):  # built in, or typed at a prompt
-        code = getattr(inner, "__code__", None)
-        source = "" if code is None else code.co_code.hex() + repr(code.co_consts)
-    return parts | {"source of the function": _hash(source.encode())}
+        return "" if code is None else _code(code)
+    return text + _code(code) if code is not None and code.co_name == "<lambda>" else text  # many may be in a line
+
+
+def _code(code: CodeType) -> str:
+    inner = [_code(item) if isinstance(item, CodeType) else repr(item) for item in code.co_consts]
+    return code.co_code.hex() + repr([inner, code.co_names])
 
 
 def name_of(function: object) -> str:
@@ -109,16 +137,48 @@ def name_of(function: object) -> str:
 
 def _digest(place: str, value: object) -> str:
     try:
-        return _hash(_in_order(encode(value)).encode())
-    except (InputError, TypeError, ValueError):
-        pass
-    try:
-        return _hash(pickle.dumps(value, protocol=5))
+        return _hash(json.dumps(_content(value)).encode())
     except Exception as error:
         raise InputError(
             f"{place}: a value in it cannot be read ({error}), so a finished case could not be told from a changed "
             "one; use numbers, text, arrays or frozen records"
         ) from None
+
+
+def _content(value: Any, within: tuple[int, ...] = ()) -> Any:
+    """What a value is, as JSON can hold it, the same in every process; all that pickle takes, and functions."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    if value is None or isinstance(value, (bool, int, float, complex, str, bytes)):
+        return [type(value).__qualname__, repr(value)]
+    if id(value) in within:
+        return ["above", within[::-1].index(id(value))]
+
+    def each(items: Iterable[Any]) -> list[Any]:
+        return [_content(item, (*within, id(value))) for item in items]
+
+    value = getattr(value, "py_func", value)
+    name = [type(value).__module__, type(value).__qualname__]
+    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
+        return [*name, value.dtype.str, value.shape, _hash(value.tobytes())]
+    if isinstance(value, (type, ModuleType, BuiltinFunctionType)):
+        return [*name, getattr(value, "__module__", ""), getattr(value, "__qualname__", value.__name__)]
+    if inspect.ismethod(value):
+        return [*name, *each([value.__self__, value.__func__])]
+    if inspect.isfunction(value):
+        return [*name, value.__qualname__, _source(value), each(_held(value))]
+    if isinstance(value, (set, frozenset)):
+        return [*name, sorted(each(value), key=json.dumps)]
+    if isinstance(value, Mapping):
+        return [*name, sorted((each(item) for item in value.items()), key=json.dumps)]
+    if isinstance(value, (list, tuple)):
+        return [*name, each(value)]
+    if is_dataclass(value):
+        return [*name, each(getattr(value, one.name) for one in fields(value) if one.compare)]
+    made = value.__reduce_ex__(4)  # how pickle takes it apart; it raises for what has no content: a lock, a file
+    if isinstance(made, str):
+        return [*name, made]
+    return [*name, each(list(part) if isinstance(part, Iterator) else part for part in made)]
 
 
 def _hash(content: bytes) -> str:

@@ -198,8 +198,13 @@ def _pickled(job: Job, given: Workers) -> bytes:
 
 
 def _set_workers(record: object, place: str, value: int | None) -> None:
-    count = len(os.sched_getaffinity(0)) if value is None else whole(place, value, at_least=1)
+    count = _cores() if value is None else whole(place, value, at_least=1)
     object.__setattr__(record, "workers", count)
+
+
+def _cores() -> int:
+    """Cores that this process may use; not every system tells."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _start_worker() -> None:

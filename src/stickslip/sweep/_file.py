@@ -22,7 +22,6 @@ from stickslip.model import (
     MasterEquation,
     Method,
     Population,
-    QuasiStatic,
     Rig,
     Start,
 )
@@ -178,7 +177,7 @@ class Document(Part):
 
     def _method(self, given: Method) -> Method:
         run = self.run
-        kinds: dict[str, type[Method]] = {"contacts": Contacts, "population": Population, "quasi-static": QuasiStatic}
+        kinds: dict[str, type[Method]] = {"contacts": Contacts, "population": Population}
         made = kinds.get(run.method or "", type(given)) if run.method != "master equation" else MasterEquation
         if issubclass(made, DRAWN):
             if run.rtol is not None and made is not Population:

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from stickslip.errors import InputError
+from stickslip.errors import InputError, instance
 from stickslip.progress import in_time
 from stickslip.sweep import _refine
-from stickslip.sweep._cases import AxisValue, Function, case_key, check_name, plain_attribute
+from stickslip.sweep._cases import Function, case_key, plain_attribute
 from stickslip.sweep._executors import Workers
-from stickslip.sweep._results import Grid, Summary, grid_dataset, summary
+from stickslip.sweep._results import Grid, Summary, axis_values, grid_dataset
 from stickslip.sweep._run import Options, Progress, started
 from stickslip.sweep._table import Table, writer_of
 
@@ -79,9 +78,10 @@ def run_cases(
     >>> float(found["area"].sel(width=2.0, height=4.0)), str(summary(found))
     (8.0, '4 of 4 cases done')
     """
+    instance("axes", axes, Mapping, "a mapping of names to values")
     if len(axes) == 0:
         raise InputError(f"axes = {axes!r}: must map at least one name to its values")
-    grid = Grid({name: _axis(name, given) for name, given in axes.items()})
+    grid = Grid({name: axis_values(name, given) for name, given in axes.items()})
     given = options.attributes
     own = {name: dict(getattr(values, "attrs", {})) for name, values in axes.items()}
     merged = {
@@ -106,7 +106,7 @@ def open_sweep(store: str | PathLike[str]) -> xr.Dataset:
         If there is no store of a sweep, it is damaged, or of another version.
     """
     with Table(Path(store)) as table:
-        return grid_dataset(table.head, table.rows()) if "axes" in table.head else _refine.replay(table)
+        return grid_dataset(table.head, table.rows()) if "axes" in table.head else _refine.refined(table)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,13 +153,12 @@ def status_of(store: str | PathLike[str]) -> Status:
         head, writer = table.head, writer_of(path)
         if "axes" in head:
             keys = [case_key(values) for values in Grid(head["axes"])]
-            known = sum(key in table.keys for key in keys)
-            failed = sum(key in table.failed for key in keys)
-            total = len(keys)
         else:
-            found = summary(_refine.replay(table))
-            known, failed = found.total, found.failed
-            total = max(known, head.get("complete") or head["runs"] * len(Grid(head["each"])))
+            keys = head.get("cases", list(table.keys))
+        known = sum(key in table.keys for key in keys)
+        failed = sum(key in table.failed for key in keys)
+        is_open = "axes" not in head and "cases" not in head
+        total = max(known, head["runs"] * len(Grid(head["each"]))) if is_open else len(keys)
         since = path.stat().st_mtime - head["started"]
         fresh = len(table.keys) - head["found"]
         return Status(
@@ -167,25 +166,3 @@ def status_of(store: str | PathLike[str]) -> Status:
             writer=writer,
             rate=fresh / since if since > 0 else 0.0,
         )
-
-
-def _axis(name: str, given: object) -> list[AxisValue]:
-    """Values of an axis as Python's own numbers, texts or truth values."""
-    check_name("axes", name)
-    place = f"axes[{name!r}]"
-    values = np.asarray(list(given) if isinstance(given, (range, tuple, Sequence)) else given)
-    if values.ndim != 1 or len(values) == 0:
-        raise InputError(f"{place} = {given!r}: must be a list of values, at least one")
-    if values.dtype.kind in "OT" and all(isinstance(value, str) for value in values):
-        values = values.astype(str)
-    if values.dtype.kind not in "buifU":
-        raise InputError(
-            f"{place} = {given!r}: must be numbers, texts or truth values; for records, sweep over their names "
-            "and look them up in the function"
-        )
-    if values.dtype.kind in "buif" and np.isnan(values).any():
-        raise InputError(f"{place}: must not hold NaN")
-    if len(np.unique(values)) != len(values):
-        raise InputError(f"{place}: holds a value twice; for replicas add an axis of their own, such as replica")
-    found: list[AxisValue] = values.tolist()
-    return found

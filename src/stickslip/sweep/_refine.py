@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from os import PathLike
 from typing import TYPE_CHECKING, Any
@@ -28,6 +28,7 @@ from stickslip.sweep._results import (
     Head,
     attributes_of,
     attributes_of_all,
+    axis_values,
     flags_of,
 )
 from stickslip.sweep._run import Options, Progress, started
@@ -158,9 +159,9 @@ def refine(
     True
     """
     spans = _spans(box)
-    branches = Grid({name: list(values) for name, values in refinement.each.items()})
+    branches = Grid({name: axis_values(name, values, "refine.each") for name, values in refinement.each.items()})
     names = [*spans, *branches.axes]
-    for name in names:
+    for name in spans:
         check_name("box", name)
     content = {
         "box": {name: [span.low, span.high, span.log] for name, span in spans.items()},
@@ -178,26 +179,23 @@ def refine(
         searches = [_Search(table, values, runner.run) for values in branches]
         for search in searches:
             search.go()
-        table.keep_head(complete=sum(len(search.points) for search in searches))
-        return _dataset(table, searches)
+        cases = [case_key(search.values(point)) for search in searches for point in search.points]
+        place = {key: i for i, key in enumerate(cases)}
+        crossings = [
+            [place[case_key(search.values(end))] for end in bracket]
+            for search in searches
+            for bracket in search.brackets
+        ]
+        table.keep_head(cases=cases, crossings=crossings)
+        return refined(table)
 
 
-def replay(table: Table) -> xr.Dataset:
-    """Make the Dataset of a refinement from its table alone, as far as its runs go."""
-
-    def none(cases: Sequence[Values]) -> None:
-        if any(case_key(values) not in table for values in cases):
-            raise _UnfinishedError
-
-    searches = [_Search(table, values, none) for values in Grid(table.head["each"])]
-    for search in searches:
-        with suppress(_UnfinishedError):
-            search.go()
-    return _dataset(table, searches)
-
-
-class _UnfinishedError(Exception):
-    """A run is missing."""
+def refined(table: Table) -> xr.Dataset:
+    """Make the Dataset of a refinement from its table alone; its crossings are known once it is finished."""
+    head = table.head
+    if "cases" in head and table.keys.issuperset(head["cases"]):
+        return _dataset(table, [json.loads(key) for key in head["cases"]], head["crossings"])
+    return _dataset(table, [json.loads(key) for key in sorted(table.keys)], [])
 
 
 class _Search:
@@ -347,35 +345,28 @@ def _learner_class() -> Any:
     return Learner2D
 
 
-def _dataset(table: Table, searches: Sequence[_Search]) -> xr.Dataset:
+def _dataset(table: Table, cases: Sequence[Values], crossings: Sequence[tuple[int, int]]) -> xr.Dataset:
+    """Put the rows of cases in their order; a crossing is two of them, one on either side of the boundary."""
     import xarray as xr
 
-    head = table.head
-    cases = [search.values(point) for search in searches for point in search.points]
-    brackets = [(search, *bracket) for search in searches for bracket in search.brackets]
+    head, label = table.head, table.head["label"]
+    rows = [table.get(case_key(values)) for values in cases]
     columns = Columns(head, len(cases), reserved=("run", "crossing"))
-    for i, values in enumerate(cases):
-        columns.put(i, table.get(case_key(values)))
+    for i, row in enumerate(rows):
+        columns.put(i, row)
     data = columns.variables(("run",), (len(cases),))
     for name in head["box"]:
-        low, high = (
-            np.array([search.values(ends[side])[name] for search, *ends in brackets], dtype=float) for side in (0, 1)
-        )
+        low, high = (np.array([cases[ends[side]][name] for ends in crossings], dtype=float) for side in (0, 1))
         about = attributes_of(head, name)
         title = about["long_name"]
         data[f"{name}_at"] = ("crossing", (low + high) / 2, about | {"long_name": f"{title}, on the boundary"})
         data[f"{name}_error"] = ("crossing", abs(high - low) / 2, about | {"long_name": f"{title}, uncertainty"})
     for name in head["each"]:
-        along = _together([search.fixed[name] for search, *_ in brackets])
-        data[f"{name}_at"] = ("crossing", along, attributes_of(head, name))
-    label = head["label"]
-    for side, prefix in enumerate(("from", "to")):
-        found = _labels(head, [search.points[ends[side]] for search, *ends in brackets])
+        data[f"{name}_at"] = ("crossing", _together([cases[i][name] for i, _ in crossings]), attributes_of(head, name))
+    for side, (prefix, where) in enumerate({"from": "on one side", "to": "on the other"}.items()):
+        found = _labels(head, [rows[ends[side]]["result"][label] for ends in crossings])
         about = attributes_of(head, label, flags_of(head, label))
-        about["long_name"] = (
-            f"{about['long_name']}, on one side" if side == 0 else f"{about['long_name']}, on the other"
-        )
-        data[f"{prefix}_{label}"] = ("crossing", found, about)
+        data[f"{prefix}_{label}"] = ("crossing", found, about | {"long_name": f"{about['long_name']}, {where}"})
     axes = {
         name: ("run", _together([values[name] for values in cases]), attributes_of(head, name))
         for name in (*head["box"], *head["each"])

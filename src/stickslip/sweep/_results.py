@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.errors import InputError
-from stickslip.sweep._cases import ERROR, STATUS, AxisValue, Values, case_key
+from stickslip.errors import InputError, shown
+from stickslip.sweep._cases import ERROR, STATUS, AxisValue, Values, case_key, check_name
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -113,6 +113,52 @@ class Grid(Sequence[Values]):
             cell, i = divmod(cell, len(self.axes[name]))
             chosen[name] = self.axes[name][i]
         return {name: chosen[name] for name in self.axes}
+
+
+def axis_values(name: str, given: object, table: str = "axes") -> list[AxisValue]:
+    """Values of an axis as Python's own numbers, texts or truth values.
+
+    Raises
+    ------
+    InputError
+    """
+    check_name(table, name)
+    place = f"{table}[{name!r}]"
+    if isinstance(given, str) or not (hasattr(given, "__array__") or isinstance(given, Sequence)):
+        raise InputError(f"{place} = {shown(given)}: must be a list of values, at least one")
+    values: Any = list(given) if isinstance(given, Sequence) else np.asarray(given).tolist()
+    if not isinstance(values, list) or not values or any(isinstance(value, (list, tuple)) for value in values):
+        raise InputError(f"{place} = {shown(given)}: must be a list of values, at least one")
+    found = [value.item() if isinstance(value, np.generic) else value for value in values]
+    kinds = {_sort_of(value) for value in found}
+    if kinds not in ({"number"}, {"text"}, {"truth value"}):
+        raise InputError(
+            f"{place} = {shown(given)}: must be numbers, texts or truth values, all of one kind; for records, sweep "
+            "over their names and look them up in the function"
+        )
+    if kinds == {"number"}:
+        if any(math.isnan(value) for value in found):
+            raise InputError(f"{place}: must not hold NaN")
+        for value in found:  # the axis of the result is of int64, or of float64
+            if isinstance(value, int) and not (-(2**63) <= value < 2**63):
+                raise InputError(f"{place}: {shown(value)} is no whole number of 64 bits; pass it as a text")
+            if any(isinstance(other, float) for other in found) and float(value) != value:
+                raise InputError(f"{place}: {value} beside fractions would lose digits; pass whole numbers alone")
+    first: dict[AxisValue, AxisValue] = {}
+    for value in found:
+        if value in first:
+            both = "" if repr(value) == repr(first[value]) else f" ({first[value]!r} and {value!r} are equal)"
+            raise InputError(
+                f"{place}: holds a value twice{both}; for replicas add an axis of their own, such as replica"
+            )
+        first[value] = value
+    return found
+
+
+def _sort_of(value: object) -> str:
+    if isinstance(value, bool):
+        return "truth value"
+    return "number" if isinstance(value, (int, float)) else "text" if isinstance(value, str) else ""
 
 
 def grid_dataset(head: Head, rows: Iterable[tuple[str, Mapping[str, Any]]]) -> xr.Dataset:

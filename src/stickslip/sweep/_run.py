@@ -162,12 +162,18 @@ def started(
     """
     check_size(total, options.max_cases)
     job = Job(function=function, seed=options.seed if check_function(function, names) else None)
+    try:
+        identity = identity_of(function, names, options.seed, options.fingerprint)
+    except InputError:
+        if store is not None:
+            raise
+        identity = {}  # nobody comes back for the cases
     head = {
         "format": "stickslip-sweep",
         "stickslip": package_version(),
         "function": name_of(function),
         "seed": options.seed,
-        "identity": identity_of(function, names, options.seed, options.fingerprint),
+        "identity": identity,
         "attributes": {name: dict(given) for name, given in options.attributes.items()},
         "categories": {name: list(words) for name, words in options.categories.items()},
         "notes": dict(options.notes),

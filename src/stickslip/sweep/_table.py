@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from stickslip.errors import InputError
+from stickslip.errors import InputError, instance
 from stickslip.sweep._cases import package_version
 
 FORMAT, VERSION = 0x5354534C, 2  # "STSL"; version 1 was a folder
@@ -243,8 +243,10 @@ class Table:
             raise _damaged(path, "its head is missing")
 
 
-def is_store(path: Path) -> bool:
+def is_store(path: str | os.PathLike[str]) -> bool:
     """Whether a path looks like a store, whole or not: a file of sqlite, or the folder of an earlier version."""
+    instance("path", path, (str, os.PathLike), "the name of a file")
+    path = Path(path)
     try:
         if not path.is_file():
             return path.is_dir() and _is_of_old(path)

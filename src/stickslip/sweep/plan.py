@@ -225,7 +225,9 @@ def sweep(
     (('velocity', 'contacts'), 'm/s')
     """
     if not isinstance(rig.slider, Slider | Chain | Sheet):
-        raise InputError(f"rig.slider = {rig.slider!r}: must be a Slider; an impedance cannot be simulated")
+        raise InputError(
+            f"rig.slider = {rig.slider!r}: must be a Slider, Chain or Sheet; an impedance cannot be simulated"
+        )
     natural = rig.scales is None
     run: dict[str, Any] = {"cycles": runs.cycles, "extensions": runs.extensions, "max_cases": runs.max_cases}
     for name, length, unit in (("distance", runs.distance, "m"), ("duration", runs.duration, "s")):

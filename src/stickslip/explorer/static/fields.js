@@ -115,6 +115,8 @@ export function split(value) {
 }
 /* A decimal comma becomes a point ("1,5"); thousands apart ("1 200", "1.200,5") are not guessed at. */
 export const pointed = (text) => text.replace(/^(\s*[-+]?\d*),(\d+)(?![\d.,])/, "$1.$2");
+/* A whole number may have its thousands apart: "10 000". */
+export const joined = (text) => (/^\s*\d{1,3}(\s\d{3})+\s*$/.test(text) ? text.replace(/\s/g, "") : text);
 /* Still being typed: "", "-", "1.", "1e", "1.5e-". */
 export const unfinished = (text) => /^\s*[-+]?(\d*[.,]?|(\d+[.,]?\d*|[.,]\d+)[eE][-+]?)\s*$/.test(text) && !/^\s*[-+]?\d+\s*$/.test(text);
 export const short = (value, digits = 4) => Number(value.toPrecision(digits));

@@ -27,9 +27,7 @@ for (const { key, title, unit, read, missing } of KNOWN) {
   inputs[key] = input;
   input.oninput = () => { input.dataset.own = "yes"; };
   input.onchange = () => {
-    const [number, typed] = split(pointed(input.value.trim()));
-    input.value = number;
-    if (typed) input.nextSibling.textContent = micro(typed);
+    input.value = pointed(input.value.trim());
     if (input.value === "") delete input.dataset.own;
     compute();
   };
@@ -43,7 +41,7 @@ function request(more = {}) {
   for (const { key, unit } of KNOWN) {
     const value = inputs[key].value.trim();
     if (value && (!("own" in inputs[key].dataset) ? !KNOWN.find((one) => one.key === key).read : true)) {
-      given[key] = unit ? `${value} ${inputs[key].nextSibling.textContent}` : value;
+      given[key] = unit && !split(value)[1] ? `${value} ${inputs[key].nextSibling.textContent}` : value;
     }
   }
   return [`fit?${new URLSearchParams({ ...query, ...given, ...more })}`, file];
@@ -96,6 +94,10 @@ function read({ slips, readings }) {
 }
 function showQuick(reply) {
   quick = reply;
+  for (const input of Object.values(inputs)) { // units that were typed, and accepted, move beside their fields
+    const [number, typed] = split(input.value);
+    if (typed) [input.value, input.nextSibling.textContent] = [number, micro(typed)];
+  }
   complain("fit-complaint", "");
   mark("fit", "");
   $("quick").hidden = false;

@@ -139,7 +139,7 @@ async function show() {
     xaxis: axis("", { range: now.span, showticklabels: false, automargin: false }), yaxis: axis(upright(force), { automargin: false }), margin: { l: 62, r: 14, t: 18, b: 10 },
     shapes: marked.map((x) => ({ type: "line", x0: x, x1: x, yref: "paper", y0: 0, y1: 1, line: { color: colour("vermillion"), width: 1, dash: "dot" } })),
     annotations: [{ xref: "paper", yref: "paper", x: 1, y: 1, xanchor: "right", yanchor: "bottom", showarrow: false, font: { color: colour("quiet") },
-      text: event < 0 ? `${events.length} events, marked` : `event at ${short(events[event].start)}` }] });
+      text: event < 0 ? `${events.length} ${events.length === 1 ? "event" : "events"}, marked` : `event at ${short(events[event].start)}` }] });
   const what = $("fronts-what").value;
   $("fronts-scale-words").textContent = what === "attached" ? "no contact attached … all of them"
     : `velocity ${short(speed.fastest / 10 ** speed.decades, 2)} … ${short(speed.fastest, 2)} ${pretty(speed.unit)}, in decades`;

@@ -1,6 +1,6 @@
 /* The rig: its fields, its presets, and its place in the address. */
 
-import { ALL, numeric, pointed, short, split, unfinished } from "./fields.js";
+import { ALL, joined, numeric, pointed, short, split, unfinished } from "./fields.js";
 import { Glossary } from "./glossary.js";
 import { $, element, losePatience, mark, micro, notice, pretty, progress, state, tellParts } from "./page.js";
 import { ask, on, saying } from "./talk.js";
@@ -139,7 +139,11 @@ function row(field) {
     menu.style.padding = "0 .3rem";
   }
   made.input.oninput = () => typing(made);
-  made.input.onchange = () => { settleTyping(made); tidy(made); };
+  made.input.onchange = () => {
+    settleTyping(made);
+    made.left = true;
+    if (!made.pending) tidy(made);
+  };
   box.append(label, made.input, shownUnit);
   if (field.range) {
     made.slider = element("input", { type: "range", min: 0, max: 1000, step: 1, id: `${id}-slider` });
@@ -185,6 +189,7 @@ function typing(made) {
   if (text !== made.input.value) made.input.value = text;
   clearTimeout(made.pause);
   made.typed = true;
+  made.left = false;
   if (state.waiting) return;
   mark("run", "computing", "Waiting for the number: press Enter.");
   if (!unfinished(text)) made.pause = setTimeout(settleTyping, PAUSE, made);
@@ -198,6 +203,7 @@ function settleTyping(made) {
     made.input.value = split(value0(made.field))[0];
     return changed();
   }
+  if (made.field.whole) made.input.value = joined(made.input.value);
   enter(made, made.input.value);
 }
 /* What stands in a field goes into the document as it is; the server says what is wrong with it. */
@@ -211,6 +217,7 @@ function enter(made, text) {
   if (natural) value = isNaN(number) ? trimmed : number;
   else if (trimmed !== "never" && !typedUnit) value = `${trimmed} ${made.unit}`;
   field.write(state.doc, value);
+  made.pending = true;
   if (known) made.input.value = found;
   if (document.activeElement !== made.slider) place(made);
   changed();
@@ -218,7 +225,7 @@ function enter(made, text) {
 function tidy(made) {
   const [number, unit] = split(made.input.value);
   if (!unit || made.field.plain || state.doc.units === "natural") return;
-  made.unit = unit; // typed with a unit: it moves to its place beside the field
+  made.unit = unit; // typed with a unit, and accepted: it moves to its place beside the field
   made.input.value = number;
   if (made.slider) made.range = rangeOf(made, parseFloat(number));
   place(made);
@@ -243,12 +250,20 @@ export function complain(errors) {
   $("complaint").hidden = rest.length === 0;
   document.dispatchEvent(new CustomEvent("complained"));
 }
-export function settle() {
+function settle() {
   for (const made of rows) {
     made.input.removeAttribute("aria-invalid");
     made.complaint.hidden = true;
   }
   $("complaint").hidden = true;
+}
+/* The server has taken what stands in the fields, units and all. */
+export function accept() {
+  settle();
+  for (const made of rows.filter(({ pending }) => pending)) {
+    made.pending = false;
+    if (made.left) tidy(made);
+  }
 }
 
 // -------------------------------------------------------------------------------------------------------- presets

@@ -3,7 +3,7 @@
 import { colour, cursorOver, draw, axis, forceLayout, forceTraces, label, logarithmic, purge, timeAt, upright } from "./figures.js";
 import { short } from "./fields.js";
 import { $, list, mark, parts, pretty, progress, showRegime, state, tellParts } from "./page.js";
-import { anyTyped, complain, settle, showPreset } from "./rig.js";
+import { accept, anyTyped, complain, showPreset } from "./rig.js";
 import { Stage } from "./stage.js";
 import { ask, drop, isNewest, on, saying } from "./talk.js";
 import { unpacked } from "./unpack.js";
@@ -24,7 +24,7 @@ on("run", async (reply) => {
   }
   const newest = isNewest(reply);
   if (newest) {
-    settle();
+    accept();
     if (reply.going_on) mark("run", "computing", "Undecided so far: the run goes on by itself …");
     else if (!anyTyped()) mark("run", "");
   }
@@ -188,7 +188,7 @@ setPlaying(playing);
 
 export function keep(run) {
   state.before = run;
-  $("keep").textContent = run ? "Let the kept trace go" : "Keep trace to compare";
+  $("keep").textContent = run ? "Remove comparison" : "Keep trace to compare";
   if (shown.run && state.page === "simulate") drawForce();
 }
 $("keep").onclick = () => keep(state.before ? null : shown.run);

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from itertools import combinations
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
@@ -17,13 +18,11 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError, shown
 from stickslip.model import (
-    Barrier,
     ElasticBody,
     FromRest,
     FromSliding,
     Interface,
     Prestressed,
-    QuasiStatic,
     Slider,
     Start,
 )
@@ -235,6 +234,11 @@ class Engine(Protocol):
 
 E = TypeVar("E", bound=type)
 
+
+class Areas:
+    """Stands in the register for contacts of different areas, which one engine follows, warm or not."""
+
+
 ENGINES: dict[tuple[type, type, type, bool], type[Engine]] = {}
 """Engines by kind of method, of ageing, of thermal activation, and whether for elastic sliders; `solves` adds to it."""
 
@@ -251,7 +255,7 @@ def solves(
     *ageing : type
         Ageing models, ``type(None)`` among them if it takes contacts that do not age as well.
     temperature : tuple of type
-        Kinds of thermal activation; by default none.
+        Kinds of thermal activation, `Areas` among them if it takes contacts of different areas; by default none.
     elastic : bool
         Whether it is for elastic sliders; by default for rigid ones.
 
@@ -278,36 +282,65 @@ def engine_of(interface: Interface, method: object, slider: object = None) -> ty
     InputError
         If there is none, or it cannot take the interface.
     """
-    name, ageing, temperature = type(method).__name__, interface.ageing, interface.temperature
-    elastic = isinstance(slider, ElasticBody)
-    # Contacts of different areas are those of a barrier relative to the threshold of each, be it never tried.
-    activation = type(temperature) if interface.areas is None else Barrier
-    engine = ENGINES.get((type(method), type(ageing), activation, elastic))
-    if engine is not None:
-        interface.allow(engine.mechanisms, name)
-        engine.check(interface, method)
-        return engine
-    if interface.areas is not None and any(kind is type(method) for kind, _, _, _ in ENGINES):
-        interface.allow((), f"a {type(slider).__name__}" if elastic else name)
-    if elastic and any(kind is type(method) for kind, _, _, _ in ENGINES):
-        body, known = type(slider).__name__, sorted({kind.__name__ for kind, _, _, bound in ENGINES if bound})
-        if name not in known:
-            raise InputError(f"method = {name}: is not for a {body}; use {' or '.join(known)}")
-        field = "ageing" if ageing is not None else "temperature"
-        raise InputError(f"Interface.{field} = {ageing or temperature}: not available with a {body}; leave it out")
-    if isinstance(method, QuasiStatic):
-        raise InputError("QuasiStatic: is for an elastic slider, a Chain; use Contacts or MasterEquation")
-    taken = {kind.__name__ for kind, *asked in ENGINES if asked == [type(ageing), activation, elastic]}
-    remedy = f"use {' or '.join(sorted(taken))}" if taken else "no solver takes it; leave it out"
-    if temperature is not None:
-        also = "" if ageing is None else f" and ageing = {ageing}"
-        raise InputError(f"Interface.temperature = {temperature}{also}: not available with {name}; {remedy}")
-    if ageing is not None:
-        raise InputError(f"Interface.ageing = {ageing}: not available with {name}; {remedy}")
-    kinds = " or ".join(sorted(kind.__name__ for taken, kind, _, _ in ENGINES if taken is type(method)))
-    if kinds:
-        raise InputError(f"{name}: is for thresholds that age by {kinds}; use MasterEquation")
-    raise InputError(f"method = {shown(method)}: is no method of simulation; use Contacts or MasterEquation")
+    engine = _engine(type(method), interface, _parts(interface), isinstance(slider, ElasticBody))
+    if engine is None:
+        raise _refusal(interface, method, slider)
+    engine.check(interface, method)
+    return engine
+
+
+def _parts(interface: Interface) -> list[str]:
+    """What an engine may not take of an interface; temperature and ageing come last."""
+    parts = set(interface.mechanisms) | ({"ageing"} if interface.ageing is not None else set())
+    return sorted(parts, key=lambda part: (part == "ageing", part == "temperature", part))
+
+
+def _engine(method: type, interface: Interface, parts: Collection[str], elastic: bool) -> type[Engine] | None:
+    """Return the engine for an interface that has only these of its parts."""
+    none = type(None)
+    ageing = type(interface.ageing) if "ageing" in parts else none
+    breaking = Areas if "areas" in parts else type(interface.temperature) if "temperature" in parts else none
+    engine = ENGINES.get((method, ageing, breaking, elastic))
+    return engine if engine is not None and engine.mechanisms.issuperset({*parts} - {"ageing"}) else None
+
+
+def _refusal(interface: Interface, method: object, slider: object) -> InputError:
+    """Return why there is no engine: the method or the slider, or what cannot be taken together, or at all."""
+    elastic, kind, parts = isinstance(slider, ElasticBody), type(method), _parts(interface)
+    name, body = kind.__name__, type(slider).__name__
+    known = {taken for taken, *_, bound in ENGINES if bound is elastic}
+    if kind not in known:
+        if not any(kind is taken for taken, *_ in ENGINES):
+            return InputError(f"method = {shown(method)}: is no method of simulation; use Contacts or MasterEquation")
+        if not elastic:
+            return InputError(f"{name}: is for an elastic slider, a Chain; use Contacts or MasterEquation")
+        others = " or ".join(sorted(other.__name__ for other in known))
+        return InputError(f"method = {name}: is not for a {body}; use {others}")
+
+    def takers(parts: Collection[str]) -> list[str]:
+        return sorted(other.__name__ for other in known if _engine(other, interface, parts, elastic))
+
+    def said(part: str) -> str:
+        field = "delay" if part == "on_arrest" else part
+        return f"{field} = {getattr(interface, field)}"
+
+    use = f"use {' or '.join(takers(parts))}" if takers(parts) else ""
+    accepted = [part for part in parts if name in takers([part])]
+    for size in range(2, len(accepted) + 1):
+        for first, *others in combinations(accepted, size):
+            if name not in takers([first, *others]):
+                pair = f"together with {' and '.join(map(said, others))}"
+                return InputError(
+                    f"Interface.{said(first)}: not available with {name} {pair}; {use or 'leave one out'}"
+                )
+    for part in reversed(parts):
+        if part not in accepted:
+            nobody = not takers([part])
+            who = f"a {body}" if elastic and nobody else name
+            leave = "no solver takes it; leave it out" if nobody and not elastic else "leave it out"
+            return InputError(f"Interface.{said(part)}: not available with {who}; {use or leave}")
+    kinds = " or ".join(sorted(ageing.__name__ for taken, ageing, *_ in ENGINES if taken is kind))
+    return InputError(f"{name}: is for thresholds that age by {kinds}; use MasterEquation")
 
 
 # ---------------------------------------------------------------------------------------------------------------------

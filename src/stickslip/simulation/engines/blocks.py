@@ -264,13 +264,14 @@ class ElasticEngine(Engine):
         from stickslip.kernels import leapfrog
         from stickslip.kernels.blocks import BUDGET_SPENT
 
-        before = self.copy() if leg.looks else self
         sampling = leapfrog.Sampling(leg.times, np.empty((leg.times.size, self._motion.rows.shape[1])))
         self._motion.counts[leapfrog.SAMPLE] = 0
-        why = self._move(leapfrog.Piece(leg.drive, leg.end, leg.stop, self.longest_step()), sampling)
+        look = leg.looks[0] if leg.looks else math.inf
+        why = self._move(leapfrog.Piece(leg.drive, leg.end, leg.stop, self.longest_step(), look), sampling)
         rows = sampling.samples[: self._motion.counts[leapfrog.SAMPLE]]
-        seen = looks_aside(before, leg, self.here()[0]) if leg.looks else ()
-        return Advance(rows, seen, over=why != BUDGET_SPENT)
+        # The next step passes the look; or it is where all ends.
+        seen = looks_aside(self, leg, look if why == leapfrog.LOOK else self.here()[0])
+        return Advance(rows, seen, over=why not in (BUDGET_SPENT, leapfrog.LOOK))
 
 
 class BlocksOfContacts(ElasticEngine):
@@ -359,7 +360,7 @@ class BalancedBlocks(BlocksOfContacts):
     def _advance(self, piece: Piece, sampling: Sampling) -> int:
         from stickslip.kernels import quasistatic as kernel
 
-        return kernel.advance(
+        why = kernel.advance(
             self._state,
             self._network,
             self._ring,
@@ -370,6 +371,12 @@ class BalancedBlocks(BlocksOfContacts):
             _BUDGET,
             self._room,
         )
+        if why == kernel.UNDECIDED:
+            raise InputError(
+                f"QuasiStatic: which of the detached contacts slide is not found at t = {self.here()[0]:g}; use "
+                "Contacts, or Interface.sliding_force = 0"
+            )
+        return why
 
 
 @solves(MasterEquation, elastic=True)

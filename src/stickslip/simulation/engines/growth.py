@@ -29,6 +29,8 @@ _STEP = 0.02
 """Way of the slider in a step, in mean thresholds."""
 _POOL = 65_536
 """Strengths to choose from."""
+_BUDGET = 1_000_000
+"""Steps of a contact in an advance."""
 
 
 @solves(Contacts, ExponentialGrowth, LogarithmicGrowth)
@@ -42,6 +44,7 @@ class GrowingContacts(Steps):
 
         interface = beginning.interface
         self.reach = _STEP * interface.threshold_distribution.moment(1)
+        self.budget = max(_BUDGET // method.count, 1)
         initial, thresholds, delays = generators(method.seed)
         self._rng, self._growth = thresholds, growth_model(interface)
         self._pool = interface.threshold_distribution.sample(thresholds, _POOL)

@@ -19,7 +19,7 @@ from stickslip.simulation.engines.beginnings import (
     pool_of_delays,
     settled_nodes,
 )
-from stickslip.simulation.engines.steps import Steps, has_stopped
+from stickslip.simulation.engines.steps import Steps
 from stickslip.theory import ageing_constants, gaussian_ageing
 
 if TYPE_CHECKING:
@@ -29,40 +29,44 @@ Array = NDArray[np.float64]
 
 _STEP = 0.02
 """Largest step of N contacts in units of ``1/rate**2``, and of the slider in mean breaking displacements."""
+_BUDGET, _HOT_BUDGET = 500_000, 25_000
+"""Steps of a contact in an advance; with temperature each is a step of many."""
 
 
-def _settling_time(beginning: Beginning, rate: float) -> float:
-    """How long to slide rigidly from the distribution of Eq. (10) to the steady state: lives, and times of ageing."""
+def _start(beginning: Beginning, rate: float) -> float:
+    """When to begin to slide rigidly, to be in the steady state at time 0: lives, and times of ageing before."""
+    if not beginning.sliding:
+        return 0.0
     velocity, delay = beginning.velocity, beginning.interface.delay.moment(1)
-    return 5.0 * (beginning.interface.threshold_distribution.moment(1) / velocity + delay) + 5.0 / rate**2
+    return -5.0 * (beginning.interface.threshold_distribution.moment(1) / velocity + delay) - 5.0 / rate**2
 
 
 @solves(Contacts, Langevin)
 @solves(Contacts, Langevin, temperature=(Bell, Parabolic, Barrier))
 class LangevinContacts(Steps):
-    """N contacts in small steps, with exact moments of breaking: `stickslip.kernels.langevin_contacts`.
-
-    With temperature they take steps of their own: `stickslip.kernels.langevin_thermal`.
-    """
+    """N contacts in small steps, with exact moments of breaking: `stickslip.kernels.langevin_contacts`."""
 
     mechanisms = frozenset({"temperature"})
 
     def __init__(self, beginning: Beginning, method: Contacts) -> None:
         from stickslip.kernels.langevin_contacts import Contacts as Sampled
+        from stickslip.kernels.langevin_contacts import awake
 
         initial, self._rng, delays = generators(method.seed)
         self._constants = ageing_constants(beginning.interface)
-        self._hazard = None if beginning.interface.temperature is None else hazard_of(beginning.interface.temperature)
+        self._hazard = hazard_of(beginning.interface.temperature)
+        hot = beginning.interface.temperature is not None
+        self.budget = max((_HOT_BUDGET if hot else _BUDGET) // method.count, 1)
         self.longest, self.reach = _STEP / self._constants.rate**2, _STEP * self._constants.mean
         self._delays = pool_of_delays(beginning.interface.delay, delays)
         x, threshold, pending = first_contacts(beginning, method.count, initial)
-        self._contacts = Sampled(x, threshold, np.append(np.full(method.count - pending.size, -math.inf), pending))
-        self.state = np.zeros(4)
+        start = _start(beginning, self._constants.rate)
+        attach = np.append(np.full(method.count - pending.size, -math.inf), pending + start)
+        self._contacts = Sampled(x, threshold, attach)
+        self.state = np.array([start, beginning.velocity * start, 0.0, 0.0])
+        self._sleep = awake(self._contacts, self.state[0], self.state[1])
         if beginning.sliding:
-            end = _settling_time(beginning, self._constants.rate)
-            self.settle(beginning, end)
-            self._contacts.attach[:] -= end
-            self.state[:2] = 0.0
+            self.settle(beginning)
         self.state[2] = beginning.slider_velocity
         self.slider = slider_constants(beginning.slider)
 
@@ -73,20 +77,18 @@ class LangevinContacts(Steps):
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts now."""
-        return attached_now(self._contacts.stretching, self._contacts.attach, self.state[0])
+        return attached_now(self._contacts.stretching + self.state[1], self._contacts.attach, self.state[0])
 
     def individuals(self) -> Individuals:
         """Every contact by itself, now."""
-        return Individuals(self._contacts.stretching.copy(), self._contacts.attach <= self.state[0])
+        return Individuals(self._contacts.stretching + self.state[1], self._contacts.attach <= self.state[0])
 
     def take(self, course: Course) -> Array:
         """Follow a course, and return the samples."""
-        from stickslip.kernels import langevin_contacts, langevin_thermal
+        from stickslip.kernels.langevin_contacts import go_on
 
-        of, state, contacts = self._constants, self.state, self._contacts
-        if self._hazard is None:
-            return langevin_contacts.advance_contacts(state, contacts, course, of, self._delays, self._rng)
-        return langevin_thermal.advance_contacts(state, contacts, course, of, self._hazard, self._delays, self._rng)
+        model = self._constants, self._hazard, self._delays
+        return go_on(self.state, self._contacts, self._sleep, course, *model, self._rng)
 
 
 @solves(MasterEquation, Langevin)
@@ -101,15 +103,17 @@ class LangevinDensity(Steps):
         cells = 400.0 * math.sqrt(1e-4 / method.rtol)
         step = 4.0 / cells
         self.longest, self.reach = step / self._constants.rate**2, step * self._constants.mean
+        self.budget = math.ceil(8e7 / cells**2)  # of some cells^2 cells of the density each
         self._nodes = density_nodes(self._constants, cells / 40.0)
         cohorts = _first_cohorts(beginning, self._nodes, 4.0 * step * self._constants.mean)
         count, room = cohorts[0].size, math.ceil(self._nodes[-1] / self.reach) + 3
         self._cohorts = Cohorts(*(np.append(part, np.zeros((room, *part.shape[1:])), 0) for part in cohorts))
-        self.state = np.array([0.0, 0.0, 0.0, 0.0, count, 0.0, 0.0, 0.0])
+        start = _start(beginning, self._constants.rate)
+        self.state = np.array([start, beginning.velocity * start, 0.0, 0.0, count, 0.0, 0.0, 0.0])
+        self._cohorts.place[:] += self.state[1]
         if beginning.sliding:
-            self.settle(beginning, _settling_time(beginning, self._constants.rate))
-            self._cohorts.place[:] -= self.state[1]
-            self.state[:2] = self.state[6:] = 0.0
+            self.settle(beginning)
+            self.state[6:] = 0.0
         self.state[2] = beginning.slider_velocity
         self.slider = slider_constants(beginning.slider)
 
@@ -119,7 +123,9 @@ class LangevinDensity(Steps):
         gaussian_ageing(interface)
         if interface.delay.moment(1) > 0 or method.memoryless:
             what = "MasterEquation(memoryless=True)" if method.memoryless else f"Interface.delay = {interface.delay}"
-            raise InputError(f"{what}: not available for ageing thresholds with MasterEquation; use Contacts")
+            raise InputError(
+                f"{what}: not available with MasterEquation together with ageing = {interface.ageing}; use Contacts"
+            )
 
     def stretchings(self) -> Stretchings:
         """Mean stretchings of the cohorts now."""
@@ -168,19 +174,18 @@ class Closure(Steps):
 
         self._constants = ageing_constants(beginning.interface)
         step = 4.0 / method.cells
+        self.budget = math.ceil(2e6 / method.cells)
         self.longest, self.reach = step / self._constants.rate**2, step * self._constants.mean
         edges = threshold_edges(self._constants, max(method.cells / 50.0, 2.0))
         x, fraction = settled_nodes(beginning)
         beyond = beginning.interface.threshold_distribution.survival(edges)
         self._thresholds = Thresholds(edges, beyond[:-1] - beyond[1:])
         room = np.zeros(math.ceil(3.0 / step) + 20)
-        self._cohorts = Cohorts(np.append(-x, room), np.append(fraction, room))
-        self.state = np.array([0.0, 0.0, 0.0, 0.0, x.size])
+        start = 2.0 * _start(beginning, self._constants.rate)  # one distribution for all settles more slowly
+        self.state = np.array([start, beginning.velocity * start, 0.0, 0.0, x.size])
+        self._cohorts = Cohorts(np.append(self.state[1] - x, room), np.append(fraction, room))
         if beginning.sliding:
-            # One distribution for all settles more slowly.
-            self.settle(beginning, 2.0 * _settling_time(beginning, self._constants.rate))
-            self._cohorts.place[:] -= self.state[1]
-            self.state[:2] = 0.0
+            self.settle(beginning)
         self.state[2] = beginning.slider_velocity
         self.slider = slider_constants(beginning.slider)
 
@@ -200,9 +205,6 @@ class Closure(Steps):
         """Follow a course, with room for as many cohorts as it takes."""
         from stickslip.kernels.closure import Cohorts, advance_closure
 
-        samples = [advance_closure(self.state, self._cohorts, self._thresholds, course, self._constants)]
-        while self.state[4] >= self._cohorts.place.size and not has_stopped(course.stop, samples[-1]):  # it broke off
+        if self.state[4] >= self._cohorts.place.size:
             self._cohorts = Cohorts(*(np.append(part, np.zeros(part.size)) for part in self._cohorts))
-            course = course._replace(times=course.times[len(samples[-1]) :])
-            samples.append(advance_closure(self.state, self._cohorts, self._thresholds, course, self._constants))
-        return np.concatenate(samples)
+        return advance_closure(self.state, self._cohorts, self._thresholds, course, self._constants)

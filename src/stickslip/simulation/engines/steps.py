@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
 import numpy as np
@@ -14,9 +15,6 @@ if TYPE_CHECKING:
     from stickslip.kernels.stepping import Course
 
 Array = NDArray[np.float64]
-
-_SAMPLES = 256
-"""Samples in an advance."""
 
 
 class Steps(Engine, Protocol):
@@ -31,6 +29,8 @@ class Steps(Engine, Protocol):
     """Largest step of time."""
     reach: float
     """Largest way of the slider in a step."""
+    budget: int
+    """Steps in an advance: some 50 ms."""
 
     def take(self, course: Course) -> Array:
         """Follow a course, and return the samples of `stickslip.kernels.stepping`."""
@@ -41,28 +41,32 @@ class Steps(Engine, Protocol):
         return float(self.state[0]), float(self.state[1])
 
     def advance(self, leg: Leg) -> Advance:
-        """Go on by a block of samples, or to the end."""
+        """Go on by some steps, at most to the one that would pass a look."""
         from stickslip.kernels.stepping import Course
 
-        times = np.minimum(leg.times[:_SAMPLES], leg.end)
+        times = np.minimum(leg.times, leg.end)
         wanted = times.size
-        if wanted == leg.times.size and (wanted == 0 or times[-1] < leg.end):
+        if wanted == 0 or times[-1] < leg.end:
             times = np.append(times, leg.end)
-        looking = bool(leg.looks) and leg.looks[0] <= times[-1]
-        before = self.copy() if looking else self
-        samples = self.take(Course(leg.drive, self.slider, times, self.longest, self.reach, leg.stop))[:wanted]
+        before, look = self.here()[0], leg.looks[0] if leg.looks else math.inf
+        course = Course(leg.drive, self.slider, times, self.longest, self.reach, leg.stop, look, self.budget)
+        samples = self.take(course)[:wanted]
         now = self.here()[0]
-        looks = looks_aside(before, leg, now) if looking else ()
-        return Advance(samples[:, [0, 1, 3, 4]], looks, over=has_stopped(leg.stop, samples) or now >= leg.end)
+        over = has_stopped(leg.stop, samples) or now >= leg.end
+        # A course that has not gone a step stands before its look.
+        seen = looks_aside(self, leg, look if now == before and not over else now)
+        return Advance(samples[:, [0, 1, 3, 4]], seen, over)
 
-    def settle(self, beginning: Beginning, time: float) -> None:
-        """Let the contacts settle: slide rigidly at the first velocity for a time, unseen."""
+    def settle(self, beginning: Beginning) -> None:
+        """Let the contacts settle: slide rigidly at the first velocity up to time and position 0, unseen."""
         from stickslip.kernels.drive import Quadratic, Stop
 
         self.slider = slider_constants(None)
-        leg = Leg(Quadratic(0.0, 0.0, beginning.velocity, 0.0), time, np.empty(0), Stop())
+        start, position = self.here()
+        leg = Leg(Quadratic(start, position, beginning.velocity, 0.0), 0.0, np.empty(0), Stop())
         while not self.advance(leg).over:
             pass
+        self.state[:2] = 0.0
 
 
 def has_stopped(stop: Stop, samples: Array) -> bool:

@@ -31,6 +31,7 @@ from stickslip.model.newborn import thresholds_beyond
 from stickslip.simulation.engines.base import (
     COLUMNS,
     Advance,
+    Areas,
     Beginning,
     Engine,
     Leg,
@@ -314,7 +315,7 @@ class Clocked(Thermal):
         return True
 
 
-@solves(Contacts, temperature=(Parabolic, Barrier))
+@solves(Contacts, temperature=(Parabolic, Barrier, Areas))
 @solves(Contacts, ExponentialGrowth, LogarithmicGrowth, temperature=(Bell, Parabolic, Barrier))
 class Thinned(Thermal):
     """Contacts that break by any hazard, their thresholds growing with age or not, and of different areas."""

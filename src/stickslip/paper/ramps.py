@@ -1,0 +1,79 @@
+"""Ramps of the velocity of the drive: run, and drawn with the transitions between smooth sliding and stick-slip."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+
+import stickslip as ss
+from stickslip import plot
+from stickslip.model import Start
+from stickslip.paper.figure import Progress
+from stickslip.paper.kit import second_axis
+
+_STRONG = 0.8
+"""Spring force, in f_s, that stands as high as the largest velocity."""
+
+
+def ramped(
+    rig: ss.Rig,
+    method: ss.Contacts,
+    progress: Progress,
+    *,
+    interval: float = 0.02,
+    level: float | None = None,
+    start: Start | None = None,
+) -> tuple[xr.Dataset, xr.Dataset]:
+    """Return the run of a ramp, from smooth sliding if nothing else is said, and its transitions."""
+    begin, output = ss.FromSliding() if start is None else start, ss.Output(interval=interval)
+    run = ss.simulate(rig, method=method, output=output, start=begin, progress=progress)
+    return run, ss.transitions(run, level=level)
+
+
+def loses_stability(rig: ss.Rig, low: float, high: float) -> float:
+    """Return the lowest velocity in a range at which smooth sliding loses stability, by linear theory."""
+    edges = ss.critical(rig, "velocity", between=(low, high))
+    return next((edge.value for edge in edges if edge.loses_stability), math.nan)
+
+
+def draw_ramp(
+    ax: Axes, run: xr.Dataset, title: str, low: float, top: float, *, left: bool = True, right: bool = True
+) -> None:
+    """Draw the force on a ramp, and the velocity on a second axis: zero at zero force."""
+    plot.force_trace(run[["spring_force"]], ax, color=plot.BLUE)
+    ax.lines[0].set_linewidth(0.5)
+    ax.set(ylim=(low, top), yticks=[tick for tick in (-0.4, 0.0, 0.4, _STRONG) if tick > low])
+    fastest = round(float(run["drive_velocity"].max()))
+    limits, ticks = (low * fastest / _STRONG, top * fastest / _STRONG), [0, fastest / 2, fastest]
+    second = second_axis(ax, run["time"][::50], run["drive_velocity"][::50], limits, ticks, linewidth=1.6)
+    if not left:
+        ax.set_ylabel("")
+    if right:
+        second.set_ylabel(plot.label(run["drive_velocity"], most=24), color=plot.VERMILLION)
+    plot.letter(ax, title)
+
+
+def time_of(run: xr.Dataset, velocity: float, *, down: bool = False) -> float:
+    """Return when a ramp passes a velocity, on the way up or down."""
+    t, v = run["time"].to_numpy(), run["drive_velocity"].to_numpy()
+    top = int(np.argmax(v))
+    if down:
+        return float(np.interp(-velocity, -v[top:], t[top:]))
+    return float(np.interp(velocity, v[: top + 1], t[: top + 1]))
+
+
+def draw_mark(ax: Axes, time: float, text: str, height: float, line: float, side: str = "center") -> None:
+    """Mark a time by a dashed line, up to a fraction of the panel, and words above it."""
+    ax.axvline(time, 0.0, line, color=plot.BLACK, linewidth=0.9, linestyle=(0, (4, 2)))
+    ax.text(time, height, text, ha=side, fontsize=8)
+
+
+def draw_around(ax: Axes, run: xr.Dataset, time: float, before: float, after: float) -> None:
+    """Draw the force around a time; nothing where there is no such time."""
+    if math.isfinite(time):
+        force = run["spring_force"].sel(time=slice(time - before, time + after))
+        ax.plot(force["time"], force, color=plot.BLUE, linewidth=0.8)
+    ax.margins(x=0)

@@ -1,0 +1,302 @@
+"""Laws that every solver keeps, for every mechanism that it takes, each stated once.
+
+A pair is a method and an interface under a slider or a chain; the pairs are what the engines say they take, so that a
+new engine, or a mechanism that an engine learns, is held to all laws by itself.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import stickslip as ss
+from stickslip.simulation.engines import engine_of
+
+TENTH = ss.Gaussian(mean=1.0, std=0.1)
+BELL = ss.Bell(width=0.02, attempts=1e4)
+BARRIER = ss.Barrier(height=60.0, attempts=1e4)
+DELAY = ss.Delay(0.2)
+LANGEVIN = ss.Langevin(rate=1.5, newborn=0.3)
+LOGARITHMIC = ss.LogarithmicGrowth(slope=0.05, time=0.01)
+EXPONENTIAL = ss.ExponentialGrowth(rate=2.0, newborn=0.3)
+STRETCHED = ss.Uniform(low=-0.1, high=0.3)
+
+MECHANISMS: dict[str, dict[str, object]] = {
+    "none": {},
+    "delay": {"delay": DELAY},
+    "random delay": {"delay": ss.RandomDelay(mean=0.2, std=0.12)},
+    "never back": {"delay": ss.Delay(math.inf)},
+    "on arrest": {"delay": ss.OnArrest()},
+    "sliding force": {"delay": DELAY, "sliding_force": 0.3},
+    "newborns": {"delay": DELAY, "newborn": STRETCHED},
+    "track": {"delay": DELAY, "track_scatter": 0.2},
+    "Bell": {"temperature": BELL},
+    "Bell, delay, sliding force": {"temperature": BELL, "delay": DELAY, "sliding_force": 0.3},
+    "Bell, newborns": {"temperature": BELL, "newborn": STRETCHED},
+    "Bell, on arrest": {"temperature": BELL, "delay": ss.OnArrest()},
+    "barrier": {"temperature": BARRIER},
+    "logarithmic growth": {"ageing": LOGARITHMIC},
+    "logarithmic growth, sliding force": {"ageing": LOGARITHMIC, "delay": DELAY, "sliding_force": 0.3},
+    "logarithmic growth, newborns": {"ageing": LOGARITHMIC, "newborn": STRETCHED},
+    "exponential growth, delay": {"ageing": EXPONENTIAL, "delay": DELAY},
+    "Bell, logarithmic growth": {"temperature": BELL, "ageing": LOGARITHMIC},
+    "barrier, exponential growth": {"temperature": BARRIER, "ageing": EXPONENTIAL},
+    "Langevin": {"ageing": LANGEVIN},
+    "Langevin, delay": {"ageing": LANGEVIN, "delay": DELAY},
+    "Bell, Langevin": {"temperature": BELL, "ageing": LANGEVIN},
+    "areas": {"areas": "site"},
+    "areas, Bell": {"areas": "site", "temperature": BARRIER},
+}
+METHODS = {
+    "Contacts": ss.Contacts(200, seed=3),
+    "MasterEquation": ss.MasterEquation(rtol=1e-4),
+    "Population": ss.Population(2_000, seed=3),
+    "PaperClosure": ss.PaperClosure(),
+    "QuasiStatic": ss.QuasiStatic(20, seed=3),
+}
+SLIDER = ss.Slider(stiffness=2.0, mass=1e-2, damping=15.0)
+CHAIN = ss.Chain(blocks=4, coupling=5.0, mass=1e-2, damping=15.0, leaf=8.0)
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A method that takes an interface, under a slider or a chain."""
+
+    method: object
+    interface: ss.Interface
+    body: object
+
+    @property
+    def one_by_one(self) -> bool:
+        """Whether contacts are followed one by one."""
+        return isinstance(self.method, (ss.Contacts, ss.QuasiStatic))
+
+    @property
+    def accuracy(self) -> float:
+        """Rounding from event to event; else ten times the tolerance, and as much for the default steps."""
+        if isinstance(self.method, ss.PaperClosure):
+            return 1 / self.method.cells
+        from_event_to_event = isinstance(self.method, ss.Contacts) and self.body is SLIDER
+        return 1e-9 if from_event_to_event else 1e-3
+
+    @property
+    def draws_in_each_step(self) -> bool:
+        """Whether other steps draw other numbers: another run of the same distribution."""
+        noisy = self.one_by_one and isinstance(self.interface.ageing, ss.Langevin)
+        return noisy or isinstance(self.method, ss.Population)
+
+
+def _pairs() -> dict[str, Pair]:
+    found = {}
+    for body in (SLIDER, CHAIN):
+        for mechanism, fields in MECHANISMS.items():
+            interface = ss.Interface(thresholds=TENTH, **fields)
+            for name, method in METHODS.items():
+                if isinstance(body, ss.Chain) and isinstance(method, ss.Contacts):
+                    method = replace(method, count=20)
+                try:
+                    engine_of(interface, method, body)
+                except ss.InputError:
+                    continue
+                found[f"{name}, {type(body).__name__}: {mechanism}"] = Pair(method, interface, body)
+    return found
+
+
+NOISE = 0.65
+"""Largest standard deviation of the force of a contact: half of the largest threshold but for one in a thousand."""
+STATISTICAL = (ss.Contacts, ss.Population, ss.QuasiStatic)
+PAIRS = _pairs()
+DEAR = ("MasterEquation, Slider: barrier", "MasterEquation, Slider: barrier, exponential growth")
+every_pair = pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name in DEAR else name for name in PAIRS]
+)
+DRIVE = ss.constant(1.0, 1.6).then(ss.ramp(1.0, -1.0, 1.0))
+
+
+def refusal(interface, method, body) -> str:
+    try:
+        engine_of(interface, method, body)
+    except ss.InputError as error:
+        return str(error)
+    return ""
+
+
+@pytest.mark.parametrize("body", [SLIDER, CHAIN], ids=["Slider", "Chain"])
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("mechanism", MECHANISMS)
+def test_a_refusal_names_what_cannot_be_taken_together_or_by_whom(mechanism, method, body):
+    """What a method takes by itself is not what it cannot take."""
+    fields, method = MECHANISMS[mechanism], METHODS[method]
+    said = refusal(ss.Interface(thresholds=TENTH, **fields), method, body)
+    alone = {field: refusal(ss.Interface(thresholds=TENTH, **{field: fields[field]}), method, body) for field in fields}
+    named = [field for field in fields if f"{field} = " in said]
+    who, _, remedy = said.partition(": not available with ")[2].partition("; ")
+    if "together with" in who:
+        assert len(named) > 1
+        assert not any(alone[field] for field in named)
+    elif remedy:
+        assert who == ("a Chain" if body is CHAIN else type(method).__name__)
+        assert alone[named[0]]
+
+
+def simulate(pair, drive=DRIVE, interval=0.05, **options) -> xr.Dataset:
+    output = options.pop("output", ss.Output(interval=interval))
+    return ss.simulate(ss.Rig(pair.interface, pair.body, drive, method=pair.method, output=output, **options))
+
+
+def relaxed(pair) -> Pair:
+    return replace(pair, interface=replace(pair.interface, initial=ss.Gaussian(mean=0.0, std=0.0)))
+
+
+def contacts_of(pair) -> int:
+    return pair.method.count * (1 if pair.body is SLIDER else pair.body.size)
+
+
+def has_steady_force(interface) -> bool:
+    if math.isinf(interface.delay.moment(1)):
+        return False
+    try:
+        ss.kinetic_friction(interface, 1.0)
+    except ss.InputError:
+        return False
+    return True
+
+
+@cache
+def run_of(name) -> xr.Dataset:
+    return simulate(PAIRS[name])
+
+
+def apart(run, other, sign=1):
+    """Largest difference of two runs in their forces."""
+    return max(float(np.abs(run[name] - sign * other[name]).max()) for name in ("spring_force", "friction_force"))
+
+
+# ---------------------------------------------------------------- conservation
+
+
+@every_pair
+@pytest.mark.eq(11)
+def test_energy_is_kept(name):
+    """The work of the drive is found again; what is lost never comes back."""
+    pair, run = PAIRS[name], run_of(name)
+    if "work" not in run:
+        pytest.skip("this engine does not count energies")
+    parts = ("kinetic_energy", "spring_energy", "contact_energy", "damped_energy", "broken_energy")
+    balance = sum(run[part] for part in parts) - run["work"]
+    assert float(np.abs(balance - balance[0]).max()) < pair.accuracy * float(np.abs(run["work"]).max())
+    if pair.interface.newborn is not None:  # they bring some along
+        return
+    for lost in ("broken_energy", "damped_energy"):
+        assert float(run[lost].diff("time").min()) >= -pair.accuracy * float(run[lost].max())
+
+
+@every_pair
+def test_contacts_are_counted(name):
+    pair, attached = PAIRS[name], run_of(name)["attached"].to_numpy()
+    assert -pair.accuracy <= attached.min() <= attached.max() <= 1 + 1e-12
+    if isinstance(pair.method, ss.Contacts) and pair.body is SLIDER:  # others are told between their steps, too
+        whole = pair.method.count * attached
+        np.testing.assert_allclose(whole, np.round(whole), atol=1e-9)
+
+
+@every_pair
+def test_snapshots_hold_the_attached_contacts_and_their_force(name):
+    run = simulate(PAIRS[name], output=ss.Output(interval=0.1, snapshots=(0.5, 1.2), bins=400))
+    width, seen = float(run["x"][1] - run["x"][0]), run.sel(time=run["snapshot"], method="nearest")
+    blocks = [dim for dim in seen["attached"].dims if dim != "snapshot"]
+    held = width * run["stretching_density"].sum("x")
+    pulled = width * (run["stretching_density"] * run["x"]).sum("x")
+    detached = PAIRS[name].interface.sliding_force * (1 - seen["attached"])
+    # A copy that looks ahead in other steps sees other numbers.
+    noise = 6 * NOISE / math.sqrt(contacts_of(PAIRS[name])) if PAIRS[name].draws_in_each_step else 0.0
+    np.testing.assert_allclose(held, seen["attached"].mean(blocks), atol=5e-3 + noise)
+    if PAIRS[name].interface.areas is None:  # contacts of different areas are of different stiffness
+        np.testing.assert_allclose(pulled, (seen["friction_force"] - detached).mean(blocks), atol=width + noise)
+
+
+# ---------------------------------------------------------------- the same run
+
+
+@every_pair
+def test_what_is_recorded_changes_nothing(name):
+    fine = simulate(PAIRS[name], output=ss.Output(interval=0.025, snapshots=(0.7, 2.0)))
+    rounding = 1e-6 if isinstance(PAIRS[name].method, ss.PaperClosure) else 1e-9  # the closure makes more of it
+    assert apart(fine.isel(time=slice(None, None, 2)), run_of(name)) < rounding
+
+
+@every_pair
+def test_a_run_is_made_again_from_its_file(name, tmp_path):
+    run = run_of(name)
+    loaded = ss.load(ss.save(run, tmp_path / "run.nc"))
+    xr.testing.assert_identical(loaded, run)
+    xr.testing.assert_identical(ss.rerun(loaded), run)
+
+
+@every_pair
+def test_progress_rises_to_one(name):
+    pair, seen = PAIRS[name], []
+    ss.simulate(ss.Rig(pair.interface, pair.body, DRIVE, method=pair.method), progress=seen.append)
+    assert seen == sorted(seen)
+    assert 0 <= seen[0] <= seen[-1] == 1
+
+
+@every_pair
+def test_a_seam_between_equal_pieces_is_no_event(name):
+    if PAIRS[name].draws_in_each_step:
+        pytest.skip("other steps draw other numbers")
+    cut = ss.constant(1.0, 0.9).then(ss.constant(1.0, 0.7)).then(ss.ramp(1.0, -1.0, 1.0))
+    moved = PAIRS[name].accuracy
+    if PAIRS[name].one_by_one and PAIRS[name].body is CHAIN:
+        moved += 1 / PAIRS[name].method.count  # a contact may break on the other side of a sample
+    assert apart(simulate(PAIRS[name], drive=cut), run_of(name)) < moved
+
+
+@every_pair
+def test_backwards_is_the_mirror_image(name):
+    pair = relaxed(PAIRS[name])
+    back = simulate(pair, drive=ss.constant(-1.0, 1.6).then(ss.ramp(-1.0, 1.0, 1.0)))
+    # Bell contacts ahead of the slider share a clock, those behind have their own: other numbers, of one distribution.
+    other_numbers = isinstance(pair.interface.temperature, ss.Bell) and pair.one_by_one
+    assert apart(simulate(pair), back, sign=-1) < (6 * NOISE / math.sqrt(pair.method.count) if other_numbers else 1e-8)
+
+
+@every_pair
+def test_relaxed_contacts_under_a_drive_at_rest_stay_there(name):
+    run = simulate(relaxed(PAIRS[name]), drive=ss.constant(0.0, 1.0))
+    newborn = PAIRS[name].interface.newborn is not None  # what attaches stretched pulls
+    assert float(np.abs(run["displacement"]).max()) <= (1e-12 if newborn else 0.0)
+
+
+# ---------------------------------------------------------------- closed form, other solvers
+
+
+@every_pair
+@pytest.mark.eq(1, 10)
+def test_smooth_sliding_goes_on_with_the_steady_force(name):
+    pair, lives = PAIRS[name], 8.0
+    if isinstance(pair.method, ss.PaperClosure) or not has_steady_force(pair.interface):
+        pytest.skip("another force by design, or none in closed form")
+    spring = {"stiffness": 40.0} if pair.body is SLIDER else {"leaf": 40.0}
+    stable = replace(pair, body=replace(pair.body, damping=60.0, **spring))
+    run = simulate(stable, drive=ss.constant(1.0, lives), interval=0.02, start=ss.FromSliding())
+    # A contact forgets its force in a life.
+    error = 1e-4 if not isinstance(pair.method, STATISTICAL) else 4 * NOISE / math.sqrt(contacts_of(pair) * lives)
+    assert float(run["friction_force"].mean()) == pytest.approx(ss.kinetic_friction(pair.interface, 1.0), abs=error)
+
+
+@every_pair
+@pytest.mark.eq(1, 2, 3, 4)
+def test_contacts_scatter_about_infinitely_many(name):
+    """Until the first slip, in which differences grow."""
+    pair, alike = PAIRS[name], name.replace("MasterEquation", "Contacts").replace("Population", "Contacts")
+    if pair.one_by_one or alike not in PAIRS:
+        pytest.skip("only one method takes it")
+    seeds, count = 4, 1_000 if pair.body is SLIDER else 100
+    runs = [replace(PAIRS[alike], method=ss.Contacts(count, seed=seed)) for seed in range(seeds)]
+    mean = sum(simulate(run, drive=ss.constant(1.0, 1.2)) for run in runs) / seeds
+    error = 4 * NOISE * math.sqrt(1 / (seeds * count) + isinstance(pair.method, ss.Population) / 2_000)
+    assert apart(simulate(pair, drive=ss.constant(1.0, 1.2)), mean) < error
