@@ -1,12 +1,14 @@
 """Sustained stick-slip: settled numbers, what persists beyond the linear boundary, answers that cannot be given."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+import stickslip as ss
 from stickslip import cycles
 from stickslip.cycles import bistable_range, cycle_branch, is_sustained, sustained, sustained_onset
 from stickslip.cycles import branch as branches
@@ -250,9 +252,9 @@ def test_tau_star_against_mass():
 
 def test_a_delay_that_does_not_exist_is_not_invented():
     wide = replace(FIG6.interface, thresholds=Gaussian(mean=1.0, std=0.5))
-    with pytest.raises(UndecidedError, match=r"no oscillation persists for delay from 0\.05 to 0\.5"):
+    with pytest.raises(UndecidedError, match=r"persists for delay from 0\.05 time units to 0\.5 time units"):
         sustained_onset(Rig(wide, FIG6.slider, constant(1.0)), "delay", between=(0.05, 0.5))
-    with pytest.raises(UndecidedError, match=r"at 0\.2, the low end of the range"):
+    with pytest.raises(UndecidedError, match=r"at 0\.2 time units, the low end of the range"):
         sustained_onset(Rig(FIG6.interface, FIG6.slider, constant(1.0)), "delay", between=(0.2, 0.5))
 
 
@@ -648,3 +650,14 @@ def test_what_drifts_all_one_way_is_given_three_times_as_long(way, patience):
 def test_an_edge_in_another_unit_keeps_its_bracket():
     edge = Edge.between(2.0, 8.0).scaled(0.5)
     assert (edge.value, edge.decays_at, edge.persists_at, edge.error) == (2.0, 1.0, 4.0, 1.5)
+
+
+def test_reasons_are_in_the_units_of_the_rig():
+    rig = ss.read_rig("precision_stage")
+    assert re.search(r"\d N\b", ss.is_sustained(rig).reason)
+    assert re.search(r"stability at 0\.00086\d* m/s \(38\.\d+ Hz\)", str(ss.critical(rig, "velocity")))
+    with pytest.raises(InputError, match=r"begin = 1: .* at most 0\.003 \(m/s\)"):
+        ss.cycle_branch(rig, "velocity", between=(2e-4, 3e-3), begin=1.0)
+    found = ss.bistable_range(rig, "velocity", between=(7e-4, 1e-3))
+    assert not found
+    assert re.search(r"linear boundary velocity = 861\.5 um/s", str(found))

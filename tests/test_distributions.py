@@ -744,3 +744,10 @@ def test_a_density_that_ends_has_a_transform_everywhere():
     """As it is told from the density, for a distribution of one's own."""
     ended = Distribution.leftmost.fget(Uniform(0.0, 5.0))
     assert ended == -math.inf
+
+
+def test_a_gaussian_of_which_little_is_left_is_sampled_at_once():
+    tail = Gaussian(mean=0.0, std=1.0, lower=4.7)  # one value in 770,000
+    values = tail.sample(np.random.default_rng(0), 10_000)
+    assert values.min() > 4.7
+    assert values.mean() == pytest.approx(tail.moment(1), abs=5 * tail.standard_deviation() / 100)

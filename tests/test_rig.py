@@ -5,7 +5,7 @@ import json
 import math
 import re
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import pytest
 from drawn import NUMBER
@@ -13,6 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import stickslip as ss
+from stickslip.errors import InputError
 from stickslip.io import datasets, rig_keys
 from stickslip.io import rig_files as rigs
 from stickslip.io.validation import LARGEST_FILE
@@ -554,3 +555,10 @@ def test_a_rig_says_itself_in_its_own_units():
     assert "30 MN/m" in repr(read)
     assert "20 mm/s" in str(read)
     assert read._repr_html_().startswith("<pre>Brake pad")
+
+
+def test_a_drive_that_runs_backwards_may_run_forwards():
+    backwards = replace(ss.read_rig("precision_stage").natural, drive=ss.constant(-1.0, duration=5.0))
+    assert backwards.replace(velocity=2.0).drive == ss.constant(2.0, duration=2.5)
+    with pytest.raises(InputError, match="the other way; give another drive"):
+        replace(backwards, drive=ss.ramp(-1.0, -2.0, duration=5.0)).replace(velocity=2.0)

@@ -163,7 +163,9 @@ def _beside_boundaries(
         value = min(max(edge.value * (1.01 if downwards else 0.99), span.low), span.high)
         verdict, ride, look = settle(span.begin(value))
         if not verdict.has_cycle:
-            notes.append(f"at {name} = {value:.4g}, next to the linear boundary {edge.value:.5g}: {verdict}")
+            notes.append(
+                f"at {name} = {span.said(value)}, next to the linear boundary {span.said(edge.value)}: {verdict}"
+            )
             continue
         # Towards another boundary there may be two folds, and a long step may lead over both.
         bold = furthest in (span.low, span.high)
@@ -171,8 +173,8 @@ def _beside_boundaries(
         width = math.log(edge.value / end.value) * (1 if downwards else -1)
         gone = end.kind == "shrinks to nothing"
         if gone or width <= (4 if end.kind == "undecided" else 1) * tolerance:
-            what = end.kind if gone else f"persists to {end.persists_at:.5g} at most"
-            notes.append(f"beyond the linear boundary {name} = {edge.value:.5g} the cycle {what}: no band")
+            what = end.kind if gone else f"persists to {span.said(end.persists_at)} at most"
+            notes.append(f"beyond the linear boundary {name} = {span.said(edge.value)} the cycle {what}: no band")
             continue
         linear = Edge.at(edge.value, "linear")
         if end.kind == "end of range" and furthest not in (span.low, span.high):

@@ -90,11 +90,14 @@ def cycle_branch(
     span = Range.of(rig, parameter, between, start, method)
     size = rig.unit(span.parameter.unit)
     tolerance = number("tolerance", tolerance, above=0, below=1)
-    first = first_point(span, None if begin is None else number("begin", begin, above=0) / size)
-    down, low = carried(span.parameter, first, span.low, step, tolerance)
-    up, high = carried(span.parameter, first, span.high, step, tolerance)
+    if begin is not None:
+        low, high = (value * size for value in (span.low, span.high))
+        begin = number("begin", begin, at_least=low, at_most=high, hint=rig.unit_name(span.parameter.unit)) / size
+    first = first_point(span, begin)
+    down, low_end = carried(span.parameter, first, span.low, step, tolerance)
+    up, high_end = carried(span.parameter, first, span.high, step, tolerance)
     branch = _dataset(span, [*reversed(down), first, *up])
-    for name, edge in (("low", low), ("high", high)):
+    for name, edge in (("low", low_end), ("high", high_end)):
         branch.attrs |= {
             f"{name}_end": edge.kind,
             f"{name}_decays_at": edge.decays_at * size,
@@ -139,9 +142,9 @@ def first_point(span: Range, begin: float | None = None) -> Point:
     UndecidedError
         If there is none.
     """
-    low, high, unit = span.low, span.high, span.parameter.unit
+    low, high = span.low, span.high
     if begin is not None:
-        values = [number("begin", begin, at_least=low, at_most=high, hint=unit)]
+        values = [begin]
     else:
         own = span.parameter.get(span.rig)
         grid = np.geomspace(low, high, 17).tolist()
@@ -154,7 +157,7 @@ def first_point(span: Range, begin: float | None = None) -> Point:
             return Point(value, verdict, look, ride)
     raise UndecidedError(
         f"no cycle to follow: from {span.start} no oscillation persists at {span.parameter.name} = "
-        f"{', '.join(f'{v:.4g}' for v in values)}; the last: {verdict}"
+        f"{', '.join(map(span.said, values))}; the last: {verdict}"
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -68,7 +68,7 @@ class Sustained(Answer):
     def __str__(self) -> str:
         low, high = self.searched
         where = f"for {self.parameter} from {low:g} to {high:g} {self.unit}, from {self.start}"
-        doubt = _doubt(self.undecided)
+        doubt = _doubt(f"{value:.4g}" for value in self.undecided)
         if not self.windows:
             return f"no oscillation persists {where} ({len(self.grid)} runs){doubt}"
         return f"{where}, an oscillation persists {' and '.join(map(str, self.windows))}{doubt}"
@@ -302,20 +302,21 @@ def _bracket(probe: _Probe) -> tuple[float, float]:
         if value >= span.high:
             raise UndecidedError(
                 f"no sustained onset: from {span.start} no oscillation persists for {span} (at the last: {verdict})"
-                f"{_doubt(probe.undecided)}"
+                f"{_doubt(map(span.said, probe.undecided))}"
             )
         value = min(1.4 * value, span.high)
         verdict = probe(value)
     if decays_at is None:
         raise UndecidedError(
-            f"no sustained onset: at {value:g}, the low end of the range searched ({span.low:g} to {span.high:g}), an "
-            f"oscillation persists ({verdict}); lower it"
+            f"no sustained onset: at {span.said(value)}, the low end of the range searched (to "
+            f"{span.said(span.high)}), an oscillation persists ({verdict}); lower it"
         )
     return decays_at, value
 
 
-def _doubt(undecided: tuple[float, ...]) -> str:
-    return f"; undecided at {', '.join(f'{v:.4g}' for v in undecided)}" if undecided else ""
+def _doubt(undecided: Iterable[str]) -> str:
+    said = ", ".join(undecided)
+    return f"; undecided at {said}" if said else ""
 
 
 class _Probe:

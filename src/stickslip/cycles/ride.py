@@ -16,6 +16,7 @@ from stickslip.measure.verdict import TINY
 from stickslip.model import FromRest, FromSliding, MasterEquation, Slider, Start
 from stickslip.model.parameters import Parameter, parameter_named
 from stickslip.model.rig import Ends, Rig
+from stickslip.model.units import Scales, in_words
 from stickslip.simulation import Beginning, Leg, Panels, check_method, follow_leg
 
 if TYPE_CHECKING:
@@ -83,10 +84,11 @@ class Ride:
     drive: Quadratic
     cycle: float  # expected travel of the drive in one
     begun: Array | None = None  # rows of the cycle that the last look has left unfinished
+    scales: Scales | None = None  # in which to say what is found
 
     @classmethod
-    def begin(cls, rig: Rig, start: Start, method: MasterEquation) -> Ride:
-        """Return a rig, in natural units, at its start.
+    def begin(cls, rig: Rig, start: Start, method: MasterEquation, scales: Scales | None = None) -> Ride:
+        """Return a rig, in natural units, at its start; reasons are given in units of the scales.
 
         Raises
         ------
@@ -98,13 +100,14 @@ class Ride:
         turns = rig.slider.frequency * _expected_cycle(rig) / rig.velocity
         if turns > MOST_TURNS:
             raise InputError(
-                f"velocity = {rig.velocity:.4g} x_s/time: the slider could oscillate {turns:.2g} rad on its spring in "
-                f"one cycle, more than a run resolves; give at least {rig.velocity * turns / MOST_TURNS:.2g} x_s/time"
+                f"velocity = {in_words(rig.velocity, 'velocity', scales)}: the slider could oscillate {turns:.2g} rad "
+                "on its spring in one cycle, more than a run resolves; give at least "
+                f"{in_words(rig.velocity * turns / MOST_TURNS, 'velocity', scales, 2)}"
             )
         beginning = Beginning(rig.interface, rig.slider, rig.velocity, start)
         engine = Panels(beginning, method)
         drive = Quadratic(0.0, beginning.drive_position(engine.contact_force()), rig.velocity, 0.0)
-        return cls(rig, engine, drive, _expected_cycle(rig))
+        return cls(rig, engine, drive, _expected_cycle(rig), scales=scales)
 
     def on(self, travel: float) -> tuple[Ride, Array]:
         """Go on by a travel of the drive; with times, spring force and slider velocity of fine samples, as rows."""
@@ -150,7 +153,8 @@ class Ride:
         time, X = engine.here()
         stretched = self.drive.position + self.drive.velocity * (time - self.drive.start) - X
         drive = Quadratic(time, X + stretched * self.rig.slider.stiffness / rig.slider.stiffness, rig.velocity, 0.0)
-        return Ride(rig, engine, drive, self.cycle / _expected_cycle(self.rig) * _expected_cycle(rig))
+        cycle = self.cycle / _expected_cycle(self.rig) * _expected_cycle(rig)
+        return Ride(rig, engine, drive, cycle, scales=self.scales)
 
 
 def _expected_cycle(rig: Rig) -> float:
@@ -204,6 +208,7 @@ class Range:
     high: float
     start: Start
     method: MasterEquation
+    scales: Scales | None
 
     @classmethod
     def of(
@@ -222,11 +227,15 @@ class Range:
             If no cycle can be followed on the rig, or the range is none.
         """
         natural, varied = natural_rig(rig, start, method), parameter_named(parameter)
-        return cls(varied, natural, *rig.span(varied, between), start, method)
+        return cls(varied, natural, *rig.span(varied, between), start, method, rig.scales)
 
     def begin(self, value: float) -> Ride:
         """Return the rig with a value of the parameter, at its start."""
-        return Ride.begin(self.parameter.set(self.rig, value), self.start, self.method)
+        return Ride.begin(self.parameter.set(self.rig, value), self.start, self.method, self.scales)
+
+    def said(self, value: float) -> str:
+        """Say a value of the parameter in the units of the rig that was given."""
+        return in_words(value, self.parameter.unit, self.scales)
 
     def __str__(self) -> str:
-        return f"{self.parameter.name} from {self.low:g} to {self.high:g}"
+        return f"{self.parameter.name} from {self.said(self.low)} to {self.said(self.high)}"

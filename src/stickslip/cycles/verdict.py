@@ -15,6 +15,7 @@ from stickslip.measure.slips import SLIP_VELOCITY
 from stickslip.measure.verdict import TINY, Kind
 from stickslip.model import Delay, FromRest, MasterEquation, Start
 from stickslip.model.rig import Rig
+from stickslip.model.units import Scales, in_words
 from stickslip.stability import count_unstable
 from stickslip.theory import kinetic_friction
 
@@ -134,7 +135,7 @@ def is_sustained(
     """
     natural = natural_rig(rig, start, method)
     whole("patience", patience, at_least=1)
-    return settle(Ride.begin(natural, start, method), patience)[0].in_units(rig)
+    return settle(Ride.begin(natural, start, method, rig.scales), patience)[0].in_units(rig)
 
 
 def settle(ride: Ride, patience: int = PATIENCE) -> tuple[Verdict, Ride, Look]:
@@ -147,7 +148,7 @@ def settle(ride: Ride, patience: int = PATIENCE) -> tuple[Verdict, Ride, Look]:
         ride, look = ride.look()
         looks.append(look)
         travel += look.travel
-        fate = _fate(looks, floor, growing, patience)
+        fate = _fate(looks, floor, growing, patience, ride.scales)
     last, (answer, reason) = looks[-1], fate
     limit = _limit(np.concatenate([look.cycles for look in looks]))
     if answer and limit is not None:
@@ -188,15 +189,21 @@ def _friction(rig: Rig) -> float:
     return kinetic_friction(interface, rig.velocity)
 
 
-def _fate(looks: list[Look], floor: float, growing: bool | None, patience: int) -> tuple[bool | None, str] | None:
+def _fate(
+    looks: list[Look], floor: float, growing: bool | None, patience: int, scales: Scales | None = None
+) -> tuple[bool | None, str] | None:
     """Whether it persists and why, as soon as the looks tell."""
+
+    def said(force: float, digits: int = 3) -> str:
+        return in_words(force, "force", scales, digits)
+
     size = np.array([look.amplitude for look in looks])
-    now = f"{size[-1]:.4g} f_s"
+    now = said(size[-1], 4)
     if size[-1] < 1e-9 * floor and growing is not True:
         return False, "there is no oscillation left"
     limit = _limit(np.concatenate([look.cycles for look in looks]))
     if limit is not None and size[-1] > floor:
-        return True, f"the oscillation of the force settles at {limit:.3g} f_s"
+        return True, f"the oscillation of the force settles at {said(limit)}"
     if len(looks) < 3:
         return None
     step = np.diff(np.log(np.maximum(size, 1e-300)))
@@ -206,9 +213,9 @@ def _fate(looks: list[Look], floor: float, growing: bool | None, patience: int) 
     elif np.all(np.abs(step[-3:]) < STEADY) and len(looks) > 3:
         return True, f"the oscillation of the force, {now}, no longer changes"
     elif _left_to_go(step) < REST:
-        return True, f"the oscillation of the force settles at {size[-1]:.3g} f_s"
+        return True, f"the oscillation of the force settles at {said(size[-1])}"
     elif len(looks) >= 10 and _has_no_trend(size[-8:]):
-        return True, f"the oscillation of the force scatters about {np.median(size[-8:]):.3g} f_s without a trend"
+        return True, f"the oscillation of the force scatters about {said(float(np.median(size[-8:])))} without a trend"
     # What grows slowly from little will arrive; what drifts all one way, through a narrow place, will leave it.
     drifts = bool(np.all(step[-8:] < 0) or np.all(step[-8:] > 0))
     if len(looks) < (5 * patience if growing else 3 * patience if drifts else patience):

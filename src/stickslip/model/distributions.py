@@ -133,7 +133,9 @@ class Gaussian(Distribution):
         return np.asarray(self.mean - self.std * special.ndtri(tail))
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:
-        """Draw `size` values; those at or below `lower` are drawn again."""
+        """Draw `size` values; those at or below `lower` are drawn again, unless that would be most of them."""
+        if self._beyond_lower() < 0.5:
+            return self.inverse_survival(1.0 - rng.random(size))
         values = rng.normal(self.mean, self.std, size)
         while (again := np.flatnonzero(values <= self.lower)).size:
             values[again] = rng.normal(self.mean, self.std, again.size)

@@ -101,7 +101,9 @@ def _set_velocity(rig: Rig, value: float) -> Rig:
     if before == 0:
         return replace(rig, drive=constant(value, duration))
     if rig.drive.pieces == constant(before, duration).pieces:
-        return replace(rig, drive=constant(value, duration * before / value if value else duration))
+        return replace(rig, drive=constant(value, duration * abs(before / value) if value else duration))
+    if value * before < 0:
+        raise InputError(f"velocity = {value:g}: the drive begins with {before:g}, the other way; give another drive")
     return replace(rig, drive=rig.drive.faster(value / before))
 
 

@@ -76,6 +76,8 @@ class Crossings(Answer):
         Number of growing modes at its two ends.
     found : tuple of Crossing
         Every crossing of any mode; `edges` are those where stability itself changes.
+    frequency_unit : str
+        In which frequencies are printed.
     """
 
     parameter: str
@@ -83,6 +85,7 @@ class Crossings(Answer):
     searched: tuple[float, float]
     unstable_at_ends: tuple[int, int]
     found: tuple[Crossing, ...]
+    frequency_unit: str = "cycles per time unit"
 
     def __iter__(self) -> Iterator[Crossing]:
         return iter(self.found)
@@ -104,6 +107,7 @@ class Crossings(Answer):
             unit=rig.unit_name(self.unit),
             searched=(low * size, high * size),
             found=tuple(replace(c, value=c.value * size, frequency=c.frequency * rate) for c in self.found),
+            frequency_unit="Hz",
         )
 
     @property
@@ -113,13 +117,14 @@ class Crossings(Answer):
 
     def __str__(self) -> str:
         low, high = self.searched
-        where = f"for {self.parameter} from {low:g} to {high:g}{'' if self.unit == '1' else f' {self.unit}'}"
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        where = f"for {self.parameter} from {low:g} to {high:g}{unit}"
         if not self.edges:
             state = "unstable" if self.unstable_at_ends[0] else "stable"
             return f"smooth sliding is {state} all the way {where}: no boundary there"
         words = [
-            f"{'loses' if c.loses_stability else 'regains'} stability at {c.value:.7g} "
-            f"(angular frequency {c.frequency:.7g})"
+            f"{'loses' if c.loses_stability else 'regains'} stability at {c.value:.7g}{unit} "
+            f"({c.frequency / (2.0 * math.pi):.4g} {self.frequency_unit})"
             for c in self.edges
         ]
         return f"{where}, smooth sliding " + ", ".join(words)

@@ -93,7 +93,7 @@ class FromAxis(ABC):
         near = np.flatnonzero(np.abs(neutral.extra) < self.accuracy)
         if near.size:
             raise UndecidedError(
-                f"smooth sliding at velocity {velocity:g} is neutral to within the accuracy of the response "
+                f"smooth sliding at velocity {velocity:g} x_s/time is neutral to within the accuracy of the response "
                 f"({self.accuracy:g} of the stiffness of the contacts), at angular frequency "
                 f"{neutral.omega[near[0]]:.5g}: on its stability boundary; move a parameter to one side"
             )
@@ -121,10 +121,11 @@ class FromAxis(ABC):
             return complex(roots[0])
         if growing:
             raise UndecidedError(
-                f"smooth sliding at velocity {velocity:g} has {growing} growing modes, not all of which were found"
+                f"smooth sliding at velocity {velocity:g} x_s/time has {growing} growing modes, not all of which "
+                "were found"
             )
         raise UndecidedError(
-            f"smooth sliding at velocity {velocity:g} is stable; "
+            f"smooth sliding at velocity {velocity:g} x_s/time is stable; "
             "its modes decay too quickly to be followed from the axis"
         )
 

@@ -113,7 +113,7 @@ def stability_map(
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
     first, second = _two_parameters(over)
     grids = [
-        np.atleast_1d(numbers(f"values of {parameter.name}", value, above=0, hint=parameter.unit))
+        np.atleast_1d(numbers(f"values of {parameter.name}", value, above=0, hint=rig.unit_name(parameter.unit)))
         for parameter, value in zip((first, second), _pair("values", values, "values of each parameter"), strict=True)
     ]
     grids = [grid / rig.unit(parameter.unit) for parameter, grid in zip((first, second), grids, strict=True)]

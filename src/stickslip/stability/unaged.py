@@ -353,7 +353,7 @@ def _count(response: UnagedResponse, body: Impedance, velocity: float) -> int:
         if omega.size > SCAN_LIMIT or np.min(gap[~sure] / omega[1:][~sure]) < 1e-12:
             at = float(omega[1:][~sure][np.argmin(np.abs(product[1:][~sure]))])
             raise UndecidedError(
-                f"smooth sliding at velocity {velocity:g} is neutral to within rounding, at angular frequency "
+                f"smooth sliding at velocity {velocity:g} x_s/time is neutral to within rounding, at angular frequency "
                 f"{at:.9g}: on its stability boundary; move a parameter to one side"
             )
         new = 0.5 * (omega[1:] + omega[:-1])[~sure]
@@ -511,12 +511,13 @@ def _rightmost(response: UnagedResponse, body: Impedance, velocity: float) -> co
         starts = roots
     if math.isfinite(limit) and growing == 0:
         raise UndecidedError(
-            f"smooth sliding at velocity {velocity:g} is stable, but no mode decays more slowly than the tail of the "
-            f"distribution of thresholds (Re s = {limit:g}): there is no slowest mode to give; count_unstable() says 0"
+            f"smooth sliding at velocity {velocity:g} x_s/time is stable, but no mode decays more slowly than the tail "
+            f"of the distribution of thresholds (Re s = {limit:g}): there is no slowest mode to give; count_unstable() "
+            "says 0"
         )
     raise UndecidedError(
-        f"smooth sliding at velocity {velocity:g}: no root of Z(s) + kappa(s) could be confirmed as the one furthest "
-        f"right; {growing} of them grow"
+        f"smooth sliding at velocity {velocity:g} x_s/time: no root of Z(s) + kappa(s) could be confirmed as the one "
+        f"furthest right; {growing} of them grow"
     )
 
 
