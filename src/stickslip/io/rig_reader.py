@@ -279,10 +279,13 @@ class Reader:
         )
         if "v_half" not in interface:
             return made
-        seconds = half_distance(made) / interface["v_half"] / natural(1.0, "x_s")
-        # By way of seconds, so that a file in SI units can hold exactly this delay.
-        delay = self.make("interface.v_half", lambda: Delay(natural(seconds, "time")))
-        return replace(made, delay=delay)
+
+        def delay() -> Delay:
+            # By way of seconds, so that a file in SI units can hold exactly this delay.
+            seconds = half_distance(made) / interface["v_half"] / natural(1.0, "x_s")
+            return Delay(natural(seconds, "time"))
+
+        return replace(made, delay=self.make("interface.v_half", delay))
 
     def _part(self, read: Callable[[Any, str], Made], content: Any, place: str) -> Any:
         """A part of the file, or None where it cannot be read: the mistake is noted, and the others are looked for."""
