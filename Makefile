@@ -1,7 +1,7 @@
 # Needs make, gcc, git or not, and any Python >= 3.11; everything else goes into $(VENV).
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint unit verify coverage bench docs pictures explore clean fuzz mutants lowest
+.PHONY: help demo test lint unit browser verify coverage bench docs pictures explore clean fuzz mutants lowest
 
 VENV ?= .venv
 WORKERS ?= 2
@@ -15,8 +15,9 @@ RIG := precision_stage
 
 help:
 	@echo 'make demo      predict and simulate $(RIG), with pictures in demo/'
-	@echo 'make test      every check: style, types, imports, equations, tests'
+	@echo 'make test      every check but the browser's: style, types, imports, equations, tests'
 	@echo 'make lint      the same without the tests'
+	@echo 'make browser   the journeys through the browser app; skipped without a chromium'
 	@echo "make verify    the paper's claims, solver against solver, slow tests (half an hour); report in verification/"
 	@echo 'make coverage  lines that the tests go through, slow ones too; the kernels as plain Python'
 	@echo 'make bench     each fast path beside the plain loop it replaces; fails on a broken promise'
@@ -47,10 +48,13 @@ lint: $(VENV)/.dev
 	$(BIN)/lint-imports
 	$(BIN)/python tools/equations.py
 
-unit: $(VENV)/.dev $(VENV)/.browser
-	$(BIN)/python -m pytest -q -n $(WORKERS) --dist loadfile -m "not slow"
+unit: $(VENV)/.dev
+	$(BIN)/python -m pytest -q -n $(WORKERS) --dist loadfile -m "not slow and not browser"
 
-verify: $(VENV)/.dev
+browser: $(VENV)/.dev $(VENV)/.browser
+	$(BIN)/python -m pytest -q -m "browser and not slow" tests/test_explorer_journeys.py
+
+verify: $(VENV)/.dev $(VENV)/.browser
 	$(BIN)/python -m verification --report verification --workers $(WORKERS)
 	$(BIN)/python -m pytest -q -n $(WORKERS) --dist loadfile -m slow
 
@@ -84,7 +88,7 @@ docs: $(VENV)/.docs
 # The pages draw what they can while they are built; these the README shows, or they take a browser or minutes.
 pictures: $(VENV)/.dev $(VENV)/.browser
 	$(BIN)/python tools/pictures.py docs/images
-	STICKSLIP_SCREENSHOTS=docs/images $(BIN)/python -m pytest -q tests/test_explorer.py -k every_page_loads_and_fits
+	STICKSLIP_SCREENSHOTS=docs/images $(BIN)/python -m pytest -q tests/test_explorer_journeys.py -k every_page_fits
 	rm -f docs/images/*-phone-dark.png
 
 explore: $(VENV)/.explorer
@@ -121,7 +125,7 @@ $(VENV)-lowest/.made: pyproject.toml tools/lowest.py
 		pytest hypothesis httpx sybil
 	@touch $@
 
-# For the tests of the explorer; without a browser they are skipped, and the last line says so.
+# For the journeys through the explorer; without a browser they are skipped, and the last line says so.
 $(VENV)/.browser: | $(VENV)/.dev
 	$(BIN)/python tools/chromium.py
 	@touch $@

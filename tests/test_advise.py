@@ -520,6 +520,15 @@ def test_noise_of_few_contacts_is_no_oscillation():
     assert judge(found.rig, found.rig.method, Budget(20.0)).kind == "smooth sliding"
 
 
+def test_noise_of_a_hundred_contacts_is_told_as_such():
+    delay = ss.RandomDelay(mean=0.09368, std=0.053667, negative="redraw")
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.32), delay=delay)
+    slider = ss.Slider(stiffness=0.3941, mass=4.138e-3, damping=0.4808)
+    found = ss.predict(ss.Rig(interface, slider, ss.constant(1.0), method=ss.Contacts(100, seed=3)), fast=True)
+    assert (found.unstable_modes, found.smooth, found.bistable, found.ill) == (0, True, False, False)
+    assert "noise of 100 contacts" in found.verdict
+
+
 def test_an_instability_below_the_noise_is_not_called_stick_slip(quickly):
     found = replace(quickly, regime=replace(quickly.regime, kind="smooth sliding"), complete=True)
     change = advise.Mitigation(parameters=("mass",), values=(3.0,), keeps=None, stops=(4.0,))

@@ -12,6 +12,7 @@ import xarray as xr
 
 import stickslip as ss
 from stickslip.io import rig_files
+from stickslip.simulation.engines import ENGINES, blocks
 
 NEVER = math.inf
 TENTH = ss.Gaussian(mean=1.0, std=0.1)
@@ -393,6 +394,25 @@ def small(blocks: int = 6, **changes: object) -> ss.Rig:
     rig = ss.Rig(interface, bar, ss.constant(1.0, duration=4.0), method=ss.Contacts(50, seed=1),
                  output=ss.Output(interval=1e-2))  # fmt: skip
     return rig.replace(**changes)
+
+
+def test_a_late_snapshot_changes_no_bit_of_a_run_of_a_chain(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nor are the contacts copied in each advance until then: once is enough."""
+    copied: list[float] = []
+
+    class Counted(blocks.Blocks):
+        def copy(self) -> Counted:
+            copied.append(self.here()[0])
+            return super().copy()
+
+    monkeypatch.setattr(blocks, "_BUDGET", 10_000)  # so that there are many advances
+    monkeypatch.setitem(ENGINES, (ss.Contacts, type(None), type(None), True), Counted)
+    plain = ss.simulate(small())
+    run = ss.simulate(small(output=ss.Output(interval=1e-2, snapshots=(3.9,))))
+    for name in ("displacement", "velocity", "friction_force"):
+        assert (run[name] == plain[name]).all()
+    assert len(copied) == 1
+    assert 3.8 < copied[0] <= 3.9
 
 
 def test_draws_of_a_block_do_not_depend_on_how_many_there_are() -> None:

@@ -867,8 +867,33 @@ def test_what_cannot_be_predicted(change, words):
 def test_contacts_that_come_back_at_once_have_nothing_that_grows():
     rig = sliding(blocks=8, coupling=20.0, leaf=1.0)
     found = ss.predict(replace(rig, interface=replace(rig.interface, delay=ss.Delay(0.0))))
-    assert found.verdict.startswith("undecided: contacts re-attach at once and do not age")
+    assert found.verdict.startswith("undecided: without delay or ageing")
     assert found.plot().axes
+
+
+def test_a_bar_that_was_pulled_too_short_says_how_far_to_pull(capsys, tmp_path):
+    """The first block breaks loose where precursors begin: with slip as far as block 0, of the closed form."""
+    rig = bar(0.25, std=0.0, blocks=40, side=4.0, alpha=0.3)
+    force = float(ss.precursor_force(rig).sel(tip=0))
+    distance = 1.0 + force / rig.slider.side
+    short = replace(rig, drive=ss.constant(0.01, duration=0.5 * distance / 0.01), method=ss.Contacts(2))
+    said = "the first block breaks loose when the drive has gone about"
+    ss.save(ss.simulate(short), tmp_path / "short.nc")
+    assert cli.main(["measure", str(tmp_path / "short.nc")]) == 0
+    assert f"0 events of at least 3 blocks; {said} {distance:.3g} x_s" in capsys.readouterr().out
+    run = ss.simulate(replace(short, drive=ss.constant(0.01, duration=1.01 * distance / 0.01)))
+    assert 0.01 * float(run["first_break"][0]) == pytest.approx(distance, rel=0.01)
+    assert np.isnan(run["first_break"][1:]).all()
+
+
+def test_a_bar_keeps_the_length_of_its_blocks_in_which_fronts_are_told():
+    rig = rig_files.from_text(
+        '[chain]\nblocks = 4\nspacing = "5 mm"\ncoupling = "80 MN/m"\nmass = "1 g"\nside = "40 MN/m"\n'
+        '[interface]\ncontact_strength = "120 N"\nbreaking_displacement = "1 um"\n'
+        'thresholds = { distribution = "gaussian", std = 0.1 }\n[drive]\nvelocity = "0.1 mm/s"\n'
+    )
+    assert rig.in_units(rig.slider.spacing, "length") == "5 mm"
+    assert rig_files.from_text(rig_files.to_toml(rig)).slider == rig.slider
 
 
 def test_a_front_that_waits_is_told_in_pieces():

@@ -80,6 +80,9 @@ def test_first_critical_velocity_lies_where_figures_9_and_10_have_it():
 
 
 def test_what_is_not_known_is_refused():
+    sharp = replace(aged(1.0), thresholds=replace(FIG8.interface.thresholds, std=1e-5))
+    with pytest.raises(InputError, match=r"^Interface\.thresholds: their standard deviation is 1e-05 of the mean"):
+        growth_rate(Rig(sharp, FIG8.slider, constant(0.01)))
     warm = replace(FIG8.interface, ageing=Langevin(rate=1.0), temperature=Bell(width=0.01, attempts=1e6))
     for ask in (count_unstable, growth_rate):
         with pytest.raises(InputError, match="the linear response of thresholds that age by Langevin"):

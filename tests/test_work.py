@@ -187,8 +187,21 @@ def test_stiff_dashpots_ask_for_short_steps(method):
     assert more.block_steps == pytest.approx(100 * much.block_steps)
     assert much.block_steps > 1000 * none.block_steps
     assert more.seconds > 50 * much.seconds > 1000 * none.seconds
-    with pytest.raises(ss.InputError, match=r"^slider.viscosity = 1e\+09: .* steps of blocks would .*; give at most"):
+    with pytest.raises(ss.InputError, match=r"^slider.viscosity = 1e\+09 .* steps of blocks would .*; give at most"):
         work(1e9).check()
+
+
+def test_what_is_too_narrow_for_the_master_equation_is_offered_contacts():
+    """At a temperature nothing looser than 1e-4 is cheaper; steps and cohorts go as 1/width, and as 1/sqrt(rtol)."""
+
+    def work(width, rtol=1e-4):
+        interface = replace(INTERFACE, temperature=ss.Bell(width=width, attempts=1e3))
+        return estimate(RIG.replace(interface=interface, method=ss.MasterEquation(rtol=rtol)))
+
+    assert work(1e-3, rtol=1e-2).seconds == work(1e-3).seconds
+    assert 50 < work(1e-3, rtol=1e-6).seconds / work(1e-3).seconds < 100  # steps of ringing are not finer
+    with pytest.raises(ss.InputError, match=r"^interface\.temperature = 1e-05: .*; use Contacts\(\.\.\.\), or give at"):
+        work(1e-5).check()
 
 
 def test_the_time_left_in_a_log(monkeypatch, capsys):

@@ -1,4 +1,4 @@
-"""See to a browser for the tests that need one: `python tools/chromium.py`, called by `make test`.
+"""See to a browser for the tests that need one: `python tools/chromium.py`, called by `make browser`.
 
 A chromium of the system comes first, then the one that playwright downloads, then Debian's package where this user may
 install it. Without any, the tests that need one are skipped, and the last line of the run says so.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import signal
 import subprocess
 import sys
@@ -71,8 +72,16 @@ class Server:
     said: list[str]
 
     @property
+    def host(self) -> str:
+        return self.url.split("/")[2]
+
+    @property
     def port(self) -> int:
-        return int(self.url.rstrip("/").rpartition(":")[2])
+        return int(self.host.rpartition(":")[2])
+
+    @property
+    def path(self) -> str:
+        return "/" + self.url.split("/", 3)[3]
 
     def processes(self) -> list[int]:
         """The server and the processes that compute for it."""
@@ -122,6 +131,39 @@ def server(*arguments: str) -> Iterator[Server]:
     told = "".join(said).removeprefix(f"{explorer.EXPOSED}\n")
     assert not told, "the server said: " + told
     assert process.returncode == 0
+
+
+class Session:
+    """One window without a browser."""
+
+    def __init__(self, websocket: Any) -> None:
+        self.websocket, self.count = websocket, 0
+        assert json.loads(websocket.recv(timeout=60))["kind"] == "hello"
+
+    def send(self, message: str | bytes) -> dict[str, Any]:
+        """Send anything; return the last answer to it."""
+        self.websocket.send(message)
+        while True:
+            answer: dict[str, Any] = json.loads(self.websocket.recv(timeout=60))
+            if answer.get("done") or "errors" in answer:
+                return answer
+
+    def ask(self, kind: str, document: dict[str, Any], **more: Any) -> dict[str, Any]:
+        """Ask a question about a rig; return the last answer to it."""
+        self.count += 1
+        return self.send(json.dumps({"kind": kind, "id": self.count, "document": document, **more}))
+
+
+@contextmanager
+def session(server: Server) -> Iterator[Session]:
+    """Open a session as a window does."""
+    from websockets.sync.client import connect
+
+    host = f"{server.host}{server.path}"
+    options: dict[str, Any] = {"origin": f"http://{server.host}", "max_size": None, "open_timeout": 30}
+    # A test that does not read answers no pings either.
+    with connect(f"ws://{host}session", ping_interval=None, **options) as websocket:
+        yield Session(websocket)
 
 
 @contextmanager

@@ -333,9 +333,9 @@ def measure(
         print(f"{name}: {text}")
     if note := trace.attrs.get("note"):
         print(f"note: {note}")
-    for what, where in ((str(catalogue.attrs["drops_are"]), events), ("picture", plot)):
-        if where is not None:
-            print(f"{what}: {where}")
+    for what, place in ((str(catalogue.attrs["drops_are"]), events), ("picture", plot)):
+        if place is not None:
+            print(f"{what}: {place}")
 
 
 def _in_unit_of(variable: xr.DataArray, option: str, text: str | None, si: str, example: str) -> float | None:

@@ -345,7 +345,7 @@ class Prediction(Answer):
         yield "stiffness K of the driving spring", self._said(rig.value("stiffness"), "stiffness")
         without = self._said(self.critical_stiffness_without_reattachment, "stiffness")
         yield (
-            f"critical stiffness K*{aged}",
+            f"critical stiffness K* (first pull{aged})",
             f"{self._said(self.critical_stiffness, 'stiffness')} ({without} without re-attachment)",
         )
         weaker = "softer: elastic instability" if self.stiffness_margin < 1 else "stiffer: no elastic instability"

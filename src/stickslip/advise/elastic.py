@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from stickslip.advise.linear import CANNOT_GROW, is_dear, stability_along
 from stickslip.answers import Answer, plain
+from stickslip.elastic.precursors import distance_to_the_first_break
 from stickslip.errors import InputError, UndecidedError
 from stickslip.model import Chain, ElasticBody
 from stickslip.model.drive import constant
@@ -131,6 +132,9 @@ class ElasticPrediction(Answer):
         if self.critical is not None:
             stiffness = rig.in_units(self.critical.stiffness / rig.unit("k"), "stiffness")
             said.append(f"critical stiffness {stiffness} at this speed: {self.critical}")
+        if (distance := distance_to_the_first_break(rig)) is not None:
+            what = "slip precursors start" if rig.slider.side > 0 else "blocks break loose"
+            said.append(f"from rest, {what} when the drive has gone about {rig.in_units(distance, 'length', 3)}")
         return said
 
     def __str__(self) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.errors import InputError, instance
-from stickslip.model import Chain, Interface, Rig, Sheet
+from stickslip.model import Chain, FromRest, Interface, Rig, Sheet
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -134,6 +134,27 @@ def precursor_force(rig: Rig) -> xr.DataArray:
         name="force",
         attrs={"long_name": "driving force", "units": rig.unit_name("f_s")},
     )
+
+
+def distance_to_the_first_break(rig: Rig) -> float | None:
+    """How far a drive goes until the first block of a bar breaks loose, where precursors start; in natural units.
+
+    Blocks on their contacts are a net of springs, and one breaks loose when it has moved by the mean threshold: exact
+    where all thresholds are alike. None where blocks start otherwise than from rest, thresholds age, or nothing pulls.
+    """
+    from scipy import sparse
+    from scipy.sparse.linalg import spsolve
+
+    natural = rig.natural
+    body, interface = natural.slider, natural.interface
+    if not isinstance(body, Chain) or interface.ageing is not None or not isinstance(natural.start, FromRest):
+        return None
+    pairs, springs = body.links
+    net = sparse.coo_array((springs, (pairs[:, 0], pairs[:, 1])), shape=(body.size, body.size))
+    net = net + net.T
+    held = sparse.diags_array(1.0 + body.pulled + net.sum(axis=0))
+    moved = float(spsolve(sparse.csc_array(held - net), body.pulled).max())
+    return interface.threshold_distribution.moment(1) / moved if moved > 0 else None
 
 
 def _screening(coupling: float, blocks: int) -> list[float]:

@@ -23,8 +23,7 @@ import xarray as xr
 from stickslip import advise, cycles, plot, rigid, stability, theory
 from stickslip.errors import InputError, UndecidedError, instance, number, shown
 from stickslip.explorer import bars, documents, measured, replay
-from stickslip.explorer.packing import Array, Plain, along_path, packed
-from stickslip.explorer.plain import axis, floats, force_trace, name_of
+from stickslip.explorer.plain import Array, Plain, Watch, along_path, axis, floats, force_trace, name_of, packed
 from stickslip.friction_law import turning_velocities
 from stickslip.io import datasets as store
 from stickslip.io import rig_files as rigs
@@ -32,8 +31,6 @@ from stickslip.model import Delay, Interface
 from stickslip.model.rig import Rig
 from stickslip.simulation import simulate
 from stickslip.stability import PARAMETERS
-
-Watch = Callable[[float], None]
 
 _FARTHEST = 1e3  # from the rig's own point, for the bistable band
 _EXTENSIONS = 3  # of a run that is undecided, each twice as long
@@ -51,44 +48,36 @@ _COLUMNS = 9  # of the map, for the bistable band
 def run(request: Plain, watch: Watch) -> Iterator[Plain]:
     """Force trace, phase portrait, stretchings at the cursor's time and regime; then the friction forces.
 
-    A drive that would take too long is cut short; a run whose regime is undecided goes on, if it can be told by that.
-    With ``step`` it does not go on by itself: the next step is another question, and others have their turn between.
+    A drive that would take too long is cut short. A run whose regime is undecided is asked for again, with the next
+    ``step``, if twice the time can tell: each step is a question of its own, and others have their turn between.
     """
     begun = time.perf_counter()
-    rig = documents.rig_of(request.get("document"))
-    seconds, step = _seconds(request), request.get("step")
-    asked, rig = rig, documents.shortened(rig, seconds)
+    asked = documents.rig_of(request.get("document"))
+    seconds, step = _seconds(request), request.get("step", 0)
+    rig = documents.shortened(asked, seconds)
     notes = [] if rig is asked else [_cut_note(asked, rig, seconds)]
-    extension = 0
-    for _ in range(step if isinstance(step, int) else 0):
-        rig, extension = documents.extended(rig, seconds) or rig, extension + 1
-    while True:
-        if extension:
-            times = f"{rig.drive.duration / asked.drive.duration:.3g} times"
-            notes = [f"The run was undecided at its end and went on by itself, {times} as long as asked for."]
-        made = _run(rig, watch, seconds, snapshots=(_look(request, rig),))
-        watch(1.0)
-        answer = force_trace(made, _width(request))
-        longer = None
-        if answer["regime"]["kind"] == "undecided" and extension < _EXTENSIONS and "pieces" not in _drive(request):
-            longer = documents.extended(rig, seconds)
-        yield {
-            **answer,
-            "phase": _phase(made),
-            "stretchings": _stretchings(made),
-            "name": rig.name,
-            "notes": notes,
-            "going_on": longer is not None,
-            "parameters": _values(rig),
-            "period": _in_hertz(answer["regime"], rig),
-            "took": time.perf_counter() - begun,
-        }
-        if longer is None:
-            break
-        if step is not None:
-            return
-        rig, extension = longer, extension + 1
-    yield {"friction": _friction(rig)}
+    for _ in range(step):
+        rig = documents.extended(rig, seconds) or rig
+        times = f"{rig.drive.duration / asked.drive.duration:.3g} times"
+        notes = [f"The run was undecided at its end and went on by itself, {times} as long as asked for."]
+    made = _run(rig, watch, seconds, snapshots=(_look(request, rig),))
+    watch(1.0)
+    answer = force_trace(made, _width(request))
+    undecided = answer["regime"]["kind"] == "undecided" and step < _EXTENSIONS and "pieces" not in _drive(request)
+    goes_on = undecided and documents.extended(rig, seconds) is not None
+    yield {
+        **answer,
+        "phase": _phase(made),
+        "stretchings": _stretchings(made),
+        "name": rig.name,
+        "notes": notes,
+        "going_on": goes_on,
+        "parameters": _values(rig),
+        "period": _in_hertz(answer["regime"], rig),
+        "took": time.perf_counter() - begun,
+    }
+    if not goes_on:
+        yield {"friction": _friction(rig)}
 
 
 def _drive(request: Plain) -> Mapping[str, Any]:

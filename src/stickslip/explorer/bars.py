@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -11,15 +11,13 @@ import xarray as xr
 
 from stickslip.errors import InputError
 from stickslip.explorer import documents
-from stickslip.explorer.packing import Array, Plain, envelope, packed
-from stickslip.explorer.plain import axis
+from stickslip.explorer.plain import Array, Plain, Watch, axis, packed
 from stickslip.io import rig_files as rigs
 from stickslip.measure.front_map import front_map, front_summary
 from stickslip.model import Chain, Contacts, Output
 from stickslip.model.rig import Rig
+from stickslip.plot.style import envelope
 from stickslip.simulation import estimate, simulate
-
-Watch = Callable[[float], None]
 
 MOST_BLOCKS = 400
 _PATIENCE = 4.0  # times as long as a run of the page Simulate
@@ -123,7 +121,7 @@ def _front(part: xr.Dataset, sound: float) -> Plain:
 
 def _view(part: xr.Dataset, fastest: float, times: float, force: float, most: int) -> Plain:
     """Force, velocity of the blocks and attached contacts in a part of a run; units of time and force."""
-    t, F = envelope(part["time"].to_numpy() / times, part["spring_force"].to_numpy() / force, most)
+    t, F = envelope(part["time"].to_numpy() / times, part["spring_force"].to_numpy() / force, 2 * most)
     velocity = front_map(part, "velocity", most=(most, MOST_BLOCKS)).values
     attached = front_map(part, "attached", most=(most, MOST_BLOCKS)).values
     with np.errstate(divide="ignore"):

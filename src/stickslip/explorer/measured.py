@@ -7,7 +7,7 @@ import os
 import re
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -18,8 +18,7 @@ import xarray as xr
 from stickslip import fitting, measure
 from stickslip.errors import InputError, number, shown, whole
 from stickslip.explorer import documents
-from stickslip.explorer.packing import Array, Plain, envelope, packed
-from stickslip.explorer.plain import force_trace
+from stickslip.explorer.plain import Array, Plain, Watch, force_trace, packed
 from stickslip.fitting.arrest import simulate as slips_of
 from stickslip.fitting.known import Known, Scale
 from stickslip.fitting.summary import FITTED
@@ -29,9 +28,9 @@ from stickslip.model import Contacts, constant
 from stickslip.model.quantities import read_quantity
 from stickslip.model.rig import Assumption, Rig
 from stickslip.model.units import engineering
+from stickslip.plot.style import envelope
 from stickslip.simulation import simulate
 
-Watch = Callable[[float], None]
 Options = Mapping[str, str]
 
 LARGEST_TRACE = 50_000_000
@@ -255,7 +254,7 @@ def _shown(events: fitting.Events, begin: float, end: float) -> Plain:
 
 def line(x: Array, y: Array) -> Plain:
     """A line, thinned out to a screen's width."""
-    x, y = envelope(x, y, 1_200)
+    x, y = envelope(x, y, 2_400)
     return {"x": packed(x), "y": packed(y)}
 
 

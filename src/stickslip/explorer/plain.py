@@ -1,17 +1,26 @@
-"""Runs and traces as plain data for a screen: axes with units, the force with its slips and regime."""
+"""Runs and traces as plain data for a screen: arrays, axes with units, the force with its slips and regime."""
 
 from __future__ import annotations
 
+import base64
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from stickslip import measure
-from stickslip.explorer.packing import Array, Plain, envelope, packed
 from stickslip.measure import ramps
+from stickslip.plot.style import envelope
+from stickslip.words import prefixed
 
-PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
+Array = NDArray[np.float64]
+Plain = dict[str, Any]
+Watch = Callable[[float], None]
+"""Called with the fraction of the work that is done; it raises where nobody waits for the rest."""
+
 _MOST_MARKED = 2_000  # slips; more cannot be told apart on a screen
 
 
@@ -20,7 +29,9 @@ def force_trace(data: xr.Dataset, width: int) -> Plain:
     seen, words = measure.regime(data), ramps.in_words(data)
     slips = measure.drops(data) if seen.kind == "stick-slip" or words else None
     times, force = axis(data["time"]), axis(data["spring_force"])
-    t, f = envelope(data["time"].to_numpy() / times["factor"], data["spring_force"].to_numpy() / force["factor"], width)
+    t, f = envelope(
+        data["time"].to_numpy() / times["factor"], data["spring_force"].to_numpy() / force["factor"], 2 * width
+    )
     start, end, before = (
         np.empty(0) if slips is None else slips[name].to_numpy()[:_MOST_MARKED]
         for name in ("start", "end", "force_before")
@@ -51,10 +62,10 @@ def axis(variable: xr.DataArray) -> Plain:
     name = name_of(variable)
     values = variable.to_numpy()
     largest = float(np.nanmax(np.abs(values), initial=0.0))
-    if name["unit"] in ("N", "m", "s", "m/s") and largest > 0 and not 0.5 <= largest < 5e3:
-        factor, prefix = next((p for p in PREFIXES if largest >= 0.5 * p[0]), PREFIXES[-1])
-        return {**name, "unit": prefix + name["unit"], "factor": factor}
-    return {**name, "factor": 1.0}
+    if name["unit"] not in ("N", "m", "s", "m/s") or 0.5 <= largest < 5e3:
+        return {**name, "factor": 1.0}
+    factor, unit = prefixed(2.0 * largest, name["unit"])  # .5 kN rather than 500 N
+    return {**name, "unit": unit.replace("u", "µ"), "factor": factor}
 
 
 def name_of(variable: xr.DataArray) -> Plain:
@@ -68,3 +79,18 @@ def name_of(variable: xr.DataArray) -> Plain:
 def floats(values: Array) -> list[float | None]:
     """Numbers as JSON has them; None for what is none."""
     return [float(value) if math.isfinite(value) else None for value in values]
+
+
+def packed(values: NDArray[Any], kind: str = "f4") -> Plain:
+    """An array as plotly.js takes it without parsing numbers."""
+    return {"dtype": kind, "bdata": base64.b64encode(values.astype(f"<{kind}").tobytes()).decode()}
+
+
+def along_path(x: Array, y: Array, count: int = 1_200) -> tuple[Array, Array]:
+    """Thin out a curve in the plane: about as many points, evenly along its path, so that fast parts keep theirs."""
+    if x.size <= count:
+        return x, y
+    scales = [float(np.ptp(values)) or 1.0 for values in (x, y)]
+    way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x) / scales[0], np.diff(y) / scales[1]))])
+    kept = np.unique(np.searchsorted(way, np.linspace(0.0, way[-1], count)).clip(0, x.size - 1))
+    return x[kept], y[kept]

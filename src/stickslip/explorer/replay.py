@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError, number
 from stickslip.explorer import documents
-from stickslip.explorer.packing import Array, Plain, packed
+from stickslip.explorer.plain import Array, Plain, packed
 from stickslip.kernels.drive import Quadratic, Stop
 from stickslip.model import Contacts, Slider
 from stickslip.model.rig import Rig

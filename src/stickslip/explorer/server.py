@@ -27,6 +27,7 @@ from typing import Any
 import uvicorn
 from starlette.applications import Starlette
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, HTTPConnection, Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response, StreamingResponse
 from starlette.routing import Mount, Route, WebSocketRoute
@@ -36,8 +37,8 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from stickslip.errors import InputError, shown
 from stickslip.explorer import PORT, answers, documents, measured, workers
-from stickslip.explorer.packing import Plain
-from stickslip.explorer.workers import Crew, Job, Visitor
+from stickslip.explorer.plain import Plain
+from stickslip.explorer.workers import Crew, Job
 from stickslip.io import rig_files as rigs
 
 HOST = "127.0.0.1"
@@ -164,7 +165,8 @@ class _House:
         self.slow = Crew("slow", max(4, 2 * cores), niceness=10)
         # A bar is shown on the page Fronts; the other pages have a rig with one slider.
         mine = {"document": documents.first(), "chain": begin} if "chain" in begin else {"document": begin}
-        self.hello = json.dumps({"kind": "hello", **mine, "presets": documents.presets(), "bars": documents.bars()})
+        offered = {"presets": documents.presets(), "bars": documents.bars(), "glossary": documents.glossary()}
+        self.hello = json.dumps({"kind": "hello", **mine, **offered})
         self.windows: Counter[str] = Counter()
         self.files: Counter[str] = Counter()
 
@@ -301,61 +303,59 @@ class _Files:
         """Answer a request, if there is room."""
         request = Request(scope, receive)
         with self._house.let_in(self._house.files, self._house.limits.files, request) as room:
-            if not room:
-                response = _refused(429, "too many files at once from this address; try again in a moment")
-            else:
-                try:
-                    response = await self._answer(self._house, request)
-                except ClientDisconnect:
-                    return
+            try:
+                if not room:
+                    raise HTTPException(429, "too many files at once from this address; try again in a moment")
+                response = await self._answer(self._house, request)
+            except InputError as error:  # what is wrong with a file is the answer; 400 would be a fault of the page
+                response = JSONResponse(workers.errors(str(error)))
+            except HTTPException as refused:
+                response = JSONResponse(workers.errors(refused.detail), refused.status_code)
+            except ClientDisconnect:
+                return
             await response(scope, receive, send)
 
 
+def _reply(reply: Any, kind: str, failed: int) -> Response:
+    """A file; or what is wrong, with a status."""
+    return JSONResponse(reply, failed) if isinstance(reply, dict) else Response(reply, media_type=kind)
+
+
 async def _sample(house: _House, _request: Request) -> Response:
-    reply = await house.file(Job("sample", (), house.limits.quick))
-    return JSONResponse(reply, status_code=500) if isinstance(reply, dict) else Response(reply, media_type="text/csv")
+    return _reply(await house.file(Job("sample", (), house.limits.quick)), "text/csv", 500)
 
 
 async def _download(house: _House, request: Request) -> Response:
     form, limits = request.path_params["form"], house.limits
     if form not in answers.FORMATS:
-        return _refused(404, f"{form}: there are {', '.join(answers.FORMATS)}")
+        raise HTTPException(404, f"{form}: there are {', '.join(answers.FORMATS)}")
     try:
         asked = documents.from_json(await _body(request, documents.LARGEST_REQUEST, limits.quick))
     except InputError as error:
-        return _refused(400, str(error))
+        raise HTTPException(400, str(error)) from None
     asked = asked if isinstance(asked, dict) else {}
-    document, duration = asked.get("document", asked), asked.get("duration")
-    reply = await house.file(Job("download", (document, form, duration, limits.run), limits.quick))
-    if isinstance(reply, dict):
-        return JSONResponse(reply, status_code=400)
-    return Response(reply, media_type=answers.FORMATS[form])
+    job = Job("download", (asked.get("document", asked), form, asked.get("duration"), limits.run), limits.quick)
+    return _reply(await house.file(job), answers.FORMATS[form], 400)
 
 
 async def _trace(house: _House, request: Request) -> Response:
-    try:
-        content, name, width = await _file(house, request)
-    except InputError as error:
-        return _refused(200, str(error))  # what is wrong with a file is the answer; 400 would be a fault of the page
+    content, name = await _file(house, request)
+    asked = request.query_params.get("width", "")
+    width = min(max(int(asked), 100), 4_000) if re.fullmatch("[0-9]{1,5}", asked) else 1_000
     return JSONResponse(
         await house.file(Job("trace", (content, name, dict(request.query_params), width), house.limits.quick))
     )
 
 
-async def _file(house: _House, request: Request) -> tuple[bytes, str, int]:
-    """A measured trace as it was sent, its name, and the width of the screen."""
+async def _file(house: _House, request: Request) -> tuple[bytes, str]:
+    """A measured trace as it was sent, and its name."""
     content = await _body(request, house.limits.trace, house.limits.quick)
-    name = Path(request.query_params.get("name", "trace")).name[:100] or "trace"
-    asked = request.query_params.get("width", "")
-    return content, name, min(max(int(asked), 100), 4_000) if asked.isdecimal() and len(asked) < 6 else 1_000
+    return content, Path(request.query_params.get("name", "trace")).name[:100] or "trace"
 
 
 async def _fit(house: _House, request: Request) -> Response:
     """Answer line by line, each of them JSON: a fit can take minutes. It ends when nobody reads any more."""
-    try:
-        content, name, _ = await _file(house, request)
-    except InputError as error:
-        return _refused(200, str(error))
+    content, name = await _file(house, request)
     options, limits = dict(request.query_params), house.limits
     if options.pop("intervals", ""):
         crew, job = house.slow, Job("posterior", (content, name, options, limits.table), limits.fit)
@@ -380,7 +380,7 @@ async def _fit(house: _House, request: Request) -> Response:
                     if not work.done() or replies.qsize():
                         continue
                     reply = _CLOSING
-                yield _line(reply)
+                yield json.dumps(reply, allow_nan=False) + "\n"
                 if reply.get("done") or "errors" in reply:
                     return
         finally:
@@ -388,10 +388,6 @@ async def _fit(house: _House, request: Request) -> Response:
             work.cancel()
 
     return StreamingResponse(lines(), media_type="application/x-ndjson")
-
-
-def _line(reply: Plain) -> str:
-    return json.dumps(reply, allow_nan=False) + "\n"
 
 
 async def _body(request: Request, most: int, seconds: float) -> bytes:
@@ -414,10 +410,6 @@ async def _body(request: Request, most: int, seconds: float) -> bytes:
 _CLOSING = workers.errors("this was not finished: the explorer is closing")
 
 
-def _refused(status: int, message: str) -> Response:
-    return JSONResponse(workers.errors(message), status_code=status)
-
-
 # ---------------------------------------------------------------------------------------------------------------------
 # Sessions
 # ---------------------------------------------------------------------------------------------------------------------
@@ -426,10 +418,8 @@ def _refused(status: int, message: str) -> Response:
 class _Lane:
     """Questions of one kind from one window: the newest wins."""
 
-    def __init__(
-        self, kind: str, house: _House, turns: asyncio.Semaphore, visitor: Visitor, send: Callable[[str], None]
-    ) -> None:
-        self._kind, self._house, self._turns, self._visitor, self._send = kind, house, turns, visitor, send
+    def __init__(self, kind: str, house: _House, turns: asyncio.Semaphore, send: Callable[[str], None]) -> None:
+        self._kind, self._house, self._turns, self._send = kind, house, turns, send
         self._newest = threading.Event()  # set: dropped
         self._free = asyncio.Lock()
 
@@ -448,7 +438,7 @@ class _Lane:
             while step is not None and not dropped.is_set():
                 job = Job(self._kind, ({**request, "seconds": limits.run, "step": step},), seconds)
                 goes_on = threading.Event()
-                await crew.work(job, partial(self._reply, request.get("id"), goes_on), dropped, self._visitor)
+                await crew.work(job, partial(self._reply, request.get("id"), goes_on), dropped)
                 step = step + 1 if goes_on.is_set() else None
 
     def _reply(self, number: object, goes_on: threading.Event, content: Plain) -> None:
@@ -484,8 +474,7 @@ async def _serve(house: _House, websocket: WebSocket) -> None:
 
     turns = {True: asyncio.Semaphore(house.limits.together), False: asyncio.Semaphore(len(answers.QUICK))}
     kinds = (*answers.QUICK, *answers.SLOW)
-    visitor = Visitor()
-    lanes = {kind: _Lane(kind, house, turns[kind in answers.SLOW], visitor, send) for kind in kinds}
+    lanes = {kind: _Lane(kind, house, turns[kind in answers.SLOW], send) for kind in kinds}
     tasks: set[asyncio.Task[None]] = {asyncio.create_task(deliver())}
     send(house.hello)
     try:

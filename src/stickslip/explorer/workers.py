@@ -14,19 +14,18 @@ import signal
 import threading
 import time
 import traceback
-from collections.abc import AsyncIterator, Callable
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import asynccontextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from stickslip.errors import InputError, UndecidedError
 from stickslip.explorer import answers, documents
-from stickslip.explorer.packing import Plain
+from stickslip.explorer.plain import Plain
 
 Reply = Callable[[Any], object]
 
@@ -49,66 +48,27 @@ class Job:
     seconds: float
 
 
-class Visitor:
-    """One who asks: a window, or a request of its own."""
-
-
-class _Turns:
-    """So many at the same time; of those who wait, the visitor comes first that had a turn longest ago."""
-
-    def __init__(self, size: int) -> None:
-        self._free, self._waiting = size, list[tuple[Visitor, asyncio.Future[None]]]()
-        self._last: WeakKeyDictionary[Visitor, float] = WeakKeyDictionary()
-
-    @asynccontextmanager
-    async def of(self, visitor: Visitor) -> AsyncIterator[None]:
-        """Wait for a turn, and have it."""
-        if self._free:
-            self._free -= 1
-        else:
-            turn = asyncio.get_running_loop().create_future()
-            self._waiting.append((visitor, turn))
-            try:
-                await turn
-            except asyncio.CancelledError:
-                if turn.done() and not turn.cancelled():
-                    self._next()
-                raise
-        self._last[visitor] = time.monotonic()
-        try:
-            yield
-        finally:
-            self._next()
-
-    def _next(self) -> None:
-        self._waiting = [one for one in self._waiting if not one[1].cancelled()]  # who has left may not know it yet
-        if not self._waiting:
-            self._free += 1
-            return
-        chosen = min(self._waiting, key=lambda one: self._last.get(one[0], 0.0))  # of the same, who came first
-        self._waiting.remove(chosen)
-        chosen[1].set_result(None)
-
-
 class Crew:
-    """Some workers, started when they are needed; `size` of them work at the same time, the rest of the jobs wait."""
+    """Some workers, started when they are needed; `size` of them work at the same time.
+
+    The rest of the jobs wait in the order in which they came. A window waits with one question of a kind at most, so
+    that this is fair to all windows.
+    """
 
     def __init__(self, name: str, size: int, niceness: int = 0) -> None:
         self._size, self._niceness = size, niceness
-        self._turns = _Turns(size)
+        self._turns = asyncio.Semaphore(size)
         self._threads = ThreadPoolExecutor(size, name)  # each waits for its worker
         self._idle: queue.LifoQueue[_Worker] = queue.LifoQueue()
         self._closed = False
 
-    async def work(
-        self, job: Job, reply: Reply, dropped: threading.Event | None = None, visitor: Visitor | None = None
-    ) -> None:
+    async def work(self, job: Job, reply: Reply, dropped: threading.Event | None = None) -> None:
         """Do a job; `reply` is called, in another thread, with each answer, at last with ``{"done": True}`` or errors.
 
-        After `dropped` is set there is no reply, and the worker is free again within `GRACE`. Visitors take turns.
+        After `dropped` is set there is no reply, and the worker is free again within `GRACE`.
         """
         loop, dropped = asyncio.get_running_loop(), dropped or threading.Event()
-        async with self._turns.of(visitor or Visitor()):
+        async with self._turns:
             if not dropped.is_set():
                 await loop.run_in_executor(self._threads, self._work, job, reply, dropped)
 

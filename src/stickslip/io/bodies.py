@@ -50,8 +50,8 @@ def wrong(name: str, given: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 def body_from(name: str, values: Mapping[str, Any], natural: Natural) -> ElasticBody:
     """Make a body of the values of its table: properties of the material become springs and masses of blocks."""
-    found = dict(values)
-    length, width, height = (found.pop(key, math.nan) for key in SHAPE)
+    length, width, height = (values.get(key, math.nan) for key in SHAPE)
+    found = {key: value for key, value in values.items() if key not in ("width", "height")}
     # A spring from a block to the top is as long as the bar is high, one from row to row as a row is wide.
     shape = {
         "coupling": width * height / length,

@@ -91,7 +91,7 @@ class RigWriter:
         kind = str(name_of(body))
         found: Document = {}
         for name, key in rig_keys.TABLES[kind].items():
-            value = getattr(body, name, None)  # the shape and the material became springs and masses
+            value = getattr(body, name, None)  # section and material became springs and masses
             if value is not None and value != key.default:
                 found[name] = self._quantity(value, key.unit) if key.unit else value
         return {kind: found}

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from stickslip.answers import plain
+from stickslip.elastic.precursors import distance_to_the_first_break
 from stickslip.errors import InputError, instance, number, shown
 from stickslip.measure.arrays import Array, check_numbers
 from stickslip.measure.fronts import events, fronts
@@ -150,14 +151,19 @@ def in_words(run: xr.Dataset) -> list[str]:
         found = [row for row in _rows(fronts(run), "front", most=_TOLD) if np.isfinite(row["front_speed"])]
         for row in found:
             stop = "arrested there" if 0 < row["last_block"] < last else "the end"
+            speed = f"{row['front_speed']:.3g} blocks/{unit or 'time'}"
+            if body.spacing is not None:
+                natural = row["front_speed"] / rig.unit("1/time") * body.spacing
+                speed = f"{rig.in_units(natural, 'velocity', 3)} ({speed})"
             said.append(
                 f"front from t = {row['start']:.4g}{_with(unit)}: blocks {row['first_block']} to {row['last_block']}, "
-                f"{stop}; {row['front_speed']:.3g} blocks/{unit or 'time'}, "
-                f"{row['front_speed'] / sound:.3g} of the speed of sound"
+                f"{stop}; {speed}, {row['front_speed'] / sound:.3g} of the speed of sound"
             )
     large = [row for row in _rows(events(run), "event", most=run.sizes["time"]) if row["blocks"] >= _FEWEST]
     text = f"{len(large)} event{'s' * (len(large) != 1)} of at least {_FEWEST} blocks"
-    if large:
+    if not large and (distance := distance_to_the_first_break(rig)) is not None:
+        text += f"; the first block breaks loose when the drive has gone about {rig.in_units(distance, 'length', 3)}"
+    elif large:
         longest = max(large, key=lambda row: float(row["blocks"]))
         force = str(run["spring_force"].attrs.get("units", ""))
         text += (

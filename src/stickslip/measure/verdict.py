@@ -226,7 +226,7 @@ def with_coefficient(seen: Regime, data: xr.Dataset) -> Regime:
     """Add the coefficient of friction where the data hold one; its size, as it changes sign with the direction."""
     if "mu" not in data or data["mu"].dims != ("time",):
         return seen
-    size = np.abs(data["mu"])
+    size = abs(data["mu"])
     inside = size.sel(time=slice(*seen.window))
     return replace(seen, mean_mu=float(inside.mean()), static_mu=float(size.max()))
 

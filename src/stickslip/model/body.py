@@ -53,6 +53,8 @@ class Chain:
         Stiffness of a spring from block 0 to the drive, in units of ``k``.
     ends : {"free", "periodic"}
         Whether the last block is coupled to the first.
+    spacing : float, optional
+        Length of a block along the drive, in units of ``x_s``; the speeds of fronts are then told as velocities.
 
     Raises
     ------
@@ -75,6 +77,7 @@ class Chain:
     leaf: Annotated[float, Number("k", at_least=0, hint="spring from every block to the drive")] = 0.0
     side: Annotated[float, Number("k", at_least=0, hint="spring from block 0 to the drive")] = 0.0
     ends: Ends = "free"
+    spacing: Annotated[float | None, Number("x_s", above=0, hint="length of a block")] = None
 
     def __post_init__(self) -> None:
         check(self)
@@ -132,6 +135,8 @@ class Sheet:
         Stiffness of a spring from the first block of every row to the drive, in units of ``k``.
     ends : {"free", "periodic"}
         Whether opposite edges are coupled.
+    spacing : float, optional
+        Length of a block along the drive, in units of ``x_s``; the speeds of fronts are then told as velocities.
 
     Raises
     ------
@@ -155,6 +160,7 @@ class Sheet:
     leaf: Annotated[float, Number("k", at_least=0, hint="spring from every block to the drive")] = 0.0
     side: Annotated[float, Number("k", at_least=0, hint="spring from the first block of a row to the drive")] = 0.0
     ends: Ends = "free"
+    spacing: Annotated[float | None, Number("x_s", above=0, hint="length of a block")] = None
 
     def __post_init__(self) -> None:
         check(self)

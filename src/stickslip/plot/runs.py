@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Any, Literal
 
 import matplotlib as mpl
 import numpy as np
@@ -327,7 +327,8 @@ def _coefficient_on_the_right(ax: Axes, run: xr.Dataset) -> None:
         force = run["spring_force"].to_numpy()
         at = int(np.argmax(np.abs(force)))
         factor = float(mu[at]) / float(force[at]) if force[at] else 1.0
-        other: Axes = ax.secondary_yaxis("right", functions=(lambda f: f * factor, lambda m: m / factor))
+        scale: Any = (lambda force: force * factor, lambda mu: mu / factor)
+        other: Any = ax.secondary_yaxis("right", functions=scale)
     else:
         other = ax.twinx()
         other.plot(*envelope(run["time"].to_numpy(), mu.to_numpy()), color=PURPLE, linewidth=0.7)

@@ -179,9 +179,9 @@ def variable(data: xr.Dataset, name: str, along: str) -> xr.DataArray:
     return data[name]
 
 
-def envelope(x: Array, y: Array) -> tuple[Array, Array]:
-    """Thin out a long line: smallest and largest value of each group of samples, in their order."""
-    group = y.size // (MOST_POINTS // 2)
+def envelope(x: Array, y: Array, most: int = MOST_POINTS) -> tuple[Array, Array]:
+    """Thin out a long line to about so many points: smallest and largest value of each group, in their order."""
+    group = y.size // (most // 2)
     if group < 3 or not np.all(np.isfinite(y)):
         return x, y
     whole = y.size // group * group

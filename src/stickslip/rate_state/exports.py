@@ -25,7 +25,6 @@ def export_rate_and_state(
     load: str | float,
     area: str | float | None = None,
     path: str | os.PathLike[str] | None = None,
-    anyway: bool = False,
 ) -> str:
     """Write the rate-and-state parameters of an interface as the input of another program.
 
@@ -46,8 +45,6 @@ def export_rate_and_state(
         Of the surface, ``"1 cm^2"`` or in m^2: for the normal stress that QDYN and tandem take.
     path : path, optional
         Where to write it.
-    anyway : bool
-        Also export what is not rate-and-state-like; the file says so.
 
     Returns
     -------
@@ -63,7 +60,7 @@ def export_rate_and_state(
     instance("scales", scales, Scales, "Scales(force=..., stretching=..., time=...)")
     if program not in get_args(Program):
         raise InputError(f"program = {shown(program)}: must be one of {', '.join(get_args(Program))}")
-    if not fit.holds and not anyway:
+    if not fit.holds:
         raise InputError(f"fit: is not rate-and-state ({fit.reason}); there are no parameters to export")
     if fit.law == "slip" and program in _AGEING_ONLY:
         raise InputError(
@@ -75,16 +72,25 @@ def export_rate_and_state(
     if stress is None and program in ("qdyn", "tandem"):
         raise InputError(f"area: is missing; {program} takes the normal stress, the load over an area such as '1 cm^2'")
     per_load = scales.force / weight
-    values = {
-        "a": fit.a * per_load,
-        "b": fit.b * per_load,
-        "distance": fit.distance * scales.stretching,
-        "mu": fit.kinetic_friction * per_load,
-        "velocity": fit.velocity * scales.unit("velocity"),
-    }
-    # Between load point and sliding surface: the contacts.
-    spring = fit.contact_stiffness * per_load / scales.stretching
-    text = _WRITERS[program](_notes(fit, program, scales), fit, values, stress or 0.0, spring)
+    distance, velocity = fit.distance * scales.stretching, fit.velocity * scales.unit("velocity")
+    spring = fit.contact_stiffness * per_load / scales.stretching  # between load point and surface: the contacts
+    mark = "--" if program == "tandem" else "#"
+    text = "".join(f"{mark} {line}\n" for line in _notes(fit, program, scales)) + _TEMPLATES[program].format(
+        a=fit.a * per_load,
+        b=fit.b * per_load,
+        mu=fit.kinetic_friction * per_load,
+        distance=distance,
+        distance_in_um=distance * 1e6,
+        velocity=velocity,
+        velocity_in_um=velocity * 1e6,
+        state=distance / velocity,
+        spring=spring,
+        spring_per_um=spring * 1e-6,
+        stress=stress,
+        stress_in_mpa=(stress or 0.0) / 1e6,
+        theta_law=1 if fit.law == "ageing" else 2,
+        relation="DieterichState" if fit.law == "ageing" else "RuinaState",
+    )
     if path is not None:
         files.write(path, text.encode())
     return text
@@ -114,30 +120,23 @@ def _notes(fit: RateAndStateFit, program: str, scales: Scales) -> list[str]:
     ]
 
 
-def _qdyn(notes: list[str], fit: RateAndStateFit, v: dict[str, float], stress: float, spring: float) -> str:
-    del spring
-    return "\n".join(
-        [
-            *(f"# {line}" for line in notes),
-            "set_dict = {",
-            f'    "SIGMA": {stress!r},  # Pa',
-            f'    "V_PL": {v["velocity"]!r},  # m/s',
-            '    "SET_DICT_RSF": {',
-            '        "RNS_LAW": 0,',
-            f'        "THETA_LAW": {1 if fit.law == "ageing" else 2},  # 1 ageing, 2 slip',
-            f'        "A": {v["a"]!r},',
-            f'        "B": {v["b"]!r},',
-            f'        "DC": {v["distance"]!r},  # m',
-            f'        "MU_SS": {v["mu"]!r},',
-            f'        "V_SS": {v["velocity"]!r},  # m/s',
-            f'        "V_0": {v["velocity"]!r},',
-            f'        "TH_0": {v["distance"] / v["velocity"]!r},  # s',
-            "    },",
-            "}",
-            "",
-        ]
-    )
-
+_QDYN = """\
+set_dict = {{
+    "SIGMA": {stress!r},  # Pa
+    "V_PL": {velocity!r},  # m/s
+    "SET_DICT_RSF": {{
+        "RNS_LAW": 0,
+        "THETA_LAW": {theta_law},  # 1 ageing, 2 slip
+        "A": {a!r},
+        "B": {b!r},
+        "DC": {distance!r},  # m
+        "MU_SS": {mu!r},
+        "V_SS": {velocity!r},  # m/s
+        "V_0": {velocity!r},
+        "TH_0": {state!r},  # s
+    }},
+}}
+"""
 
 _TANDEM = """\
 -- A scenario in 2D, antiplane: type = "poisson", scenario = "fault" in the parameter file (TOML), which tandem takes
@@ -162,7 +161,7 @@ function Fault:mu(x, y) return self.shear_modulus end
 function Fault:eta(x, y) return math.sqrt(self:mu(x, y) * self.density) / 2.0 end  -- MPa s/m: radiation damping
 function Fault:a(x, y) return {a!r} end
 function Fault:L(x, y) return {distance!r} end
-function Fault:sn_pre(x, y) return {stress!r} end
+function Fault:sn_pre(x, y) return {stress_in_mpa!r} end
 function Fault:Vinit(x, y) return self.V0 end
 -- Steady sliding at V0; the traction opposes slip, which tandem counts as negative.
 function Fault:tau_pre(x, y) return -(self.f0 * self:sn_pre(x, y) + self:eta(x, y) * self.V0) end
@@ -170,48 +169,27 @@ function Fault:tau_pre(x, y) return -(self.f0 * self:sn_pre(x, y) + self:eta(x, 
 fault = Fault:new()
 """
 
+_DIABAYES = """\
+from diabayes.typedefs import RSFConstants, RSFParams, SpringBlockConstants
 
-def _tandem(notes: list[str], fit: RateAndStateFit, v: dict[str, float], stress: float, spring: float) -> str:
-    del fit, spring
-    return "".join(f"-- {line}\n" for line in notes) + _TANDEM.format(**v, stress=stress / 1e6)
+params = RSFParams(a={a!r}, b={b!r}, Dc={distance!r})  # m
+constants = RSFConstants(v0={velocity!r}, mu0={mu!r})  # m/s
+block_constants = SpringBlockConstants(k={spring!r}, v_lp={velocity!r})  # 1/m, m/s
+"""
 
+_RSFMODEL = """\
+from rsfmodel import rsf, staterelations
 
-def _diabayes(notes: list[str], fit: RateAndStateFit, v: dict[str, float], stress: float, spring: float) -> str:
-    del fit, stress
-    return "\n".join(
-        [
-            *(f"# {line}" for line in notes),
-            "from diabayes.typedefs import RSFConstants, RSFParams, SpringBlockConstants",
-            "",
-            f"params = RSFParams(a={v['a']!r}, b={v['b']!r}, Dc={v['distance']!r})  # m",
-            f"constants = RSFConstants(v0={v['velocity']!r}, mu0={v['mu']!r})  # m/s",
-            f"block_constants = SpringBlockConstants(k={spring!r}, v_lp={v['velocity']!r})  # 1/m, m/s",
-            "",
-        ]
-    )
+model = rsf.Model()  # um and s
+model.mu0 = {mu!r}
+model.a = {a!r}
+model.k = {spring_per_um!r}  # 1/um
+model.v = {velocity_in_um!r}
+model.vref = {velocity_in_um!r}
+state = staterelations.{relation}()
+state.b = {b!r}
+state.Dc = {distance_in_um!r}
+model.state_relations = [state]
+"""
 
-
-def _rsfmodel(notes: list[str], fit: RateAndStateFit, v: dict[str, float], stress: float, spring: float) -> str:
-    del stress
-    state = "DieterichState" if fit.law == "ageing" else "RuinaState"
-    return "\n".join(
-        [
-            *(f"# {line}" for line in notes),
-            "from rsfmodel import rsf, staterelations",
-            "",
-            "model = rsf.Model()  # um and s",
-            f"model.mu0 = {v['mu']!r}",
-            f"model.a = {v['a']!r}",
-            f"model.k = {spring * 1e-6!r}  # 1/um",
-            f"model.v = {v['velocity'] * 1e6!r}",
-            f"model.vref = {v['velocity'] * 1e6!r}",
-            f"state = staterelations.{state}()",
-            f"state.b = {v['b']!r}",
-            f"state.Dc = {v['distance'] * 1e6!r}",
-            "model.state_relations = [state]",
-            "",
-        ]
-    )
-
-
-_WRITERS = {"qdyn": _qdyn, "tandem": _tandem, "diabayes": _diabayes, "rsfmodel": _rsfmodel}
+_TEMPLATES = {"qdyn": _QDYN, "tandem": _TANDEM, "diabayes": _DIABAYES, "rsfmodel": _RSFMODEL}

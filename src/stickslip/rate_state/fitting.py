@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
+from stickslip.answers import plain
 from stickslip.errors import UndecidedError
 from stickslip.model.units import SI, engineering
 from stickslip.rate_state.laws import Law, RateAndState, small_step
@@ -32,26 +33,29 @@ class Estimate(float):
         return one
 
     def words(self, unit: str = "") -> str:
-        """``(8.602 ± 0.082) N``, its error to two digits; SI units get a prefix."""
-        return with_error(float(self), self.error, unit)
+        """``(8.602 ± 0.082) N``: to two digits of the error, in one unit; SI units but s get a prefix."""
+        value, error = float(self), self.error
+        if unit in SI.values() and unit != "s" and value:
+            digits, unit = engineering(value, unit, 15).split(" ")
+            value, error = float(digits), error * float(digits) / value
+        if not error > 0:
+            said = f"{value:.4g}"
+        else:
+            places = max(1 - math.floor(math.log10(error)), 0) if math.isfinite(error) else 0
+            brief = places <= 8 and error < 1e6
+            said = f"{value:.{places}f} ± {error:.{places}f}" if brief else f"{value:.4g} ± {error:.2g}"
+        if not unit:
+            return said
+        return f"({said}) {unit}" if "±" in said else f"{said} {unit}"
+
+    def scaled(self, factor: float) -> Estimate:
+        """In another unit."""
+        return Estimate(self * factor, self.error * factor)
 
 
-def with_error(value: float, error: float, unit: str = "") -> str:
-    """Say a value and its standard error, to two digits of this, in one unit; SI units but s get a prefix."""
-    size = 1.0
-    if unit in SI.values() and unit != "s" and value:
-        digits, unit = engineering(value, unit, 15).split(" ")
-        size = value / float(digits)
-    value, error = value / size, error / size
-    if not error > 0:
-        said = f"{value:.4g}"
-    else:
-        places = max(1 - math.floor(math.log10(error)), 0) if math.isfinite(error) else 0
-        brief = places <= 8 and error < 1e6
-        said = f"{value:.{places}f} ± {error:.{places}f}" if brief else f"{value:.4g} ± {error:.2g}"
-    if not unit:
-        return said
-    return f"({said}) {unit}" if "±" in said else f"{said} {unit}"
+def errors(answer: object) -> dict[str, Any]:
+    """Standard errors of the estimates of an answer, as plain values by their names."""
+    return {f"{name}_error": plain(one.error) for name, one in vars(answer).items() if isinstance(one, Estimate)}
 
 
 class Fit(NamedTuple):

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stickslip.answers import Answer, plain
+from stickslip.answers import Answer
 from stickslip.errors import InputError, UndecidedError, number, shown, whole
 from stickslip.model import Bell, Gamma, Interface, LogarithmicGrowth
 from stickslip.model.distribution import Distribution
 from stickslip.rate_state.contacts import finite_step, step_on_spring
-from stickslip.rate_state.fitting import Estimate, Fit, least_squares
+from stickslip.rate_state.fitting import Estimate, Fit, errors, least_squares
 from stickslip.rate_state.laws import LAWS, Law, RateAndState
 from stickslip.theory import kinetic_friction
 
@@ -103,8 +103,7 @@ class FittedStep(Answer):
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain values, each estimate with its error."""
-        errors = {f"{name}_error": one.error for name, one in vars(self).items() if isinstance(one, Estimate)}
-        return {**super().to_dict(), **plain(errors)}
+        return super().to_dict() | errors(self)
 
     def _end(self) -> str:
         if 0 < self.stiffness.error < self.stiffness or not self.stiffness.error:

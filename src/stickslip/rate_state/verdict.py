@@ -14,7 +14,7 @@ from stickslip.errors import InputError, UndecidedError, instance, number, shown
 from stickslip.model import Interface, LogarithmicGrowth, Rig, Scales, Slider, constant
 from stickslip.model.units import SI, Quantity, engineering
 from stickslip.rate_state.contacts import contact_stiffness, finite_step, small_step
-from stickslip.rate_state.fitting import Fit, fit_small_step, fit_step, with_error
+from stickslip.rate_state.fitting import Estimate, Fit, errors, fit_small_step, fit_step
 from stickslip.rate_state.laws import LAWS, Law, RateAndState
 from stickslip.stability.critical import critical_spring
 from stickslip.stability.modes import respond
@@ -48,10 +48,9 @@ class RateAndStateFit(Answer):
     ----------
     law : {"ageing", "slip"}
         The law whose distance changes less between a step up and a step down.
-    a, b, distance : float
-        Of the step that was asked for, or of a small one where `step` is None.
-    a_error, b_error, distance_error : float
-        Standard errors of the fit. They say how well the step fixes the parameters, not how well the law describes it.
+    a, b, distance : Estimate
+        Of the step that was asked for, or of a small one where `step` is None. Their standard ``error`` says how well
+        the step fixes the parameters, not how well the law describes it.
     misfit : float
         Of a small step: rms over the range of the force.
     step_misfit : float or None
@@ -81,12 +80,9 @@ class RateAndStateFit(Answer):
     """
 
     law: Law
-    a: float
-    b: float
-    distance: float
-    a_error: float
-    b_error: float
-    distance_error: float
+    a: Estimate
+    b: Estimate
+    distance: Estimate
     misfit: float
     step_misfit: float | None
     drift: tuple[float, float, float]
@@ -110,9 +106,12 @@ class RateAndStateFit(Answer):
         """Return parameters found in natural units in SI units."""
         if self.scales is not None:
             return self
-        sizes = {name: scales.unit(quantity) for quantity, names in _QUANTITIES.items() for name in names}
-        values = {name: getattr(self, name) for name in sizes}
-        scaled: dict[str, Any] = {n: None if value is None else value * sizes[n] for n, value in values.items()}
+        scaled: dict[str, Any] = {}
+        for quantity, names in _QUANTITIES.items():
+            size = scales.unit(quantity)
+            for name in names:
+                value = getattr(self, name)
+                scaled[name] = value.scaled(size) if isinstance(value, Estimate) else value and value * size
         return replace(self, scales=scales, **scaled)
 
     @property
@@ -143,18 +142,17 @@ class RateAndStateFit(Answer):
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain values."""
         derived = {"healing_over_b": self.healing_over_b, "ratio": self.ratio, "danger": self.danger}
-        return {**super().to_dict(), **plain(derived)}
+        found: dict[str, Any] = super().to_dict() | errors(self) | plain(derived)
+        return found
 
     def __str__(self) -> str:
         if not self.holds:
             return f"not rate-and-state: {self.reason}"
         force, length = ("N", "m") if self.scales is not None else ("", "")
-        a, b = f"a = {with_error(self.a, self.a_error, force)}", f"b = {with_error(self.b, self.b_error, force)}"
-        distance = f"D = {with_error(self.distance, self.distance_error, length)}"
-        change = f"a - b = {_said(self, self.a - self.b, 'force', 3)}"
         lines = [
             f"rate-and-state-like: {self.reason}",
-            f"{self.law} law, {a}, {b}, {distance}, {change}",
+            f"{self.law} law, a = {self.a.words(force)}, b = {self.b.words(force)}, D = {self.distance.words(length)}, "
+            f"a - b = {_said(self, self.a - self.b, 'force', 3)}",
             _of_stiffness(self),
         ]
         if self.healing is not None:
@@ -166,8 +164,8 @@ class RateAndStateFit(Answer):
 
 
 _QUANTITIES: dict[Quantity, tuple[str, ...]] = {
-    "force": ("a", "a_error", "b", "b_error", "healing", "kinetic_friction"),
-    "length": ("distance", "distance_error"),
+    "force": ("a", "b", "healing", "kinetic_friction"),
+    "length": ("distance",),
     "velocity": ("velocity",),
     "stiffness": ("contact_stiffness", "critical_stiffness", "exact_critical_stiffness"),
 }
@@ -272,17 +270,15 @@ def rate_and_state(
             )
         chosen = "slip"
     spring = contact_stiffness(interface, speed)
-    parameters = RateAndState(law=chosen, a=float(value[0]), b=float(value[1]), distance=float(value[2]))
+    a, b, distance = map(Estimate, value, error)
+    parameters = RateAndState(law=chosen, a=a, b=b, distance=distance)
     rig = Rig(interface, Slider(stiffness=1.0, mass=0.0, damping=0.0), constant(speed))
     growth = interface.ageing
     return RateAndStateFit(
         law=chosen,
-        a=parameters.a,
-        b=parameters.b,
-        distance=parameters.distance,
-        a_error=float(error[0]),
-        b_error=float(error[1]),
-        distance_error=float(error[2]),
+        a=a,
+        b=b,
+        distance=distance,
         misfit=misfit,
         step_misfit=step_misfit,
         drift=(float(drift[0]), float(drift[1]), float(drift[2])),

@@ -58,10 +58,15 @@ _PANELS = 1e-4, 1.5e-5
 """Seconds the master equation takes over a mean threshold, and over a radian in which the slider rings after a slip."""
 _OF_RANDOM_DELAYS, _OF_CORNERS = 5.0, 3.0
 """So many times that with random delays, and with a distribution of thresholds that has corners."""
-_CLOCKED_BREAK, _CLOCKED_STEP, _THINNED_BREAK = 6e-7, 4e-7, 1e-5
+_CLOCKED_BREAK, _CLOCKED_STEP, _THINNED_BREAK = 6e-7, 4e-7, 5e-6
 """The same for a break by thermal activation: on the shared clock, a step of that, and one by one."""
-_THERMAL_COHORT = 6e-8
-"""The same for a cohort, or a node of it, in a step of the master equation with thermal activation."""
+_THERMAL_COHORT = 2e-6, 1e-5
+"""The same for a cohort in a step of the master equation with thermal activation: one number says what is left of it,
+or thresholds are followed at nodes. Measured in CPU time of runs over 4 to 6 mean thresholds, on a loaded machine."""
+_NODES = 200
+"""Of the thresholds, about."""
+_BROKEN = 0.006
+"""Largest fraction of the contacts that breaks in such a step: see `engines.thermal_population`."""
 _AGEING_COHORT = 6e-8
 """The same for a cohort of the kinetic equation in one time of ageing or mean threshold, for each of their number."""
 _RADIAN = 6e-7
@@ -102,6 +107,8 @@ class Part:
         How much work it is, in words.
     seconds, bytes : float
         What it takes.
+    instead : str
+        What else to do, if there is something.
     """
 
     key: str
@@ -111,6 +118,7 @@ class Part:
     what: str
     seconds: float
     bytes: float = 0.0
+    instead: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,8 +181,8 @@ class Work:
         allowed = worst.value * max(share, 1.0) ** (-1.0 / worst.power)
         bound = "at most" if worst.power > 0 else "at least"
         raise InputError(
-            f"{worst.key} = {self._said(worst, worst.value)}: {amount}; give {bound} {self._said(worst, allowed)}, or "
-            f"a drive {excess:.2g} times shorter; or {otherwise}",
+            f"{worst.key} = {self._said(worst, worst.value)}: {amount}; {worst.instead}give {bound} "
+            f"{self._said(worst, allowed)}, or a drive {excess:.2g} times shorter; or {otherwise}",
             worst.key,
         )
 
@@ -208,7 +216,7 @@ def estimate(rig: Rig) -> Work:
         return _of_blocks(rig, slider)
     mean, delay = rig.interface.threshold_distribution.moment(1), rig.interface.delay.moment(1)
     distance, parts = sum(_way(piece) for piece in rig.drive.pieces) / mean, []  # ways are in mean thresholds
-    turns, ringing, kicked, ageing = 0.0, 0.0, 0.0, rig.interface.ageing
+    turns, ringing, rung, kicked, ageing = 0.0, 0.0, 0.0, 0.0, rig.interface.ageing
     aged = 0.0  # seconds a time of ageing takes
     if isinstance(slider, Slider) and slider.mass > 0:
         frequency = math.sqrt((slider.stiffness + 1.0) / slider.mass)
@@ -220,17 +228,19 @@ def estimate(rig: Rig) -> Work:
         if isinstance(rig.start, FromSliding):
             largest = float(np.max(np.abs(rig.start.perturbation))) * abs(rig.drive.pieces[0].start)
             kicked = largest / (mean * frequency) * min(turns, rings)
+        slips = 1.0 + distance * min(slider.stiffness, 1.0)
+        rung = min(ringing, 10.0 * rings * slips)
         radians = _radians(rig, slider, turns, rings, distance)
         words = f"{radians:.2g} rad of the slider's oscillation"
         parts.append(Part(key="slider.mass", value=slider.mass, quantity="mass", power=-0.5, what=words,
                           seconds=_RADIAN * radians))  # fmt: skip
     path = distance + kicked + 0.01 * ringing
+    lives = kicked + sum(_lives(piece, mean, delay) for piece in rig.drive.pieces)
     if rig.interface.temperature is not None:
-        parts.append(_thermal(rig, path, ringing))
+        parts.append(_thermal(rig, lives, distance + kicked, rung))
         aged = _AGE * getattr(rig.method, "count", 0)
     elif isinstance(rig.method, Contacts | QuasiStatic):
         count = rig.method.count
-        lives = kicked + sum(_lives(piece, mean, delay) for piece in rig.drive.pieces)
         each, aged = (_BREAK if ageing is None else _AGEING_BREAK), _AGE * count
         parts.append(Part(key="simulation.contacts", value=count, quantity=None, power=1.0,
                           what=f"about {count * lives:.2g} breaks of {count:.2g} contacts",
@@ -311,27 +321,27 @@ def _of_blocks(rig: Rig, body: ElasticBody) -> Work:
     return Work(rig=rig, parts=tuple(parts), block_steps=steps)
 
 
-def _thermal(rig: Rig, lives: float, turns: float) -> Part:
-    """Return the work of contacts that break by thermal activation, over lives of them and radians of oscillation."""
+def _thermal(rig: Rig, lives: float, path: float, turns: float) -> Part:
+    """Return the work of contacts that break by thermal activation: in lives, mean thresholds, radians of ringing."""
     interface, mean = rig.interface, rig.interface.threshold_distribution.moment(1)
     width = activation_width(interface)
-    shared = isinstance(interface.temperature, Bell) and interface.ageing is None
+    one_number = isinstance(interface.temperature, Bell) and not isinstance(interface.ageing, ExponentialGrowth)
     if isinstance(rig.method, Contacts):
         count = rig.method.count
+        shared = isinstance(interface.temperature, Bell) and interface.ageing is None
         breaks = _CLOCKED_BREAK if shared else _THINNED_BREAK
         return Part(key="simulation.contacts", value=count, quantity=None, power=1.0,
                     what=f"about {count * lives:.2g} breaks of {count:.2g} contacts by thermal activation",
                     seconds=breaks * count * lives + _CLOCKED_STEP * 8.0 * lives * mean / width,
                     bytes=_CONTACT * count)  # fmt: skip
-    numbers = (
-        1 if isinstance(interface.temperature, Bell) and not isinstance(interface.ageing, ExponentialGrowth) else 200
-    )
-    cohorts = float(max(2.0 / width, 200.0 / mean) * interface.threshold_distribution.support[1])
-    steps = cohorts * lives + 3.0 * turns
-    work = numbers * cohorts
+    finer = max(1.0, math.sqrt(1e-4 / rig.method.rtol)) if isinstance(rig.method, MasterEquation) else 1.0
+    closest = max(2.0 * finer / width, 1.0 / (_BROKEN * mean))  # steps on a unit of the way
+    cohorts = float(closest * interface.threshold_distribution.support[1])
+    steps = closest * mean * path + 3.0 * turns
     return Part(key="interface.temperature", value=width, quantity=None, power=-2.0,
-                what=f"about {steps:.2g} steps of {cohorts:.2g} cohorts",
-                seconds=_THERMAL_COHORT * steps * work, bytes=16.0 * work)  # fmt: skip
+                what=f"about {steps:.2g} steps of {cohorts:.2g} cohorts", instead="use Contacts(...), or ",
+                seconds=_THERMAL_COHORT[not one_number] * steps * cohorts,
+                bytes=16.0 * cohorts * (1 if one_number else _NODES))  # fmt: skip
 
 
 def _way(piece: Piece) -> float:

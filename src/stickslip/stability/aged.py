@@ -170,7 +170,14 @@ def _known(u: float, delta: float, newborn: float) -> Excursions:
     from stickslip.kernels.langevin import Life
     from stickslip.kernels.langevin_response import excursions
 
-    return excursions(Life(u, delta, newborn))
+    try:
+        return excursions(Life(u, delta, newborn))
+    except ValueError:
+        raise InputError(
+            f"Interface.thresholds: their standard deviation is {delta:.3g} of the mean; the linear response of ageing "
+            "contacts cannot be resolved with so little scatter; give more, or simulate(...)",
+            "Interface.thresholds",
+        ) from None
 
 
 def _life(u: float, delta: float, newborn: float, p: ComplexArray) -> tuple[ComplexArray, float]:

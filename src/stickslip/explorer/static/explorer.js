@@ -1,7 +1,6 @@
 /* The page begins here. Its whole state is one document, the content of a rig file: shown in the fields, sent whole with
    every question, kept in the address. */
 
-import { Glossary } from "./glossary.js";
 import { $, element, fileName, notice, parts, save, state, tellParts } from "./page.js";
 import { address, complain, keepHere, remember } from "./rig.js";
 import { lasted } from "./simulate.js";
@@ -36,8 +35,8 @@ document.querySelector("nav").addEventListener("keydown", (event) => {
   $(`tab-${state.page}`).focus();
 });
 
-$("glossary-list").replaceChildren(...Glossary.flatMap(({ term, unit, text }) => [element("dt", {}, term, unit ? element("span", { className: "quiet", textContent: ` ${unit}` }) : ""),
-  element("dd", { textContent: text })]));
+parts.glossary = { greeted: ({ glossary }) => $("glossary-list").replaceChildren(...glossary.flatMap(({ term, unit, text }) =>
+  [element("dt", {}, term, unit ? element("span", { className: "quiet", textContent: ` ${unit}` }) : ""), element("dd", { textContent: text })])) };
 $("glossary-open").onclick = () => $("glossary").showModal();
 $("glossary-close").onclick = () => $("glossary").close();
 

@@ -1,8 +1,7 @@
 /* Plots in the colours of the page. */
 
 import { short } from "./fields.js";
-import { $, element, state, word } from "./page.js";
-import { unpacked } from "./unpack.js";
+import { $, element, state, word, unpacked } from "./page.js";
 
 const Plotly = window.Plotly;
 const CONFIG = { displayModeBar: false, displaylogo: false, responsive: true, showSendToCloud: false, plotlyServerURL: "",

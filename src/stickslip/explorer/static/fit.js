@@ -2,7 +2,7 @@
 
 import { axis, colour, draw, label, upright } from "./figures.js";
 import { pointed, split } from "./fields.js";
-import { $, element, fileName, list, mark, micro, parts, pretty, progress, save, state, table } from "./page.js";
+import { $, complainAt, element, field, fileName, list, mark, micro, parts, pretty, progress, save, state, table } from "./page.js";
 import { begin, wait } from "./rig.js";
 import { saying } from "./talk.js";
 import { source } from "./trace.js";
@@ -31,8 +31,7 @@ for (const { key, title, unit, read, missing } of KNOWN) {
     if (input.value === "") delete input.dataset.own;
     compute();
   };
-  $("fit-fields").append(element("div", { className: "field" }, element("label", { htmlFor: input.id, textContent: title }), input,
-    element("span", { className: "unit", textContent: unit })));
+  $("fit-fields").append(field(title, input, unit));
 }
 
 /* The trace, and what is known: readings of the trace itself are left to the server. */
@@ -58,10 +57,6 @@ async function stream([address, body], signal, each) {
     if (done) return;
   }
 }
-function complain(id, text) {
-  $(id).textContent = pretty(text);
-  $(id).hidden = text === "";
-}
 
 // ------------------------------------------------------------------------------------------------ by closed forms
 
@@ -75,7 +70,7 @@ async function compute() {
       if (mine !== quickly) return;
       if (reply.errors) return refuse(saying(reply.errors));
       if (reply.readings) read(reply);
-      if (reply.missing) { $("quick").hidden = true; quick = null; mark("fit", "", reply.missing); complain("fit-complaint", ""); }
+      if (reply.missing) { $("quick").hidden = true; quick = null; mark("fit", "", reply.missing); complainAt("fit-complaint", ""); }
       if (reply.quick) showQuick(reply.quick);
       if (reply.table) offer(reply.table);
     });
@@ -84,7 +79,7 @@ async function compute() {
   }
 }
 function refuse(text) {
-  complain("fit-complaint", text);
+  complainAt("fit-complaint", text);
   mark("fit", "refused", quick ? "Refused: what stands here is about the values before." : "");
   if (!quick) $("quick").hidden = true;
 }
@@ -98,7 +93,7 @@ function showQuick(reply) {
     const [number, typed] = split(input.value);
     if (typed) [input.value, input.nextSibling.textContent] = [number, micro(typed)];
   }
-  complain("fit-complaint", "");
+  complainAt("fit-complaint", "");
   mark("fit", "");
   $("quick").hidden = false;
   $("quick-words").textContent = pretty(reply.words);
@@ -123,7 +118,7 @@ function took(seconds) {
 }
 function offer(plan) {
   sizes = plan.sizes ?? [];
-  complain("posterior-complaint", plan.refused ? `No intervals: ${plan.refused}` : "");
+  complainAt("posterior-complaint", plan.refused ? `No intervals: ${plan.refused}` : "");
   for (const button of [$("fit-coarse"), $("fit-full")]) {
     const size = sizes[button.dataset.size], name = button.dataset.size === "0" ? "Coarse" : "Full";
     button.disabled = !size || running !== null;
@@ -135,7 +130,7 @@ async function fit(size) {
   for (const id of ["fit-coarse", "fit-full"]) $(id).disabled = true;
   $("fit-stop").hidden = false;
   $("fit-state").textContent = size.seconds < 1 ? "fitting …" : "simulating …";
-  complain("posterior-complaint", "");
+  complainAt("posterior-complaint", "");
   progress("fit", NaN);
   if (found) mark("posterior", "computing", "Computing … these intervals are of the fit before.");
   const of = request()[0];
@@ -146,7 +141,7 @@ async function fit(size) {
         progress("fit", reply.progress);
         if (reply.progress >= 1) $("fit-state").textContent = "comparing with the trace …";
       } else if (reply.errors) {
-        complain("posterior-complaint", saying(reply.errors));
+        complainAt("posterior-complaint", saying(reply.errors));
         if (found) mark("posterior", "refused", "Refused: these intervals are of the fit before.");
       } else if (reply.parameters) showPosterior({ ...reply, of });
     });
@@ -170,11 +165,9 @@ function showPosterior(reply) {
     bar.setAttribute("aria-label", `90 % interval within ${prior}`);
     bar.title = `held possible: ${prior}`;
     const [word, ...rest] = says.split(": ");
-    return element("tr", {}, element("td", { textContent: pretty(title) }), element("td", { textContent: text }), element("td", {}, bar),
-      element("td", {}, element("span", { className: "tells", textContent: word }), rest.length ? `: ${rest.join(": ")}` : ""));
+    return [title, text, bar, element("span", {}, element("span", { className: "tells", textContent: word }), rest.length ? `: ${rest.join(": ")}` : "")];
   });
-  const head = element("tr", {}, ...["parameter", "median (90 %)", "within what was held possible", "what the trace tells"].map((textContent) => element("th", { textContent })));
-  $("fit-parameters").replaceChildren(element("thead", {}, head), element("tbody", {}, ...rows));
+  table("fit-parameters", rows, ["parameter", "median (90 %)", "within what was held possible", "what the trace tells"]);
   table("fit-quantities", reply.quantities);
   list("fit-notes", reply.notes);
   $("fit-no-rig").textContent = reply.no_rig ? pretty(reply.no_rig) : "";

@@ -2,9 +2,8 @@
 
 import { axis, colour, cursorOver, draw, label, timeAt, upright } from "./figures.js";
 import { at, numeric, pointed, put, short } from "./fields.js";
-import { $, element, fileName, mark, parts, pretty, progress, save, state } from "./page.js";
+import { $, complainAt, element, field, fileName, mark, parts, pretty, progress, save, state, table, unpacked } from "./page.js";
 import { ask, drop, on, saying } from "./talk.js";
-import { unpacked } from "./unpack.js";
 
 const FIELDS = [
   { key: "chain.blocks", title: "blocks", unit: "", whole: true },
@@ -33,23 +32,19 @@ on("fronts", (reply) => {
   shown.fronts = reply;
   event = -1;
   time = null;
-  complain("");
+  complainAt("fronts-complaint", "");
   mark("fronts", "");
   $("fronts-found").hidden = false;
   listEvents();
   show();
 }, (errors) => {
   finish();
-  complain(saying(errors));
+  complainAt("fronts-complaint", saying(errors));
   mark("fronts", "refused", shown.fronts ? "Refused: what stands here is the bar before." : "");
 });
 function finish() {
   progress("fronts", null);
   $("fronts-stop").hidden = true;
-}
-function complain(text) {
-  $("fronts-complaint").textContent = pretty(text);
-  $("fronts-complaint").hidden = text === "";
 }
 
 // ------------------------------------------------------------------------------------------------------- the bar
@@ -74,8 +69,7 @@ function rebuild() {
       put(chain, key, isNaN(number) ? text : whole ? Math.round(number) : number);
       compute();
     };
-    return element("div", { className: "field" }, element("label", { htmlFor: id, textContent: title }), input,
-      element("span", { className: "unit", textContent: chain.units === "natural" ? unit : "" }));
+    return field(title, input, chain.units === "natural" ? unit : "");
   }));
 }
 function compute() {
@@ -108,11 +102,11 @@ function listEvents() {
     button.onclick = () => look(i);
     const cells = [String(short(one.start)), one.blocks >= blocks ? "the whole bar" : `${one.blocks} of ${blocks} blocks`, String(one.from),
       one.speed === null ? "no front" : one.speed > MANY ? "several at once" : one.speed.toPrecision(2), one.drop.toPrecision(3)];
-    return element("tr", {}, element("td", {}, button), ...cells.map((textContent) => element("td", { textContent })));
+    return [button, ...cells];
   });
-  if (left) rows.push(element("tr", {}, element("td", { colSpan: 6, textContent: `${left} shorter events are left out` })));
-  if (!rows.length) rows.push(element("tr", {}, element("td", { colSpan: 6, textContent: "No event runs along a tenth of the bar." })));
-  $("fronts-events").replaceChildren(element("thead", {}, element("tr", {}, ...head.map((textContent) => element("th", { textContent })))), element("tbody", {}, ...rows));
+  table("fronts-events", rows, head);
+  if (left || !rows.length) $("fronts-events").tBodies[0].append(element("tr", {}, element("td", { colSpan: 6,
+    textContent: left ? `${left} shorter events are left out` : "No event runs along a tenth of the bar." })));
 }
 function look(index) {
   event = event === index ? -1 : index;

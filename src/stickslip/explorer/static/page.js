@@ -10,7 +10,7 @@ export function element(tag, properties = {}, ...children) {
 
 /* The whole state: one document, the content of a rig file; the page that is open; what was drawn last of each kind. */
 export const state = {
-  doc: null, began: null, presets: [], waiting: false, // not computed before a click: it came with a link
+  doc: null, began: null, presets: [], glossary: [], waiting: false, // not computed before a click: it came with a link
   page: "simulate", cursor: 0.75, before: null,
   shown: { run: null, friction: null, chart: null, bands: [], advice: null, trace: null, fronts: null },
 };
@@ -22,6 +22,10 @@ export const parts = {};
 export function tellParts(what, ...content) {
   for (const part of Object.values(parts)) part[what]?.(...content);
 }
+
+/* Arrays as the server packs them. */
+const KINDS = { f4: Float32Array, i2: Int16Array, u1: Uint8Array };
+export const unpacked = ({ dtype, bdata }) => new KINDS[dtype](Uint8Array.from(atob(bdata), (c) => c.charCodeAt(0)).buffer);
 
 export function notice(text) {
   $("notice").textContent = text;
@@ -63,12 +67,20 @@ export const pretty = (text) => micro(text).replace(/\b([xf])_s\b/g, "$1ₛ").re
 export function list(id, lines) {
   $(id).replaceChildren(...lines.map((textContent) => element("li", { textContent: pretty(textContent) })));
 }
+/* Cells are texts, or elements. */
 export function table(id, lines, head) {
-  const cells = (tag, line) => element("tr", {}, ...line.map((textContent) => element(tag, { textContent: pretty(textContent) })));
+  const cells = (tag, line) => element("tr", {}, ...line.map((cell) => element(tag, {}, typeof cell === "string" ? pretty(cell) : cell)));
   const made = [element("tbody", {}, ...lines.map((line) => cells("td", line)))];
   if (head) made.unshift(element("thead", {}, cells("th", head)));
   $(id).replaceChildren(...made);
 }
+export function complainAt(id, text) {
+  $(id).textContent = pretty(text);
+  $(id).hidden = text === "";
+}
+/* A field: its name, its input and its unit. */
+export const field = (title, input, unit) => element("div", { className: "field" }, element("label", { htmlFor: input.id, textContent: title }), input,
+  element("span", { className: "unit", textContent: unit }));
 export function showRegime(prefix, regime, often = "") {
   $(prefix).textContent = regime.kind;
   const beside = $(`${prefix.replace(/regime$/, "")}often`);

@@ -1,8 +1,7 @@
 /* The rig: its fields, its presets, and its place in the address. */
 
 import { ALL, joined, numeric, pointed, short, split, unfinished } from "./fields.js";
-import { Glossary } from "./glossary.js";
-import { $, element, losePatience, mark, micro, notice, pretty, progress, state, tellParts } from "./page.js";
+import { $, complainAt, element, losePatience, mark, micro, notice, pretty, progress, state, tellParts } from "./page.js";
 import { ask, on, saying } from "./talk.js";
 
 const OLD = { interface: "simulate", advice: "stop" }; // names of pages in links made before
@@ -13,6 +12,7 @@ let rows = [], scales = null, remembering = 0;
 on("hello", (reply) => {
   if (state.doc) return changed(); // connected again
   state.presets = reply.presets;
+  state.glossary = reply.glossary;
   fillPresets();
   tellParts("greeted", reply);
   const linked = fromAddress();
@@ -102,7 +102,7 @@ function rebuild() {
   showPreset();
 }
 function told(key) {
-  const entry = Glossary.find((one) => one.key === key);
+  const entry = state.glossary.find((one) => one.key === key);
   return entry ? `${entry.term}${entry.unit ? ` (${entry.unit})` : ""}. ${entry.text}` : "";
 }
 const value0 = (field) => field.read(state.doc) ?? field.missing ?? (field.zero ? 0 : undefined);
@@ -246,8 +246,7 @@ export function complain(errors) {
     made.complaint.textContent = message;
     made.complaint.hidden = false;
   }
-  $("complaint").textContent = pretty(saying(rest));
-  $("complaint").hidden = rest.length === 0;
+  complainAt("complaint", saying(rest));
   document.dispatchEvent(new CustomEvent("complained"));
 }
 function settle() {

@@ -2,11 +2,10 @@
 
 import { colour, cursorOver, draw, axis, forceLayout, forceTraces, label, logarithmic, purge, timeAt, upright } from "./figures.js";
 import { short } from "./fields.js";
-import { $, list, mark, parts, pretty, progress, showRegime, state, tellParts } from "./page.js";
+import { $, list, mark, parts, pretty, progress, showRegime, state, tellParts, unpacked } from "./page.js";
 import { accept, anyTyped, complain, showPreset } from "./rig.js";
 import { Stage } from "./stage.js";
 import { ask, drop, isNewest, on, saying } from "./talk.js";
-import { unpacked } from "./unpack.js";
 
 const { shown } = state;
 const point = cursorOver("plot-force");

@@ -2,7 +2,7 @@
    made: where each contact is in a frame was computed, nothing is made up. Between two frames a contact that holds in
    both moves evenly. Frames lie closer together in slips, so that an even pace of frames slows down there. */
 
-import { unpacked } from "./unpack.js";
+import { unpacked } from "./page.js";
 
 export const Stage = (() => {
   const PER_SECOND = 30, ATTACHED = 1, RENEWED = 2, FLASH = 0.3, GAP = 46, TOP = 18, BLOCK = 44;

@@ -314,8 +314,8 @@ def _refusal(interface: Interface, method: object, slider: object) -> InputError
             return InputError(f"method = {shown(method)}: is no method of simulation; use Contacts or MasterEquation")
         if not elastic:
             return InputError(f"{name}: is for an elastic slider, a Chain; use Contacts or MasterEquation")
-        others = " or ".join(sorted(other.__name__ for other in known))
-        return InputError(f"method = {name}: is not for a {body}; use {others}")
+        remedy = " or ".join(sorted(other.__name__ for other in known))
+        return InputError(f"method = {name}: is not for a {body}; use {remedy}")
 
     def takers(parts: Collection[str]) -> list[str]:
         return sorted(other.__name__ for other in known if _engine(other, interface, parts, elastic))

@@ -1,0 +1,643 @@
+"""The explorer in a real browser: what a user does on each page. Every window complains of anything in its console."""
+
+import base64
+import json
+import os
+import re
+from contextlib import ExitStack
+from pathlib import Path
+
+import headless
+import numpy as np
+import pytest
+
+from stickslip import cli
+from stickslip.explorer import documents
+from stickslip.fitting.arrest import KEYS
+from stickslip.io import datasets as store
+from stickslip.io import rig_files as rigs
+from stickslip.model import Rig
+from stickslip.simulation import simulate
+
+pytestmark = [pytest.mark.browser, pytest.mark.skipif(headless.CHROMIUM is None, reason=headless.WHY_NOT)]
+
+PICTURES = os.environ.get("STICKSLIP_SCREENSHOTS")
+"""A folder, such as docs/images: the pictures of the docs are written there."""
+SCREEN, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
+NATURAL = "Sliding or stick-slip? (natural units)"
+RULES = Path(headless.__file__).with_name("accessibility.js").read_text()
+STIFFNESS = "#field-slider-stiffness"
+
+
+@pytest.fixture(scope="module")
+def server():
+    with headless.server() as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with headless.browser() as started:
+        yield started
+
+
+@pytest.fixture
+def bench(browser, server):
+    """A window as it opens: a bench in SI."""
+    with headless.window(browser, server) as opened:
+        settled(opened)
+        yield opened
+
+
+@pytest.fixture
+def page(bench):
+    """A window with a rig in natural units."""
+    choose(bench, NATURAL)
+    return bench
+
+
+def settled(page, about="run"):
+    """Wait until what stands on the page is about the rig in its fields."""
+    page.wait_for_selector(f"body[data-{about}-state='']")
+
+
+def enter(page, field, text, then=""):
+    """Type into a field, and wait until it is accepted, or refused."""
+    page.fill(f"#field-{field}", text)
+    page.press(f"#field-{field}", "Enter")
+    page.wait_for_selector(f"body[data-run-state='{then}']")
+
+
+def until(page, expression):
+    """Wait until JavaScript says so; the page's own policy forbids `wait_for_function`."""
+    for _ in range(headless.PATIENCE // 100):
+        if page.evaluate(expression):
+            return
+        page.wait_for_timeout(100)
+    raise AssertionError(expression)
+
+
+def choose(page, title):
+    """Choose a preset, and wait for its run."""
+    page.select_option("#preset", label=title)
+    settled(page)
+
+
+def move(page, value, selector=STIFFNESS):
+    """Set a field or a slider; return the regime of the run that is drawn then."""
+    return page.evaluate(headless.MOVE, [selector, str(value)])["kind"]
+
+
+def state(page):
+    """The document in the address; what is typed counts on leaving the field, be the button where it was or not."""
+    page.evaluate("document.activeElement.blur()")
+    page.click("#link")
+    text = page.evaluate("location.hash").partition("/")[2]
+    return json.loads(base64.urlsafe_b64decode(text + "=" * (-len(text) % 4)))
+
+
+def download(page, form, folder):
+    with page.expect_download() as begun:
+        page.click(f"[data-download={form}]")
+    file = folder / begun.value.suggested_filename
+    begun.value.save_as(file)
+    return file
+
+
+def sawtooth(folder):
+    t = np.arange(0, 20, 0.01)
+    force = 3 + (0.9 * t % 1) * 0.8 + np.random.default_rng(0).normal(0, 0.01, t.size)
+    file = folder / "bench.csv"
+    file.write_text(
+        "time [s],force [N]\n" + "\n".join(f"{a:.3f},{b:.4f}" for a, b in zip(t, force, strict=True)) + "\n"
+    )
+    return file
+
+
+def test_the_first_minute_a_softer_spring_and_a_kept_trace(bench):
+    assert "it sticks and slips" in " ".join(bench.text_content("#intro").split())
+    assert bench.input_value("#units") == "SI"
+    assert bench.text_content("#regime") == "stick-slip"
+    assert re.fullmatch(r"1\.\d+ Hz", bench.text_content("#often"))
+    choose(bench, NATURAL)
+    names = "document.querySelector('#plot-force').data.map((trace) => trace.name).join()"
+    for method in ("contacts", "master equation"):
+        bench.select_option("#field-simulation-method", method)
+        assert move(bench, 20) == "smooth sliding"
+        assert move(bench, 2) == "stick-slip"
+        until(bench, f"{names} === 'force,slips,Fₖ,Fₛ,slip'")
+    bench.click("#keep")
+    assert move(bench, 20) == "smooth sliding"
+    until(bench, f"{names}.startsWith('before,force')")
+    bench.click("#keep")
+    until(bench, f"{names}.startsWith('force')")
+    move(bench, 1000, STIFFNESS + "-slider")
+    assert float(bench.input_value(STIFFNESS)) == 50
+    bench.click("#reset")
+    assert bench.input_value(STIFFNESS) == "2"
+
+
+def test_every_preset_runs_after_another_and_every_quantity_is_explained(bench):
+    for each in documents.presets():
+        choose(bench, each["title"])
+        assert bench.locator(".complaint:visible").count() == 0
+        assert bench.text_content("#regime") in ("stick-slip", "smooth sliding", "sustained oscillation", "speed sweep")
+        assert bench.text_content("#preset option:checked") == each["title"]
+        fields = bench.locator("#fields .field input[type=text], #fields .field select")
+        for i in range(fields.count()):
+            fields.nth(i).focus()
+            assert len(bench.text_content("#help")) > 25
+    bench.click("#glossary-open")
+    assert bench.locator("#glossary dt").count() >= 25
+    bench.click("#glossary-close")
+    assert bench.is_hidden("#glossary")
+
+
+def test_fields_take_numbers_with_units_and_refuse_the_rest_beside_them(bench):
+    for typed, shown, kept in (
+        ("2,5", "2.5", "2.5 N/m"),
+        ("400 N/m", "400", "400 N/m"),
+        ("0,4 kN/m", "0.4", "0.4 kN/m"),
+        ("", "0.4", "0.4 kN/m"),
+    ):
+        enter(bench, "slider-stiffness", typed)
+        bench.locator(STIFFNESS).blur()
+        assert (bench.input_value(STIFFNESS), state(bench)["slider"]["stiffness"]) == (shown, kept)
+    enter(bench, "drive-velocity", "300 rpm", "refused")
+    assert "rpm" in bench.text_content("#field-drive-velocity-complaint")
+    enter(bench, "drive-velocity", "4")  # the unit that was refused has not become that of the field
+    assert state(bench)["drive"]["velocity"] == "4 mm/s"
+    enter(bench, "simulation-contacts", "10 000")
+    assert state(bench)["simulation"]["contacts"] == 10_000
+    choose(bench, NATURAL)
+    for field, text in (
+        ("slider-stiffness", "0x10"),
+        ("slider-stiffness", "1e999"),
+        ("slider-mass", "0"),
+        ("drive-velocity", "x"),
+        ("interface-delay", "soon"),
+        ("interface-delay-std", "x"),
+        ("interface-ageing-time", "5 ms"),
+        ("simulation-contacts", "1.5"),
+        ("simulation-seed", "?"),
+    ):
+        before = bench.input_value(f"#field-{field}")
+        enter(bench, field, text, "refused")
+        assert bench.text_content(f"#field-{field}-complaint")
+        assert bench.get_attribute(f"#field-{field}", "aria-invalid") == "true"
+        assert bench.locator(".complaint:visible").count() == 1
+        for part in ("#live", "#more", "#stage"):
+            assert float(bench.evaluate(f"getComputedStyle(document.querySelector('{part} .fades')).opacity")) < 0.5
+        assert "Refused" in bench.text_content("#run-words")
+        enter(bench, field, before)  # and the page lives on
+        assert bench.locator(".complaint:visible").count() == 0
+
+
+def test_units_and_damping_can_be_told_in_the_other_way(page):
+    page.select_option("#units", "SI")
+    page.wait_for_selector("#field-interface-contact_strength")
+    assert page.input_value("#field-interface-contact_strength") == "768"
+    page.click("#field-slider-damping ~ .unit button")
+    page.wait_for_selector("#field-slider-damping_ratio")
+    page.select_option("#units", "natural")
+    page.wait_for_selector("#field-interface-contact_strength", state="detached")
+    assert float(page.input_value("#field-slider-damping_ratio")) == pytest.approx(100 / 141.42, rel=1e-2)
+
+
+def test_nothing_is_simulated_while_a_number_is_typed_and_the_newest_move_wins(page):
+    page.evaluate(
+        """() => { window.runs = []; const send = WebSocket.prototype.send;
+        WebSocket.prototype.send = function (text) { const said = JSON.parse(text);
+          if (said.kind === "run") window.runs.push(said.document.slider.stiffness);
+          return send.call(this, text); }; }"""
+    )
+    page.fill(STIFFNESS, "")
+    page.locator(STIFFNESS).press_sequentially("1,5", delay=50)
+    assert page.input_value(STIFFNESS) == "1.5"
+    assert page.evaluate("window.runs") == []
+    assert "press Enter" in page.text_content("#run-words")
+    page.press(STIFFNESS, "Enter")
+    settled(page)
+    page.fill(STIFFNESS, "3.5")  # counts after a pause
+    until(page, "window.runs.length === 2")
+    assert page.evaluate("window.runs") == [1.5, 3.5]
+    page.evaluate(
+        """() => { const input = document.querySelector("#field-slider-stiffness");
+        for (const value of [...Array(60).keys()].map((i) => 2 + i).concat([20])) {
+          input.value = value; input.dispatchEvent(new Event("input")); input.dispatchEvent(new Event("change")); } }"""
+    )
+    settled(page)
+    assert page.text_content("#regime") == "smooth sliding"
+    assert page.evaluate("window.runs.length") < 20
+
+
+def test_what_is_being_computed_is_dimmed_and_says_so(bench):
+    bench.fill("#field-simulation-contacts", "200000")  # takes a second or two
+    bench.press("#field-simulation-contacts", "Enter")
+    assert bench.get_attribute("#live", "data-state") == "computing"
+    assert "the rig before" in bench.text_content("#run-words")
+    until(bench, "getComputedStyle(document.querySelector('#live .fades')).opacity < 0.5")
+    choose(bench, "Rock slabs")
+    assert float(bench.text_content("#plot-force .xtick >> nth=-1")) > 60  # of 80 s: no longer the 40 s of the bench
+    assert bench.is_hidden("#run-words")
+
+
+def test_the_cursor_chooses_the_time_and_the_contacts_are_replayed_in_step(browser, server):
+    with headless.window(browser, server, reduced_motion="no-preference") as page:
+        page.wait_for_selector("#stage-words:has-text('40 of the 1000 contacts')")
+        drawing = "document.querySelector('#drawing').dataset"
+        begun = page.evaluate(f"[{drawing}.time, document.querySelector('#live .cursor').style.transform]")
+        until(page, f"Number({drawing}.broken) > 1 && {drawing}.time !== '{begun[0]}'")
+        assert page.evaluate("document.querySelector('#live .cursor').style.transform") != begun[1]
+        page.click("#play")
+        stopped = page.evaluate(f"{drawing}.time")
+        box = page.locator("#plot-force .nsewdrag").bounding_box()
+        assert page.evaluate(f"{drawing}.time") == stopped
+        page.mouse.click(box["x"] + 0.25 * box["width"], box["y"] + 50)
+        until(page, f"Math.abs(Number({drawing}.time) - 3) < 0.1")
+        assert not page.is_checked("#sound")
+        choose(page, "Teaching bench, contacts broken by heat")
+        settled(page, "law")
+        here = "document.querySelector('#plot-law').data[1].y[0]"
+        assert "maximum at" in page.text_content("#law-words")
+        cold = page.evaluate(here)
+        move(page, 1200, "#field-interface-temperature-temperature")
+        settled(page, "law")
+        assert page.evaluate(here) < 0.9 * cold, "a warmer interface has less friction"
+
+
+def test_the_tour_asks_five_questions_that_can_be_answered(bench):
+    page = bench
+    page.click("#tour-begin")
+    answers_ = (
+        ("slider-stiffness", "300 N/m"),
+        ("slider-stiffness", "6000"),
+        ("drive-velocity", "60"),
+        ("simulation-contacts", "10 000"),
+        ("simulation-contacts", "100"),
+    )
+    for number, (field, value) in enumerate(answers_, start=1):
+        page.wait_for_selector(f"#tour-title:has-text('{number} of 5')")
+        settled(page)
+        assert page.text_content("#tour-answer") == ""
+        until(page, "document.querySelector('#plot-force').data[0].name === 'before'")
+        begin = page.input_value(f"#field-{field}")
+        page.fill(f"#field-{field}", value)
+        page.press(f"#field-{field}", "Enter")
+        page.wait_for_selector("#tour-answer:has-text('Yes.')")
+        page.click("#tour-reset")
+        settled(page)
+        assert page.input_value(f"#field-{field}") == begin
+        assert page.text_content("#tour-answer") == ""
+        page.click("#tour-next")
+    assert page.is_hidden("#tour")
+
+
+def test_the_map_follows_the_rig_and_moves_it(page):
+    page.click("#tab-map")
+    page.wait_for_selector("#plot-map .heatmaplayer image")
+    dot = "(() => { const plot = document.querySelector('#plot-map'); return plot.data[plot.data.length - 1].x[0]; })()"
+    stiffness = f"Number(document.querySelector('{STIFFNESS}').value)"
+    enter(page, "slider-stiffness", "4")
+    until(page, f"Math.abs({dot} - 4) < 1e-6")
+    box = page.locator("#plot-map .nsewdrag").bounding_box()
+    middle = box["y"] + 0.5 * box["height"]
+    page.mouse.move(box["x"] + 0.6 * box["width"], middle)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.9 * box["width"], middle)
+    page.mouse.up()
+    until(page, f"Math.abs({stiffness} / (2 * 20 ** 0.8) - 1) < 0.02")
+    page.wait_for_selector("#map-regime:has-text('smooth sliding')")
+    page.locator("#plot-map").press("ArrowLeft")
+    until(page, f"Math.abs({stiffness} / (2 * 20 ** 0.8 / 1.05) - 1) < 0.02")
+    page.check("#band")
+    page.wait_for_selector("#map-state:has-text('of 9 columns')")
+    outline = "document.querySelector('#plot-map').data[1].x.length"
+    until(page, f"{outline} >= 6")
+    page.uncheck("#band")
+    assert page.evaluate(outline) == 0
+    enter(page, "interface-delay", "never")
+    page.wait_for_selector("#map-state:has-text('never re-attach')")
+    assert page.locator("#plot-map .heatmaplayer").count() == 0
+    page.fill("#field-interface-delay", "0.4")
+    page.press("#field-interface-delay", "Enter")
+    settled(page, "map")
+    assert page.text_content("#map-state") == ""
+
+
+def test_every_axis_of_the_map_works_and_its_legend_is_true(bench):
+    bench.click("#tab-map")
+    settled(bench, "map")
+    assert "in Hz" in bench.text_content("#map-legend")
+    options = "[...document.querySelector('#across').options].filter((o) => !o.disabled).map((o) => o.value)"
+    for name in bench.evaluate(options):
+        bench.select_option("#across", name)
+        until(bench, "document.querySelector('#map-state').textContent === ''")
+        settled(bench, "map")
+        assert bench.evaluate("document.querySelector('#plot-map').data[0].z.flat().some((v) => v !== null)")
+    for scheme in ("dark", "light"):
+        bench.emulate_media(color_scheme=scheme)
+        drawn = """(() => {
+            const probe = document.createElement("i"), data = document.querySelector("#plot-map").data;
+            const shown = (colour) => { probe.style.color = colour; document.body.append(probe);
+              const found = getComputedStyle(probe).color; probe.remove(); return found; };
+            const swatch = (name) => getComputedStyle(document.querySelector(`.swatch.${name}`)).backgroundColor;
+            const [stable, , unstable] = data[0].colorscale.map(([, colour]) => shown(colour));
+            return unstable === swatch("unstable") && stable === swatch("stable"); })()"""
+        until(bench, drawn)
+
+
+def test_a_mitigation_is_applied_and_works(page):
+    page.click("#tab-stop")
+    page.wait_for_selector("#mitigations button")
+    step = page.locator("#mitigations p:has-text('slower, '):has-text('decays even from a start at rest')")
+    velocity = float(re.search(r" to ([\d.]+) xₛ/time\)", step.text_content())[1])
+    step.locator("button").click()
+    until(page, f"Math.abs(document.querySelector('#field-drive-velocity').value / {velocity} - 1) < 1e-3")
+    # The run on the page is short: it ends while stick-slip still decays. The verdict comes from longer ones.
+    page.wait_for_selector("#verdict:has-text('smooth')")
+    settled(page)
+    assert "stick-slip" not in page.text_content("#regime")
+
+
+def test_a_measured_trace_is_analysed_and_what_is_none_is_told(page, tmp_path):
+    page.click("#tab-trace")
+    binary, huge, columns = tmp_path / "x.bin", tmp_path / "huge.csv", tmp_path / "columns.csv"
+    binary.write_bytes(bytes(range(256)) * 50)
+    with huge.open("wb") as file:
+        file.truncate(200_000_000)
+    columns.write_text("time,a,b\n" + "\n".join(f"{i},{i % 7},{i % 5}" for i in range(100)))
+    for file, words in ((binary, "binary"), (huge, "200 MB"), (columns, "which column is the force?")):
+        page.set_input_files("#file", file)
+        page.wait_for_selector(f"#trace-complaint:has-text('{words}')")
+    page.fill("#column-force", "b")
+    page.click("#again")
+    page.wait_for_selector("#trace-state:has-text('columns.csv: 100 rows')")
+    assert page.locator("#trace-complaint").is_hidden()
+    page.fill("#column-force", "")
+    data = page.evaluate_handle(
+        "(text) => { const d = new DataTransfer(); d.items.add(new File([text], 'dropped.csv')); return d; }",
+        sawtooth(tmp_path).read_text(),
+    )
+    page.dispatch_event("body", "drop", {"dataTransfer": data})
+    page.wait_for_selector("#trace-state:has-text('dropped.csv: 2000 rows')")
+    page.wait_for_selector("#trace-regime:has-text('stick-slip')")
+    assert "17 slips, marked" in page.text_content("#plot-trace")
+    assert "0.79" in page.text_content("#statistics tr:has-text('drop')")
+    assert page.text_content("#plot-trace .ytitle") == "force (N)"
+
+
+def test_a_sample_is_fitted_at_once_and_opened_in_simulate(browser, server, tmp_path):
+    with headless.window(browser, server, viewport=PHONE) as page:
+        page.click("#tab-fit")
+        page.click("#sample")
+        settled(page, "fit")
+        assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+        drawn = page.evaluate("document.querySelector('#plot-quick').data.map((t) => [t.name, t.x.length ?? 2])")
+        assert [name for name, _ in drawn] == ["simulated", "measured"]
+        words = page.text_content("#quick-words")
+        assert "measured 7.33 N" in words
+        assert page.input_value("#fit-static") == "12.52"
+        assert "N/s" in page.text_content("#fit-fields .field:has(#fit-rate)")
+        page.fill("#fit-rate", "0,6")
+        page.press("#fit-rate", "Enter")
+        page.wait_for_selector("#fit-complaint:has-text('loading_rate = 0.6 N/s')")
+        assert page.get_attribute("[data-about=fit]", "data-state") == "refused"
+        page.fill("#fit-rate", "")
+        page.press("#fit-rate", "Enter")
+        settled(page, "fit")
+        assert page.input_value("#fit-rate") == "0.4999"
+        with page.expect_download() as begun:
+            page.click("#quick-save")
+        begun.value.save_as(tmp_path / "quick.toml")
+        assert rigs.read_rig(tmp_path / "quick.toml").in_units(1.0, "force") == "15.82 N"
+        page.click("#quick-open")
+        settled(page)
+        assert page.input_value("#field-slider-stiffness") == "350"
+        assert page.text_content("#regime") == "stick-slip"
+
+
+@pytest.mark.slow
+def test_intervals_say_what_the_trace_tells_and_can_be_stopped(browser, server, tmp_path):
+    with headless.window(browser, server) as page:
+        page.click("#tab-fit")
+        page.click("#sample")
+        page.wait_for_selector("#fit-full:has-text('20,000 simulations, about')")
+        page.click("#fit-full")
+        page.wait_for_selector("#fit-progress[value]")
+        page.click("#fit-stop")
+        page.wait_for_selector("#fit-state:has-text('what was simulated is kept')")
+        page.wait_for_selector("#fit-coarse:not([disabled])")
+        page.click("#fit-coarse")
+        page.wait_for_selector("#fit-parameters td", timeout=300_000)
+        settled(page, "posterior")
+        rows = page.locator("#fit-parameters tbody tr")
+        assert rows.count() == 6
+        told = rows.locator(".tells").all_text_contents()
+        assert set(told) <= {"identified", "weak", "not identified", "at a bound"}
+        assert told[KEYS.index("damping_ratio")] == "identified"
+        assert len(page.evaluate("document.querySelector('#plot-predicted').data")) == 4
+        with page.expect_download() as begun:
+            page.click("#fit-save")
+        begun.value.save_as(tmp_path / "fit.toml")
+        assert "interface.thresholds.std" in rigs.read_rig(tmp_path / "fit.toml").fitted
+        page.fill("#fit-mass", "0.1")
+        page.press("#fit-mass", "Enter")
+        page.wait_for_selector("#posterior-words:has-text('fit again')")
+        assert page.get_attribute("#posterior", "data-state") == "computing"
+
+
+def test_fronts_are_drawn_with_one_cursor_and_a_bar_file_opens_on_them(browser, tmp_path):
+    bar = documents.bars()[2]["document"] | {"name": "My bar"}
+    (tmp_path / "bar.toml").write_text(rigs.to_toml(documents.any_rig_of(bar)))
+    with headless.server(str(tmp_path / "bar.toml")) as running, headless.window(browser, running) as page:
+        settled(page, "fronts")
+        assert page.text_content("#bar option:checked") == "My bar"
+        page.select_option("#bar", label="Pulled at one end: precursors")
+        page.wait_for_selector("body[data-fronts-state=computing]")
+        settled(page, "fronts")
+        count = page.locator("#fronts-events tbody button").count()
+        assert count >= 2
+        assert f"{count} events, marked" in page.text_content("#plot-side")
+        page.locator("#fronts-events tbody button").first.click()
+        until(page, "document.querySelector('#spacetime').dataset.event === '0'")
+        near = page.evaluate("document.querySelector('#plot-side')._fullLayout.xaxis.range")
+        assert near[1] - near[0] < 1_000
+        page.focus("#spacetime")
+        page.keyboard.press("ArrowRight")
+        page.wait_for_selector("#fronts-at:has-text('slip')")
+        assert page.is_visible("#page-fronts .cursor")
+        page.fill("#bar-chain-blocks", "2")
+        page.press("#bar-chain-blocks", "Enter")
+        page.wait_for_selector("#fronts-complaint:has-text('at least 3')")
+        assert page.get_attribute("[data-about=fronts]", "data-state") == "refused"
+
+
+def test_downloads_reproduce_the_run(page, tmp_path):
+    move(page, 3)
+    rig = rigs.read_rig(download(page, "toml", tmp_path))
+    assert rig.slider.stiffness == 3
+    run = store.load(download(page, "nc", tmp_path))
+    made = simulate(Rig(rig.interface, rig.slider, rig.drive), method=rig.method, output=rig.output, start=rig.start)
+    np.testing.assert_array_equal(made["spring_force"], run["spring_force"])
+    shown = page.evaluate("Array.from(document.querySelector('#plot-force')._fullData[0].y)")
+    assert max(shown) == pytest.approx(float(made["spring_force"].max()), rel=1e-6)
+    assert download(page, "png", tmp_path).read_bytes().startswith(b"\x89PNG")
+    assert b"<svg" in download(page, "svg", tmp_path).read_bytes()
+    assert cli.main(["simulate", str(tmp_path / "sliding-or-stick-slip.toml"), "--json"]) == 0
+
+
+def test_a_link_restores_the_state_and_computes_nothing_before_a_click(browser, server, page):
+    move(page, 7)
+    page.click("#tab-map")
+    there, address = state(page), page.evaluate("location.href")
+    context = browser.new_context()
+    other = context.new_page()
+    asked = []
+    other.on("websocket", lambda socket: socket.on("framesent", lambda sent: asked.append(sent)))
+    other.goto(address)
+    other.wait_for_selector("#waiting:not([hidden])")
+    assert other.get_attribute("#tab-map", "aria-selected") == "true"
+    assert other.input_value(STIFFNESS) == "7"
+    for tab in ("map", "stop", "simulate"):
+        other.click(f"#tab-{tab}")
+    assert state(other) == there
+    assert asked == []
+    other.click("#go")
+    settled(other)
+    other.reload()  # one's own page goes on by itself
+    settled(other)
+    context.close()
+    with headless.window(browser, server, "#interface/%%%") as damaged:
+        assert "damaged" in damaged.text_content("#notice")
+        assert damaged.input_value(STIFFNESS) == "300"
+
+
+def test_two_windows_do_not_disturb_each_other_and_outlive_the_server(browser):
+    with ExitStack() as stack:
+        with headless.server() as running:
+            windows = []
+            for stiffness in (2, 20):
+                context = browser.new_context()
+                stack.callback(context.close)
+                windows.append(context.new_page())
+                windows[-1].goto(running.url)
+                settled(windows[-1])
+                choose(windows[-1], NATURAL)
+                move(windows[-1], stiffness)
+            assert [window.text_content("#regime") for window in windows] == ["stick-slip", "smooth sliding"]
+            assert [state(window)["slider"]["stiffness"] for window in windows] == [2, 20]
+        for window in windows:
+            window.wait_for_selector("#notice:has-text('The server is gone')")
+            assert window.is_visible("#plot-force .trace")
+
+
+@pytest.mark.slow
+def test_memory_is_steady(page, server):
+    """The second half against the end of the first: what is kept for each move would go on growing."""
+    seen = []
+    for i in range(300):
+        move(page, 300 + (37 * i) % 500, STIFFNESS + "-slider")
+        if (i + 1) % 50 == 0:
+            seen.append(server.memory())
+    assert max(seen[3:]) < seen[2] + 25
+
+
+@pytest.mark.parametrize("size", [SCREEN, PHONE], ids=["screen", "phone"])
+def test_every_page_fits_and_is_accessible_to_all(browser, server, tmp_path, size):
+    """Nothing sticks out sideways and no label is cut off, light and dark. Pictures for the docs on request."""
+    ready = {
+        "simulate": "#plot-stretchings .trace",
+        "map": "#plot-map .heatmaplayer image",
+        "stop": "#margins td",
+        "trace": "#plot-trace .trace",
+        "fit": "#plot-quick .trace",
+        "fronts": "#fronts-events td",
+    }
+    with headless.window(browser, server, viewport=size) as page:
+        page.click("#tour-begin")
+        settled(page)
+        assert page.evaluate(RULES) == [], "the tour"
+        page.click("#tour-end")
+        page.click("#reset")
+        for name, selector in ready.items():
+            page.click(f"#tab-{name}")
+            if name == "trace":
+                page.set_input_files("#file", sawtooth(tmp_path))
+            if name == "fit":
+                page.click("#sample")
+            for scheme in ("light", "dark"):
+                page.emulate_media(color_scheme=scheme)
+                page.wait_for_selector(selector)
+                until(page, f"({LAYOUT})() === ''")
+                ink, paper = page.evaluate(
+                    "() => ['color', 'backgroundColor'].map((key) => getComputedStyle(document.body)[key])"
+                )
+                assert contrast(ink, paper) > 7
+                until(page, f"({RULES})().length === 0")
+                if PICTURES and (name == "simulate" or (size, scheme) == (SCREEN, "light")):
+                    take_picture(page, name, size, scheme)
+        page.click("#glossary-open")
+        assert page.evaluate(RULES) == [], "the glossary"
+
+
+LAYOUT = """() => {
+  const cut = [...document.querySelectorAll("svg .xtitle, svg .ytitle")].filter((text) => {
+    const box = text.getBoundingClientRect(), plot = text.closest(".plot").getBoundingClientRect();
+    return box.width && (box.left < plot.left - 2 || box.right > plot.right + 2 || box.top < plot.top - 2
+      || box.bottom > plot.bottom + 2); }).map((text) => text.textContent);
+  if (document.documentElement.scrollWidth > document.documentElement.clientWidth) cut.push("the page");
+  return cut.join(); }"""
+
+
+def take_picture(page, name, size, scheme):
+    form, dark = ("-phone" if size is PHONE else ""), ("-dark" if scheme == "dark" else "")
+    Path(PICTURES).mkdir(parents=True, exist_ok=True)
+    page.screenshot(path=Path(PICTURES) / f"explorer-{name}{form}{dark}.png")
+
+
+def contrast(one, two):
+    def luminance(colour):
+        parts = [int(part) / 255 for part in re.findall(r"\d+", colour)[:3]]
+        parts = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
+        return float(np.dot(parts, (0.2126, 0.7152, 0.0722)))
+
+    bright, dim = sorted((luminance(one), luminance(two)), reverse=True)
+    return (bright + 0.05) / (dim + 0.05)
+
+
+def test_every_control_can_be_touched_without_an_error(bench):
+    """`window` complains of anything in the console."""
+    page = bench
+    for name in ("simulate", "map", "stop", "trace", "fit", "fronts"):
+        page.click(f"#tab-{name}")
+        if name == "fit":
+            page.click("#sample")
+            page.wait_for_selector("body[data-fit-state='']")
+        controls = page.locator(
+            "button:visible, select:visible, input[type=checkbox]:visible, input[type=range]:visible"
+        )
+        for i in range(controls.count()):
+            control = controls.nth(i)
+            if not control.is_visible() or not control.is_enabled():
+                continue
+            kind = control.evaluate("(node) => node.type")
+            if control.get_attribute("role") == "tab" or control.get_attribute("data-download"):
+                continue
+            if control.get_attribute("id") in ("fit-coarse", "fit-full", "quick-open"):  # minutes; another page
+                continue
+            if control.get_attribute("id") == "tour-begin" and name != "simulate":  # it leads to another page
+                continue
+            if kind == "range":
+                control.fill(str(int(control.input_value()) // 2 + 200))
+            elif kind == "select-one" and control.get_attribute("id") not in ("preset",):
+                control.select_option(index=0)
+            elif kind == "checkbox":
+                control.click()
+            elif kind in ("button", "submit"):
+                control.click()
+                if page.is_visible("#glossary"):
+                    page.click("#glossary-close")
+    page.click("#tab-simulate")
+    page.click("#reset")
+    settled(page)
