@@ -276,8 +276,8 @@ def _check_arrest(rig: Rig) -> None:
     if slider.damping_ratio > most:
         raise InputError(
             f"Slider.damping: at the damping ratio {slider.damping_ratio:.3g} the slider creeps to rest in a hold, "
-            f"and {type(method).__name__} sees no arrest at which contacts re-attach (OnArrest); give a damping ratio below "
-            f"{most:.2g}, or a Delay",
+            f"and {type(method).__name__} sees no arrest at which contacts re-attach (OnArrest); give a damping ratio "
+            f"below {most:.2g}, or a Delay",
             "Slider.damping",
         )
 
