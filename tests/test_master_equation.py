@@ -1,5 +1,6 @@
 """The master equation by its public name: its error follows its tolerance, whatever the rig."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -78,6 +79,26 @@ def test_contacts_re_attach_on_arrest():
     )
     assert float(on_arrest["spring_force"].max()) == pytest.approx(float(later["spring_force"].max()), abs=0.02)
     assert float(on_arrest["attached"][-1]) > 0.9
+
+
+@pytest.mark.parametrize("ratio", [0.9, 0.97, 1.0, 1.2, 2.0])
+def test_an_arrest_in_a_hold_is_seen_by_all_methods_or_refused(ratio):
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=OnArrest())
+    hold = ss.constant(0.85, duration=5.0).then(ss.constant(0.0, duration=5.0)).then(ss.constant(0.85, duration=5.0))
+    damping = 2.0 * ratio * math.sqrt(0.36 / 1.5e-3)
+    rig = ss.Rig(interface, ss.Slider(stiffness=0.36, mass=1.5e-3, damping=damping), hold)
+    peaks, refusals = [], []
+    for method in (ss.Contacts(2000), ss.MasterEquation(), ss.MasterEquation(rtol=1e-6), ss.Population(10_000)):
+        try:
+            run = ss.simulate(rig, method=method, output=ss.Output(interval=0.01))
+        except ss.InputError as refusal:
+            refusals.append(str(refusal))
+        else:
+            assert float(run.attached.sel(time=9.9, method="nearest")) > 0.99
+            peaks.append(float(run.spring_force[run.time > 10.0].max()))
+    assert len(peaks) == (4 if ratio == 0.9 else 1 if ratio == 0.97 else 0)
+    assert all("no arrest at which contacts re-attach" in refusal for refusal in refusals)
+    assert peaks == pytest.approx([0.822] * len(peaks), abs=5 * 0.5 / math.sqrt(2000))
 
 
 def test_a_rig_file_with_cells_says_what_to_write_now(tmp_path):

@@ -25,7 +25,19 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError, instance
 from stickslip.io import datasets as store
-from stickslip.model import Chain, ElasticBody, Interface, Method, Output, Sheet, Slider, Start
+from stickslip.model import (
+    Chain,
+    ElasticBody,
+    Interface,
+    MasterEquation,
+    Method,
+    OnArrest,
+    Output,
+    Population,
+    Sheet,
+    Slider,
+    Start,
+)
 from stickslip.model.drive import Drive, constant
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress, reporting
@@ -145,6 +157,7 @@ def record(
     told = rig.replace(**{name: value for name, value in changes.items() if value is not None})
     case = told.natural
     _check(case)
+    _check_arrest(case)
     solver = engine_of(case.interface, case.method, case.slider)
     beginning = Beginning(case.interface, case.slider, case.velocity, case.start)
     instance("simulate: long", long, bool, "True or False")
@@ -247,6 +260,26 @@ def _check(rig: Rig) -> None:
         )
     if snapshots and snapshots[-1] > drive.duration:
         raise InputError(f"Output.snapshots: {snapshots[-1]:g} lies beyond the end of the drive ({drive.duration:g})")
+
+
+def _check_arrest(rig: Rig) -> None:
+    """Raise `InputError` for a hold in which a slider comes to rest without a turn that the method could see.
+
+    A free slider overshoots by ``exp(-pi zeta/sqrt(1 - zeta^2))`` of its way, and by nothing from ``zeta = 1`` on.
+    """
+    slider, method = rig.slider, rig.method
+    holds = any(piece.start == piece.end == 0 for piece in rig.drive.pieces[1:])
+    if not holds or not isinstance(rig.interface.delay, OnArrest) or not isinstance(slider, Slider) or not slider.mass:
+        return
+    seen = math.log(10.0 * method.rtol if isinstance(method, MasterEquation | Population) else np.finfo(float).eps)
+    most = -seen / math.hypot(math.pi, seen)
+    if slider.damping_ratio > most:
+        raise InputError(
+            f"Slider.damping: at the damping ratio {slider.damping_ratio:.3g} the slider creeps to rest in a hold, "
+            f"and {type(method).__name__} sees no arrest at which contacts re-attach (OnArrest); give a damping ratio "
+            f"below {most:.2g}, or a Delay",
+            "Slider.damping",
+        )
 
 
 def check_method(interface: Interface, method: object, slider: object = None) -> None:
