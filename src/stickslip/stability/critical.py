@@ -166,7 +166,8 @@ def critical(rig: Rig, parameter: Parameter | str, *, between: Ends | None = Non
     >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
     >>> rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4264), ss.constant(velocity=1.0))
     >>> print(ss.critical(rig, "velocity", between=(0.5, 2.0)))
-    for velocity from 0.5 to 2 x_s/time, smooth sliding loses stability at 1.388221 (angular frequency 7.265139)
+    for velocity from 0.5 to 2 x_s/time, smooth sliding loses stability at
+    1.388221 x_s/time (1.156 cycles per time unit)
     """
     varied, natural, low, high = _range(rig, parameter, between)
     return search(varied, natural, low, high).in_units(rig)
